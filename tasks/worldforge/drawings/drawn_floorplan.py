@@ -75,7 +75,12 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     told: list[Preference] = []
     fitted: list[FittedWay] = []
     for each in drawn.ways:
-        way, preference = fit_way(each, walls, squared.moved, names, drawn.file, [one.way for one in fitted])
+        try:
+            way, preference = fit_way(each, walls, squared.moved, names, drawn.file, [one.way for one in fitted])
+        except ConfigurationError as error:
+            if each.required:
+                raise
+            way, preference = None, Preference.judged(f"{drawn.file}#{each.name}", each.name, str(error))
         told.append(preference)
         fitted += [FittedWay(way, each.percent)] if way else []
     ways = [one.way for one in fitted]

@@ -2,7 +2,8 @@
 
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
@@ -26,6 +27,12 @@ _KINDS: tuple[tuple[Kind, str], ...] = (
 )
 """Words of names and layers by what they mean; the first that matches wins."""
 
+_KIND_WORDS = frozenset(word for _, meaning in _KINDS for word in meaning.split())
+_IFC_CONTAINERS = frozenset(["storey", "site", "project"])
+
+_MOST_SORTS = 40
+"""Kinds of left out shapes that are listed by name; drawings have a dozen layers that are no plan."""
+
 _ROOM_WORDS: tuple[tuple[FurnishedRoomType, tuple[str, ...]], ...] = (
     ("Closet", ("closet", "storage", "wardrobe", "pantry", "dressing", "abstell", "garderobe", "placard", "walkin")),
     ("Bathroom", ("bath", "shower", "toilet", "wc", "ensuite", "powder", "laundry", "bad", "dusche", "salledebain")),
@@ -45,6 +52,9 @@ _SIZE = re.compile(r"\s*\(?\d+([.,]\d+)?\s*(m²|m2|m\^2|qm|sqm|sq\.? ?m)\)?$", r
 """An area behind a name."""
 
 
+Line = tuple[Point, Point]
+
+
 class Shape(NamedTuple):
     """A polygon or line of a drawing, in drawing units, y upwards."""
 
@@ -60,6 +70,12 @@ class Shape(NamedTuple):
     """Further facts about the shape: `type`, `open`."""
     place: str
     """Name of the shape in error messages: `<rect> "kitchen"`."""
+    sort: str = ""
+    """Name of all shapes that are counted together where they are left out: `<rect> in "Furniture"`."""
+    ways: tuple[Line, ...] = ()
+    """Lines that a door with a swing may lie along, of which its wall decides; empty if its points say it."""
+    told: bool = True
+    """Whether the first of `ways` is likelier than the others."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -85,6 +101,8 @@ class Drawing(NamedTuple):
     """Metres of paper for one unit, where it says that; a scale such as 1:50 makes metres of the world of them."""
     left_out: Sequence[str] = ()
     """Elements that could not be read as shapes, in words."""
+    is_exact: bool = True
+    """Whether somebody drew it; a door of a map that lies in no wall is noise, and no mistake."""
 
 
 def plain_words(text: str) -> list[str]:
@@ -101,22 +119,72 @@ def without_accents(text: str) -> str:
 def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
     """Determines what a drawn shape is (room, door, window, ...), by its name; `None` if unknown."""
     for words in shape.words:
-        found = set(plain_words(words))
-        for kind, meaning in _KINDS:
-            if not found.isdisjoint(meaning.split()):
-                return kind
-        if room_type(words) is not None and shape.closed:
+        kind, is_type = _meaning(words)
+        if kind is not None:
+            return kind
+        if is_type and shape.closed:
             return "room"
     return "room" if shape.closed and room_type(label_of(shape, labels)) is not None else None
 
 
+def kind_of_words(words: Iterable[str]) -> Kind | None:
+    """Determines what classes, names and layers say that a shape is, other than a room by its name."""
+    return next((kind for each in words if (kind := _meaning(each)[0])), None)
+
+
+@lru_cache(maxsize=4096)
+def _meaning(words: str) -> tuple[Kind | None, bool]:
+    """What a name says that a shape is, and whether it is a name of a type of rooms."""
+    found = set(plain_words(words))
+    for kind, meaning in _KINDS:
+        if not found.isdisjoint(meaning.split()):
+            return kind, False
+    # What IFC calls otherwise is a beam or a bed: its own name, such as "Bed", makes it no room.
+    if "ifc" in found and not is_ifc_container(words):
+        return "other", False
+    return None, room_type(words) is not None
+
+
+def is_ifc_container(words: str) -> bool:
+    """Whether a class is that of a building or storey of IFC, which holds all else."""
+    found = set(plain_words(words))
+    return "ifc" in found and (not found.isdisjoint(_IFC_CONTAINERS) or found == {"ifc", "building"})
+
+
+def is_given(name: str) -> bool:
+    """Whether somebody gave this name: drawing programs number their shapes."""
+    return bool(name) and not _NUMBERED.fullmatch(name.lower())
+
+
+def names_one(name: str) -> bool:
+    """Whether a group's name is that of one thing, such as `Room 7`; that of a layer, `Rooms`, is not."""
+    return is_given(name) and not (_KIND_WORDS.issuperset(plain_words(name)) and name.isalpha())
+
+
+def without_kinds(name: str) -> str:
+    """Removes words such as `space` from a name that is made of classes: `Space LivingRoom` becomes `LivingRoom`."""
+    return " ".join(word for word in name.split() if word.lower() not in _KIND_WORDS) or name
+
+
 def label_of(shape: Shape, labels: Iterable[Label]) -> str:
     """Returns a room's label: its own name, else the text drawn inside it; empty if there is none."""
-    if shape.name and not _NUMBERED.fullmatch(shape.name.lower()):
+    if is_given(shape.name):
         return shape.name
+    label = label_in(shape, labels)
+    return _SIZE.sub("", label.text) if label else ""
+
+
+def label_in(shape: Shape, labels: Iterable[Label]) -> Label | None:
+    """Returns the text inside a shape that names it: one that is a type of rooms, else the first."""
     inside = [label for label in labels if shape.closed and contains(shape.points, *label.at)]
-    named = [label.text for label in inside if room_type(label.text)] or [label.text for label in inside]
-    return _SIZE.sub("", named[0]) if named else ""
+    return next((label for label in inside if room_type(label.text)), next(iter(inside), None))
+
+
+def counted(sorts: Mapping[str, int]) -> list[str]:
+    """Returns what was left out in lines such as `3 <circle> in "Furniture"`, as many as one reads."""
+    lines = [f"{count} {sort}" for sort, count in sorts.items()]
+    rest = sum(list(sorts.values())[_MOST_SORTS:])
+    return [*lines[:_MOST_SORTS], f"{rest} of {len(lines) - _MOST_SORTS} more kinds"] if rest else lines
 
 
 def room_type(name: str) -> FurnishedRoomType | None:

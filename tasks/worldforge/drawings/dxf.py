@@ -3,92 +3,24 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
-from math import dist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point, bounds
-from .drawn_shapes import Drawing, Kind, Label, Shape, kind_of
+from .door_symbols import Swing, belongs, doorways
+from .drawn_shapes import Drawing, Kind, Label, Shape, counted, kind_of_words
 
 if TYPE_CHECKING:
     from ezdxf import document as documents
-
-
-_NEAR = 0.15
-"""Share of a leaf's width within which points are the same: leaves have a thickness, and frames have rebates."""
-
-
-class Swing(NamedTuple):
-    """Arc of a door leaf in a DXF drawing."""
-
-    hinge: Point
-    ends: tuple[Point, Point]
-
-    def near(self, one: Point, other: Point) -> bool:
-        """Whether two points are the same at the scale of this door."""
-        return dist(one, other) <= _NEAR * dist(self.hinge, self.ends[0])
-
-    def joins(self, points: Iterable[Point], end: Point) -> bool:
-        """Whether a drawn line leads from the hinge to a point."""
-        drawn = list(points)
-        return all(any(self.near(point, each) for each in drawn) for point in (self.hinge, end))
-
-
-class DoorError(ValueError):
-    """Raised for a drawn door whose place in a wall cannot be determined."""
-
-    def __init__(self, swing: Swing, message: str) -> None:
-        super().__init__(message)
-        self.swing = swing
-
-
-def closed_leaf(swing: Swing, lines: Sequence[Sequence[Point]]) -> tuple[Point, Point]:
-    """Determines the line of a door's closed leaf from its drawn arc.
-
-    Args:
-        swing: the arc.
-        lines: corners of all else that is drawn of doors.
-
-    Raises:
-        DoorError: a leaf leads to both ends, or to none.
-    """
-    shut = [end for end, other in (swing.ends, swing.ends[::-1]) if any(swing.joins(line, other) for line in lines)]
-    if len(shut) != 1:
-        found = "lines lead from its hinge to both ends" if shut else "no leaf leads from its hinge to an end"
-        raise DoorError(
-            swing,
-            f"{found} of its arc, so which one lies in the wall cannot be told; one leaf, drawn open, or a line "
-            "along the wall in place of leaf and arc, would be right",
-        )
-    return swing.hinge, shut[0]
-
-
-def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Iterator[tuple[Swing, tuple[Point, Point]]]:
-    """Yields the doorways of drawn doors; two leaves that meet form one door.
-
-    Raises:
-        DoorError: see `closed_leaf`.
-    """
-    leaves = [(swing, closed_leaf(swing, lines)) for swing in swings]
-    while leaves:
-        swing, (hinge, end) = leaves.pop(0)
-        meeting = [each for each in leaves if swing.near(each[1][1], end) and not swing.near(each[1][0], hinge)]
-        if meeting:
-            leaves.remove(meeting[0])
-            end = meeting[0][1][0]
-        yield swing, (hinge, end)
-
-
-def belongs(line: Sequence[Point], swings: Iterable[Swing]) -> bool:
-    """Whether a drawn line is part of a door with an arc."""
-    return any(swing.near(point, each) for swing in swings for each in (swing.hinge, *swing.ends) for point in line)
 
 
 # ezdxf knows the attributes of entities at run time only.
 Entity = Any
 
 _TEXTS = ("TEXT", "MTEXT", "ATTRIB")
+_DRAWN = frozenset(["LINE", "LWPOLYLINE", "POLYLINE", "SPLINE", "ARC", "CIRCLE", "ELLIPSE", "SOLID", "TRACE", "3DFACE"])
+"""Entities with an outline. Hatches, pictures and masks have one, too, that is drawn beside them as lines."""
 _BINARY = b"AutoCAD Binary DXF"
 _WAYS: tuple[Kind, ...] = ("door", "opening", "window")
 _DEEPEST = 8
@@ -99,6 +31,7 @@ class Part(NamedTuple):
     """An entity of a DXF drawing, or a piece of one."""
 
     place: str
+    sort: str
     words: tuple[str, ...]
     points: list[Point]
     closed: bool
@@ -114,7 +47,7 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         name: what errors call it.
 
     Raises:
-        ConfigurationError: it is no DXF, ezdxf is not installed, or a door in it cannot be read.
+        ConfigurationError: it is no DXF, or ezdxf is not installed.
     """
     try:
         from ezdxf import units
@@ -138,8 +71,8 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         raise ConfigurationError(f"{name}: this is DXF that cannot be read: {error}") from error
     # $INSUNITS; 0 says nothing. ezdxf's inch is 0.0254000000001016 m.
     factor = units.conversion_factor(InsertUnits(document.units), InsertUnits.Meters) if document.units else None
-    left_out = [f"{count} {what}" for what, count in reader.unread.items()]
-    return Drawing(reader.shapes, reader.labels, factor and float(f"{factor:.9g}"), left_out=left_out)
+    metres = factor and float(f"{factor:.9g}")
+    return Drawing(reader.shapes, reader.labels, metres, left_out=counted(reader.unread))
 
 
 def _document(content: bytes) -> "documents.Drawing":
@@ -174,7 +107,7 @@ class _Reader:
             elif entity.dxftype() == "INSERT":
                 for each in self._visible(entity.multi_insert()) if entity.mcount > 1 else [entity]:
                     self._block(each, words, depth)
-            elif _kind(words) == "door":
+            elif kind_of_words(words) == "door":
                 doors += self._parts(entity, words, _place(entity))
             else:
                 self.shapes += [_shape(part) for part in self._parts(entity, words, _place(entity))]
@@ -211,7 +144,7 @@ class _Reader:
             return
         # Names of blocks say what doors are, but not what rooms are: "room tag" is a name of blocks for texts.
         named = (insert.dxf.name, *words)
-        kind = _kind((insert.dxf.name,)) or _kind(words)
+        kind = kind_of_words((insert.dxf.name,)) or kind_of_words(words)
         if kind not in _WAYS:
             self.walk(insert.virtual_entities(), words, depth + 1)
             return
@@ -231,11 +164,9 @@ class _Reader:
         """
         swings = {part.swing: part for part in parts if part.swing}
         lines = [part for part in parts if not part.swing]
-        try:
-            ways = list(doorways(list(swings), [line.points for line in lines]))
-        except DoorError as error:
-            raise ConfigurationError(f"{self._name}: {swings[error.swing].place}: {error}") from None
-        self.shapes += [_shape(swings[swing]._replace(points=[*ends], curved=False), "door") for swing, ends in ways]
+        for door in doorways(list(swings), [line.points for line in lines]):
+            drawn = _shape(swings[door.swing]._replace(points=[*door.lines[0]], curved=False), "door")
+            self.shapes.append(drawn._replace(ways=door.lines, told=door.told))
         if one and lines and not swings:
             self.shapes.append(_box(lines, "door"))
         elif not one:
@@ -245,12 +176,14 @@ class _Reader:
         """An entity as lines and arcs; none of one that has no outline."""
         from ezdxf.path import make_path
 
-        if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and _kind(words) == "door":
+        if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and kind_of_words(words) == "door":
             return [part for each in entity.virtual_entities() for part in self._parts(each, words, place)]
         try:
-            path = make_path(entity)
-        except TypeError:
-            self.unread[f'{entity.dxftype()} on layer "{entity.dxf.layer}"'] += 1
+            path = make_path(entity) if entity.dxftype() in _DRAWN else None
+        except TypeError:  # a mesh of polylines
+            path = None
+        if path is None:
+            self.unread[_sort(entity)] += 1
             return []
         points = [(at.x, at.y) for at in (path.start, *(command.end for command in path.commands()))]
         closed = len(points) > 3 and path.is_closed
@@ -259,11 +192,10 @@ class _Reader:
             hinge = entity.ocs().to_wcs(entity.dxf.center)
             swing = Swing((hinge.x, hinge.y), (points[0], points[-1]))
         points = points[:-1] if closed else points
-        return [Part(place, words, points, closed, path.has_curves, swing)] if len(points) > 1 else []
-
-
-def _kind(words: tuple[str, ...]) -> Kind | None:
-    return kind_of(Shape((), False, False, "", words, {}, ""), ())
+        if len(points) < 2:
+            self.unread[_sort(entity)] += 1
+            return []
+        return [Part(place, _sort(entity), words, points, closed, path.has_curves, swing)]
 
 
 def _place(entity: Entity) -> str:
@@ -271,12 +203,16 @@ def _place(entity: Entity) -> str:
     return f'{entity.dxftype()} {entity.dxf.handle} on layer "{entity.dxf.layer}"'
 
 
+def _sort(entity: Entity) -> str:
+    return f'{entity.dxftype()} on layer "{entity.dxf.layer}"'
+
+
 def _shape(part: Part, kind: Kind | None = None) -> Shape:
     """A part as a shape; only doors, openings and windows have names, those of rooms are texts in them."""
-    kind = kind or _kind(part.words)
+    kind = kind or kind_of_words(part.words)
     name = part.place if kind in _WAYS else ""
     words = (kind, *part.words) if kind else part.words
-    return Shape(tuple(part.points), part.closed, part.curved, name, words, {}, part.place)
+    return Shape(tuple(part.points), part.closed, part.curved, name, words, {}, part.place, part.sort)
 
 
 def _box(parts: Sequence[Part], kind: Kind) -> Shape:

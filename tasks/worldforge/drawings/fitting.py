@@ -1,13 +1,15 @@
 """Puts drawn doors, openings and windows into the walls that they were drawn in."""
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple, TypeVar
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import PassageKind, Point, Preference
+from ....schemas.worlds.world import PassageKind, Preference
 from ..floorplans.connections import Way
 from ..floorplans.partition import UNITS_PER_M, Contact
 from ..floorplans.walls import Pane, Side, Walls
+from .drawn_shapes import Line
 from .squaring import Lines
 
 _REACH = 8
@@ -18,19 +20,26 @@ _NARROWEST_M = 0.5
 _WIDEST_M = 2.4
 """Largest width of a door, with two leaves, in metres."""
 _LEAST_WINDOW = 8
+_AS_NEAR = 1.0
+"""Difference of distances from walls, in units, that says nothing about which of two lines is the door."""
 
 
 Wall = TypeVar("Wall", Contact, Side)
 
 
 class DrawnWay(NamedTuple):
-    """A door, opening or window as drawn: its two ends, in metres."""
+    """A door, opening or window as drawn, in metres."""
 
     name: str
     kind: PassageKind
-    ends: tuple[Point, Point]
+    lines: tuple[Line, ...]
+    """Lines from end to end that it may lie along: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
     """How far a door is open; None: the drawing does not say."""
+    told: bool = True
+    """Whether the first of several lines is likelier, where all lie in walls."""
+    required: bool = True
+    """Whether it has to fit into a wall: what a map shows of a door may be noise."""
 
 
 class FittedWay(NamedTuple):
@@ -76,11 +85,8 @@ def fit_way(
         ConfigurationError: it lies in no wall, or does not fit there.
     """
     path, what = f"{file}#{drawn.name}", "opening" if drawn.kind == "Opening" else "door"
-    places = _places(drawn, moved)
-    width_m = max(place.end - place.start for place in places) / UNITS_PER_M
+    inner, outer, width_m = _choose(drawn, walls, moved, file)
     wish = f"{what} {drawn.name} of {width_m:.2f} m"
-    inner = _nearest(places, [(each[2:], each) for each in walls.contacts])
-    outer = _nearest(places, [(side[:4], side) for side in walls.sides])
     if inner is None or (outer is not None and outer[1] < inner[1]):
         if outer is None:
             raise ConfigurationError(
@@ -116,6 +122,31 @@ def fit_way(
     return way, Preference.judged(path, f"{wish} {between}", "" if as_drawn else reason)
 
 
+_Near = tuple[_Place, float, Wall]
+"""Where something drawn lies, how far off a wall, in units, and the wall."""
+
+
+def _choose(
+    drawn: DrawnWay, walls: Walls, moved: tuple[Lines, Lines], file: str
+) -> tuple[_Near[Contact] | None, _Near[Side] | None, float]:
+    """Nearest inner and outer wall of the line of a door that lies nearest to any, and the door's width in metres."""
+    found: list[tuple[float, int, _Near[Contact] | None, _Near[Side] | None, float]] = []
+    for number, line in enumerate(drawn.lines):
+        places = _places([line], moved)
+        inner = _nearest(places, [(each[2:], each) for each in walls.contacts])
+        outer = _nearest(places, [(side[:4], side) for side in walls.sides])
+        off = min((each[1] for each in (inner, outer) if each), default=inf)
+        width_m = max(place.end - place.start for place in places) / UNITS_PER_M
+        found.append((off, number, inner, outer, width_m))
+    found.sort(key=lambda each: each[:2])
+    if not drawn.told and len(found) > 1 and found[1][0] - found[0][0] <= _AS_NEAR:
+        raise ConfigurationError(
+            f"{file}: door {drawn.name}: both ends of its swing lie in walls; its leaf, drawn open, or a line along "
+            "the wall in place of the swing, would be right"
+        )
+    return found[0][2:]
+
+
 def fit_window(
     drawn: DrawnWay, sides: Sequence[Side], moved: tuple[Lines, Lines], file: str
 ) -> tuple[Pane | None, Preference]:
@@ -127,7 +158,7 @@ def fit_window(
         moved: where coordinates of the drawing went.
         file: the drawing.
     """
-    path, places = f"{file}#{drawn.name}", _places(drawn, moved)
+    path, places = f"{file}#{drawn.name}", _places(drawn.lines, moved)
     wish = f"window {drawn.name} of {max(each.end - each.start for each in places) / UNITS_PER_M:.2f} m"
     found = _nearest(places, [(side[:4], side) for side in sides])
     if found is None:
@@ -139,13 +170,15 @@ def fit_window(
     return Pane(horizontal, at, start, end, room), Preference.judged(path, wish)
 
 
-def _places(drawn: DrawnWay, moved: tuple[Lines, Lines]) -> list[_Place]:
-    """Possible positions: along its longer side; along either where both are about as long."""
-    (x0, x1), (y0, y1) = (_span(lines, drawn.ends[0][axis], drawn.ends[1][axis]) for axis, lines in enumerate(moved))
-    along, up = x1 - x0, y1 - y0
-    level = [_Place(True, (y0 + y1) / 2, x0, x1)] if along >= up else []
-    upright = [_Place(False, (x0 + x1) / 2, y0, y1)] if up >= along else []
-    return [*level, *upright]
+def _places(drawn: Sequence[Line], moved: tuple[Lines, Lines]) -> list[_Place]:
+    """Possible positions: along the longer side of a line; along either where both are about as long."""
+    found: list[_Place] = []
+    for one, other in drawn:
+        (x0, x1), (y0, y1) = (_span(lines, one[axis], other[axis]) for axis, lines in enumerate(moved))
+        along, up = x1 - x0, y1 - y0
+        found += [_Place(True, (y0 + y1) / 2, x0, x1)] if along >= up else []
+        found += [_Place(False, (x0 + x1) / 2, y0, y1)] if up >= along else []
+    return found
 
 
 def _span(lines: Lines, one: float, other: float) -> tuple[float, float]:
@@ -154,9 +187,7 @@ def _span(lines: Lines, one: float, other: float) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def _nearest(
-    places: Sequence[_Place], walls: Sequence[tuple[tuple[bool, int, int, int], Wall]]
-) -> tuple[_Place, float, Wall] | None:
+def _nearest(places: Sequence[_Place], walls: Sequence[tuple[tuple[bool, int, int, int], Wall]]) -> _Near[Wall] | None:
     """The wall nearest to where something was drawn, and how far off it lies; None if it lies in none."""
     found: list[tuple[float, int, _Place]] = []
     for index, (line, _) in enumerate(walls):

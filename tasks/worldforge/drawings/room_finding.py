@@ -8,14 +8,31 @@ from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
 from .drawn_floorplan import DrawnPlan, DrawnRoom
-from .drawn_shapes import Drawing, Kind, Shape, kind_of, label_of, plain_words, room_type, without_accents
+from .drawn_shapes import (
+    Drawing,
+    Kind,
+    Label,
+    Line,
+    Shape,
+    counted,
+    is_given,
+    kind_of,
+    label_in,
+    label_of,
+    plain_words,
+    room_type,
+    without_accents,
+    without_kinds,
+)
 from .fitting import DrawnWay
 from .squaring import upright
 
 _LARGEST_M = 100.0
 _SMALLEST_M = 1.5
 _MOST_ROOMS = 60
-_MOST_NAMED = 12
+_MOST_NAMED = 5
+_LONGEST_NAME = 60
+"""Characters of a name that are repeated; a text may be a page long."""
 _SHUT = frozenset(["shut", "closed", "zu", "geschlossen"])
 _OPEN = frozenset(["open", "offen"])
 _STRAIGHT = 0.1
@@ -83,18 +100,25 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
         names = ", ".join(room.original or room.name for room in rooms)
         raise ConfigurationError(f"{file}: the notes name a room {unknown[0]!r}; the drawing has {names}")
     kinds: tuple[tuple[Kind, PassageKind], ...] = (("door", "Doorway"), ("opening", "Opening"))
-    ways = [_way(shape, kind, scale, n) for key, kind in kinds for n, shape in enumerate(found.get(key, []), 1)]
-    windows = [_way(shape, "Opening", scale, n) for n, shape in enumerate(found.get("window", []), 1)]
+    ways = [
+        _way(shape, kind, scale, n, required=drawing.is_exact)
+        for key, kind in kinds
+        for n, shape in enumerate(found.get(key, []), 1)
+    ]
+    windows = [_way(shape, "Opening", scale, n, required=False) for n, shape in enumerate(found.get("window", []), 1)]
     faces = None if notes.outlines is None else notes.outlines == "faces"
     rest = [*found.get("other", []), *found.get(None, [])]
-    return DrawnPlan(file, rooms, ways, windows, faces), _named(rest)
+    nameless = [shape for shape in shapes if not is_given(shape.name)]
+    return DrawnPlan(file, rooms, ways, windows, faces), _left_out(rest, drawing.labels, nameless)
 
 
 def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: DrawingNotes, file: str) -> list[DrawnRoom]:
     taken: Counter[str] = Counter()
     rooms: list[DrawnRoom] = []
     for shape in shapes:
-        label = label_of(shape, drawing.labels) or next((word for word in shape.words if room_type(word)), "")
+        label = label_of(shape, drawing.labels) or next(
+            (without_kinds(word) for word in shape.words if room_type(word)), ""
+        )
         what = f"{file}: room {label!r}" if label else f"{file}: {shape.place}"
         if not shape.closed or shape.curved:
             flaw = "has curves" if shape.curved else "is not closed"
@@ -128,17 +152,19 @@ def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> Furnished
     )
 
 
-def _way(shape: Shape, kind: PassageKind, scale: float, number: int) -> DrawnWay:
-    """A door, an opening or a window: along the line from its first to its last point, or along its extent."""
+def _way(shape: Shape, kind: PassageKind, scale: float, number: int, *, required: bool) -> DrawnWay:
+    """A door, an opening or a window: along its swing, the line from its first to its last point, or its extent."""
+    lines = tuple((_scaled(one, scale), _scaled(other, scale)) for one, other in shape.ways or (_ends(shape),))
+    return DrawnWay(shape.name or f"number {number}", kind, lines, _percent(shape), shape.told, required)
+
+
+def _ends(shape: Shape) -> Line:
     west, south, east, north = shape.box
     first, last = shape.points[0], shape.points[-1]
     across, up = abs(last[0] - first[0]), abs(last[1] - first[1])
     if not shape.closed and min(across, up) <= _STRAIGHT * max(across, up):
-        ends = first, last
-    else:
-        ends = (west, south), (east, north)
-    name = shape.name or f"number {number}"
-    return DrawnWay(name, kind, (_scaled(ends[0], scale), _scaled(ends[1], scale)), _percent(shape))
+        return first, last
+    return (west, south), (east, north)
 
 
 def _percent(shape: Shape) -> float | None:
@@ -160,6 +186,18 @@ def _scaled(point: Point, scale: float) -> Point:
     return round(point[0] * scale, 4), round(point[1] * scale, 4)
 
 
-def _named(shapes: Sequence[Shape]) -> list[str]:
-    names = [shape.place for shape in shapes[:_MOST_NAMED]]
-    return [*names, f"and {len(shapes) - _MOST_NAMED} more"] if len(shapes) > _MOST_NAMED else names
+def _left_out(shapes: Sequence[Shape], labels: Sequence[Label], used: Sequence[Shape]) -> list[str]:
+    """Shapes and texts that are no part of the plan, counted by sort, with the first names that they have."""
+    sorts: dict[str, list[str]] = {}
+    for shape in shapes:
+        sorts.setdefault(shape.sort or shape.place, []).append(shape.name)
+    names = {label_in(shape, labels) for shape in used}
+    if texts := [label.text for label in labels if label not in names]:
+        sorts["texts" if len(texts) > 1 else "text"] = texts
+    return counted({f"{sort}{_examples(found)}": len(found) for sort, found in sorts.items()})
+
+
+def _examples(names: Sequence[str]) -> str:
+    named = list(dict.fromkeys(name for name in names if name))
+    shown = [f'"{name[:_LONGEST_NAME]}"' for name in named[:_MOST_NAMED]]
+    return f": {', '.join(shown)}{', ...' if len(named) > _MOST_NAMED else ''}" if shown else ""

@@ -1,102 +1,61 @@
 """Reads shapes and texts of an SVG file, with the classes, names and layers of the groups around them."""
 
 import re
-from collections.abc import Iterator, Sequence
-from itertools import islice
-from math import cos, radians, sin, tan
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import NamedTuple, TypeVar
 from xml.etree import ElementTree as ET
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import Point
-from .drawn_shapes import Drawing, Label, Shape
+from .door_symbols import MOST_PARTS, SymbolPart, symbols
+from .drawn_shapes import Drawing, Kind, Label, Shape, counted, is_given, is_ifc_container, kind_of_words, names_one
+from .svg_paths import (
+    MOST_CORNERS,
+    SAME,
+    Matrix,
+    Outline,
+    Size,
+    TooManyCornersError,
+    moved,
+    number,
+    outlines,
+    paper_m,
+    times,
+    transform,
+    translation,
+    view_box,
+    viewport,
+    viewport_size,
+)
 
-_TOKENS = re.compile(r"([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
-_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
+T = TypeVar("T")
 
-
-MOST_CORNERS = 10_000
-"""Corners of one shape. Rooms have a dozen; a traced picture has some thousands and is no part of a plan."""
-
-
-class PathError(ValueError):
-    """Raised for an SVG path that cannot be read."""
-
-
-class TooManyCornersError(Exception):
-    """Raised for an SVG shape that is too large to be part of a floor plan."""
-
-
-def path_points(d: str) -> tuple[list[Point], bool, bool]:
-    """Parses an SVG path: the corners of its first part, whether it is closed, and whether it has curves.
-
-    Raises:
-        PathError: it is no path.
-    """
-    points: list[Point] = []
-    curved = closed = False
-    x = y = 0.0
-    for command, numbers in _commands(d):
-        if len(points) >= MOST_CORNERS:
-            raise TooManyCornersError(f"it has more than {MOST_CORNERS:,} corners")
-        if command in "Zz":
-            closed = True
-            break
-        if command in "Mm" and points:
-            break
-        x, y = _end(command, numbers, (x, y))
-        curved |= command.upper() in "CSQTA"
-        points.append((x, y))
-    if len(points) > 3 and points[0] == points[-1]:
-        closed = True
-    return points, closed, curved
-
-
-def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
-    """End point of a path's command."""
-    base = at if command.islower() else (0.0, 0.0)
-    if command in "Hh":
-        return base[0] + numbers[0], at[1]
-    if command in "Vv":
-        return at[0], base[1] + numbers[0]
-    return base[0] + numbers[-2], base[1] + numbers[-1]
-
-
-def _commands(d: str) -> Iterator[tuple[str, list[float]]]:
-    """Commands with their numbers, as far as they are asked for; after `M`, repeated numbers are lines."""
-    command, numbers = "", list[float]()
-    for token in _TOKENS.finditer(d):
-        letter, number = token.groups()
-        if letter:
-            if numbers:
-                raise PathError(f"{command} has {len(numbers)} numbers too many")
-            command = letter
-            if letter in "Zz":
-                yield letter, []
-            continue
-        if command not in _COUNTS and command.upper() not in _COUNTS:
-            raise PathError("it does not begin with M")
-        numbers.append(float(number))
-        if len(numbers) == _COUNTS[command.upper()]:
-            yield command, numbers
-            numbers = []
-            command = {"M": "L", "m": "l"}.get(command, command)
-    if numbers:
-        raise PathError(f"{command} lacks numbers")
-
-
+_SVG = "{http://www.w3.org/2000/svg}"
 _INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
-_HIDDEN = ("defs", "symbol", "clipPath", "mask", "pattern", "marker", "style", "script", "metadata")
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_PAPER_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "m": 1.0}
+_HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
+_SHAPES = ("rect", "polygon", "polyline", "line", "path")
+_GROUPS = ("svg", "g", "a", "switch", "use", "symbol")
+_SILENT = (
+    *("defs", "symbol", "clipPath", "mask", "pattern", "marker", "linearGradient", "radialGradient", "filter"),
+    *("style", "script", "metadata", "title", "desc", "view", "animate", "animateTransform", "animateMotion", "set"),
+)
+"""Elements that draw nothing where they stand."""
+_WAYS: tuple[Kind, ...] = ("door", "opening", "window")
 
 _DEEPEST = 100
 """Groups around a shape; drawing programs nest a handful."""
 
+_MOST_REPEATED = 20_000
+"""Elements that `<use>` shows, each counted as often as it does: a second. Offices have a thousand doors and chairs."""
 _MOST_SHAPES = 100_000
-_LONGEST_TRANSFORM = 10_000
-
-Matrix = tuple[float, float, float, float, float, float]
-_SAME: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+_MOST_POINTS = 500_000
+"""Corners of all shapes together: a second and 100 MB of memory."""
+_MOST_WORDS = 50
+"""Classes and names around a shape that count; ten groups up, none says what a shape is."""
+_LONGEST = 60
+"""Characters of a class or an address that are repeated; a file may have some of a megabyte."""
 
 
 def read_svg(content: bytes, name: str) -> Drawing:
@@ -114,167 +73,288 @@ def read_svg(content: bytes, name: str) -> Drawing:
     except ET.ParseError as error:
         raise ConfigurationError(f"{name}: this is not XML: {error}") from error
     if _tag(root) != "svg":
-        raise ConfigurationError(f"{name}: its root is <{_tag(root)}>; an SVG file's is <svg>")
-    reader = _Reader(name)
-    reader.walk(root, _SAME, ())
+        raise ConfigurationError(f"{name}: its root is <{root.tag.rpartition('}')[2]}>; an SVG file's is <svg>")
+    reader = _Reader(name, root)
+    reader.read()
     stated = root.get("data-metres-per-unit") or root.get("data-meters-per-unit")
     try:
         metres = float(stated) if stated else None
     except ValueError:
         raise ConfigurationError(f"{name}: data-metres-per-unit is {stated!r}; a number would be right") from None
-    return Drawing(reader.shapes, reader.labels, metres, _paper_m(root), left_out=reader.left_out)
+    return Drawing(reader.shapes, reader.labels, metres, paper_m(root), left_out=counted(reader.unread))
+
+
+@dataclass(frozen=True)
+class _Around:
+    """All that the groups around an element say about it."""
+
+    matrix: Matrix = SAME
+    words: tuple[str, ...] = ()
+    """Classes, names and layers, those of the innermost group first."""
+    facts: dict[str, str] = field(default_factory=dict[str, str])
+    size: Size = (0.0, 0.0)
+    """Width and height of the viewport, of which 100 % is meant."""
+    depth: int = 0
+    symbol: "_Symbol | None" = None
+    using: tuple[ET.Element, ...] = ()
+    """Elements that `<use>` shows here, one inside of another."""
+
+
+class _Symbol(NamedTuple):
+    """A group of which a class or name says that it draws a door, an opening or a window, or some of them."""
+
+    kind: Kind
+    depth: int
+    parts: list[SymbolPart]
+
+
+class _Element(NamedTuple):
+    """All that one element says itself, read once however often it is shown."""
+
+    tag: str
+    matrix: Matrix
+    words: tuple[str, ...]
+    facts: dict[str, str]
+    kind: Kind | None
+    """Kind of way that its own words mean."""
+    is_hidden: bool
 
 
 class _Reader:
     """Walks through the elements of a drawing."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, root: ET.Element) -> None:
         self._name = name
+        self._root = root
+        self._repeated = self._points = self._numbered = 0
+        # Elements with an id, for `<use>`; the first of several counts, as in browsers.
+        self._by_id = {key: element for element in reversed([*root.iter()]) if (key := element.get("id"))}
+        self._element = cache(self._element_of)
+        self._outlines = cache(self._outlines_of)
+        self._text = cache(_text_of)
         self.shapes: list[Shape] = []
         self.labels: list[Label] = []
-        self.left_out: list[str] = []
+        self.unread: Counter[str] = Counter()
 
-    def walk(self, element: ET.Element, matrix: Matrix, around: tuple[str, ...], depth: int = 0) -> None:
-        """Collects the shapes of an SVG element and its children."""
-        if depth > _DEEPEST:
+    def read(self) -> None:
+        """Collects the shapes and texts of the drawing."""
+        box = view_box(self._root)
+        size = box[2:] if box else self._of(self._root, lambda: viewport_size(self._root, (0.0, 0.0)))
+        own = self._element(self._root)
+        if own.is_hidden:
+            self.unread["hidden <svg>"] += 1
+        else:
+            self._children(self._root, _Around(own.matrix, size=size))
+
+    def _walk(self, element: ET.Element, around: _Around, instance: ET.Element | None = None) -> None:
+        """Collects what an element draws, with all that is inside of it; a `<use>` shows it as its instance."""
+        self._repeated += bool(around.using)
+        if self._repeated > _MOST_REPEATED:
+            raise ConfigurationError(f"{self._name}: <use> shows more than {_MOST_REPEATED:,} elements")
+        if around.depth > _DEEPEST:
             raise ConfigurationError(f"{self._name}: it has more than {_DEEPEST} groups inside one another")
-        tag = _tag(element)
-        if tag in _HIDDEN or element.get("display") == "none" or "display:none" in (element.get("style") or ""):
+        own = self._element(element)
+        if not own.tag or (own.tag in _SILENT and not (own.tag == "symbol" and instance is not None)):
             return
-        matrix = _times(matrix, self._transform(element))
-        own = _words(element)
-        if tag == "text":
-            self._text(element, matrix)
-        elif tag in ("rect", "polygon", "polyline", "line", "path"):
-            self._shape(element, tag, matrix, (*own, *around))
-        elif tag in ("svg", "g", "a", "switch"):
-            for child in element:
-                if isinstance(child.tag, str):
-                    self.walk(child, matrix, (*own, *around) if tag != "svg" else around, depth + 1)
+        matrix = times(around.matrix, own.matrix)
+        words = (*own.words, *around.words)[:_MOST_WORDS] if own.words else around.words
+        facts = {**around.facts, **own.facts} if own.facts else around.facts
+        inside = replace(around, matrix=matrix, words=words, facts=facts)
+        if own.is_hidden:
+            self.unread[f"hidden {_sort(element, around.words)}"] += 1
+        elif own.tag in _SHAPES:
+            self._shape(element, own, inside, _sort(element, around.words))
+        elif own.tag in _GROUPS:
+            self._group(element, own, replace(inside, depth=around.depth + 1), instance)
+        elif own.tag == "text":
+            self._label(element, matrix)
+        else:
+            self.unread[_sort(element, around.words)] += 1
 
-    def _shape(self, element: ET.Element, tag: str, matrix: Matrix, words: tuple[str, ...]) -> None:
+    def _children(self, element: ET.Element, around: _Around) -> None:
+        for child in element:
+            self._walk(child, around)
+
+    def _group(self, element: ET.Element, own: _Element, inside: _Around, instance: ET.Element | None) -> None:
+        """Collects what is in a group; what a group of a door has becomes one shape a door."""
+        before = len(self.shapes)
+        # What a `<use>` shows is mostly a group: the shapes in that one are its own.
+        symbol = _Symbol(own.kind, inside.depth + (own.tag == "use"), []) if own.kind else None
+        within = replace(inside, symbol=symbol) if symbol else inside
+        if own.tag == "use":
+            self._used(element, within)
+        elif own.tag in ("svg", "symbol"):
+            self._fitted(element, within, instance)
+        else:
+            self._children(element, within)
+        if symbol:
+            if len(symbol.parts) > MOST_PARTS:
+                raise ConfigurationError(
+                    f"{self._name}: {_sort(element, own.words)} has more than {MOST_PARTS:,} shapes of doors or "
+                    "windows; one group for each would be right"
+                )
+            self.shapes += symbols(symbol.parts)
+        # The name of a group with one shape is the shape's; each `<use>` is one thing of many.
+        if len(self.shapes) == before + 1 and (name := _group_name(element, own.tag)):
+            shape = self.shapes[-1]
+            if own.tag == "use":
+                self.shapes[-1] = shape._replace(name=name, place=f'<use> "{name}"')
+            elif not is_given(shape.name):
+                self.shapes[-1] = shape._replace(name=name)
+
+    def _used(self, element: ET.Element, around: _Around) -> None:
+        """Collects what a `<use>` shows, moved to its place."""
+        link = next((link for key in _HREFS if (link := element.get(key))), "")
+        shown = self._by_id.get(link[1:]) if link.startswith("#") else None
+        if shown is None:
+            reason = "which the drawing does not have" if link.startswith("#") else "which is outside of the drawing"
+            self.unread[f'<use> of "{link[:_LONGEST]}", {reason}'] += 1
+            return
+        if shown in around.using:
+            chain = " in ".join(f'"{each.get("id", "")[:_LONGEST]}"' for each in (shown, *reversed(around.using)))
+            raise ConfigurationError(f"{self._name}: <use> shows something inside of itself: {chain}")
+        x, y = self._of(element, lambda: (number(element.get("x")), number(element.get("y"))))
+        moved_there = times(around.matrix, translation(x, y))
+        self._walk(shown, replace(around, matrix=moved_there, using=(*around.using, shown)), element)
+
+    def _fitted(self, element: ET.Element, around: _Around, instance: ET.Element | None) -> None:
+        """Collects what is in an `<svg>` or `<symbol>`, fitted into its viewport."""
+        size = self._of(element, lambda: viewport_size(element, around.size, instance))
+        matrix = around.matrix
+        if _tag(element) == "svg":
+            x, y = self._of(element, lambda: (number(element.get("x")), number(element.get("y"))))
+            matrix = times(matrix, translation(x, y))
+        box = view_box(element)
+        matrix = times(matrix, viewport(element, size))
+        self._children(element, replace(around, matrix=matrix, size=box[2:] if box else size))
+
+    def _shape(self, element: ET.Element, own: _Element, around: _Around, sort: str) -> None:
         name = _name(element)
-        place = f'<{tag}> "{name}"' if name else f"<{tag}> number {len(self.shapes) + 1}"
-        if len(self.shapes) >= _MOST_SHAPES:
+        self._numbered += 1
+        place = f'<{own.tag}> "{name}"' if name else f"<{own.tag}> number {self._numbered}"
+        if self._numbered > _MOST_SHAPES:
             raise ConfigurationError(f"{self._name}: it has more than {_MOST_SHAPES:,} shapes")
-        try:
-            points, closed, curved = _outline(element, tag)
-        except TooManyCornersError as error:
-            self.left_out.append(f"{place}: {error}")
+        parts = self._outlines(element)
+        if parts is None:
+            self.unread[f"{sort} of more than {MOST_CORNERS:,} corners"] += 1
             return
-        except (PathError, ValueError) as error:
-            raise ConfigurationError(f"{self._name}: {place} cannot be read: {error}") from error
-        if len(points) < 2:
+        parts = [each for each in parts if len(each.points) > 1]
+        if not parts:
+            self.unread[f"{sort} without any extent"] += 1
             return
-        drawn = tuple(_moved(matrix, point) for point in points)
-        facts = {key[5:]: value for key, value in element.attrib.items() if key.startswith("data-")}
-        self.shapes.append(Shape(drawn, closed, curved, name, words, facts, place))
+        kind = kind_of_words(around.words)
+        symbol = around.symbol
+        if kind not in _WAYS and len(parts) > 1:
+            self.unread[f"further parts of {sort}"] += len(parts) - 1
+            parts = parts[:1]
+        self._points += sum(len(each.points) for each in parts)
+        if self._points > _MOST_POINTS:
+            raise ConfigurationError(f"{self._name}: its shapes have more than {_MOST_POINTS:,} corners together")
+        made: list[SymbolPart] = []
+        for each in parts:
+            at = each.moved(around.matrix, is_way=kind in _WAYS)
+            shape = Shape(at.points, at.closed, at.curved, name, around.words, around.facts, place, sort)
+            is_direct = symbol is None or around.depth <= symbol.depth
+            made.append(SymbolPart(shape, is_direct, at.swings, at.lines))
+        if kind not in _WAYS:
+            self.shapes += [each.shape for each in made]
+        elif symbol and symbol.kind == kind and not own.kind:
+            symbol.parts.extend(made)
+        else:
+            self.shapes += symbols(made)
 
-    def _text(self, element: ET.Element, matrix: Matrix) -> None:
-        text = " ".join("".join(element.itertext()).split())
-        first = next((each for each in element.iter() if each.get("x") and each.get("y")), element)
+    def _label(self, element: ET.Element, matrix: Matrix) -> None:
+        text, x, y = self._text(element)
         if text:
             try:
-                at = (_number(first.get("x")), _number(first.get("y")))
+                at = number(x), number(y)
             except ValueError as error:
                 raise ConfigurationError(f"{self._name}: the text {text!r} cannot be read: {error}") from error
-            self.labels.append(Label(_moved(matrix, at), text))
+            self.labels.append(Label(moved(matrix, at), text))
 
-    def _transform(self, element: ET.Element) -> Matrix:
-        matrix = _SAME
-        written = element.get("transform") or ""
-        if len(written) > _LONGEST_TRANSFORM:
-            raise ConfigurationError(
-                f"{self._name}: a transform has {len(written):,} characters; at most {_LONGEST_TRANSFORM:,} are right"
-            )
-        for what, inside in re.findall(r"(\w+)\s*\(([^)]*)\)", written):
-            numbers = [float(each) for each in re.findall(_NUMBER, inside)]
-            try:
-                matrix = _times(matrix, _matrix(what, numbers))
-            except (IndexError, ValueError, TypeError):
-                raise ConfigurationError(f"{self._name}: transform {what}({inside}) cannot be read") from None
-        return matrix
+    def _element_of(self, element: ET.Element) -> _Element:
+        words = _words(element)
+        facts = {key[5:]: value for key, value in element.attrib.items() if key.startswith("data-")}
+        kind = kind_of_words(words)
+        try:
+            matrix = transform(element.get("transform") or "")
+        except ValueError as error:
+            raise ConfigurationError(f"{self._name}: {error}") from None
+        style = element.get("style") or ""
+        is_hidden = element.get("display") == "none" or re.search(r"display\s*:\s*none", style) is not None
+        return _Element(_tag(element), matrix, words, facts, kind if kind in _WAYS else None, is_hidden)
+
+    def _outlines_of(self, element: ET.Element) -> list[Outline] | None:
+        """Outlines of a shape; None if it is too large to be a part of a plan."""
+        try:
+            return self._of(element, lambda: outlines(element, _tag(element)))
+        except TooManyCornersError:
+            return None
+
+    def _of(self, element: ET.Element, read: Callable[[], T]) -> T:
+        """Returns what is read of an element; an error names the element."""
+        try:
+            return read()
+        except ValueError as error:
+            name = _name(element)
+            place = f'<{_tag(element)}> "{name}"' if name else f"<{_tag(element)}> number {self._numbered}"
+            raise ConfigurationError(f"{self._name}: {place} cannot be read: {error}") from error
 
 
-def _outline(element: ET.Element, tag: str) -> tuple[list[Point], bool, bool]:
-    """Corners of a shape, whether it is closed and whether it has curves."""
-    if tag == "rect":
-        x, y, width, height = (_number(element.get(key)) for key in ("x", "y", "width", "height"))
-        return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)], True, False
-    if tag == "line":
-        x0, y0, x1, y1 = (_number(element.get(key)) for key in ("x1", "y1", "x2", "y2"))
-        return [(x0, y0), (x1, y1)], False, False
-    if tag == "path":
-        return path_points(element.get("d") or "")
-    found = islice(re.finditer(_NUMBER, element.get("points") or ""), 2 * MOST_CORNERS + 1)
-    numbers = [float(each[0]) for each in found]
-    if len(numbers) > 2 * MOST_CORNERS:
-        raise TooManyCornersError(f"it has more than {MOST_CORNERS:,} corners")
-    if len(numbers) % 2:
-        raise ValueError(f"its points are {len(numbers)} numbers; pairs would be right")
-    points = list(zip(numbers[::2], numbers[1::2], strict=True))
-    return points, tag == "polygon" or (len(points) > 3 and points[0] == points[-1]), False
+def _text_of(element: ET.Element) -> tuple[str, str | None, str | None]:
+    """A text and the coordinates that it has."""
+    text = " ".join("".join(element.itertext()).split())
+    first = next((each for each in element.iter() if each.get("x") and each.get("y")), element)
+    return text, first.get("x"), first.get("y")
 
 
 def _words(element: ET.Element) -> tuple[str, ...]:
     """Classes first: they say what something is; then the names that programs show, then ids."""
-    given = (element.get(key) for key in ("class", "data-kind", f"{_INKSCAPE}label", "data-name", "id"))
+    classes = element.get("class")
+    if classes and is_ifc_container(classes):  # the name of a house says nothing of its beams
+        return (classes,)
+    label, name = element.get(f"{_INKSCAPE}label"), element.get("data-name")
+    given = (classes, element.get("data-kind"), label, name, _ifc_name(element), element.get("id"))
     return tuple(word for word in given if word)
 
 
+def _ifc_name(element: ET.Element) -> str | None:
+    """`ifc:name`, as converters of IFC write it."""
+    return next((value for key, value in element.attrib.items() if _IFC_NAME.fullmatch(key)), None)
+
+
+_IFC_NAME = re.compile(r"\{[^}]*ifc[^}]*\}name", re.IGNORECASE)
+
+
+def _shown_names(element: ET.Element) -> tuple[str | None, ...]:
+    """Names that people give in programs, in the order in which they count."""
+    title = next((child.text for child in element if _tag(child) == "title"), None)
+    return element.get("data-name"), element.get(f"{_INKSCAPE}label"), title, _ifc_name(element)
+
+
 def _name(element: ET.Element) -> str:
-    title = next((child.text or "" for child in element if _tag(child) == "title"), "")
-    named = (element.get("data-name"), element.get(f"{_INKSCAPE}label"), title, element.get("id"))
-    return " ".join(next((word for word in named if word), "").split())
+    given = (*_shown_names(element), element.get("id"))
+    return " ".join(next((word for word in given if word), "").split())
+
+
+def _group_name(element: ET.Element, tag: str) -> str:
+    """The name of a group, as that of one thing; an id counts for `<use>` only, others are of layers or made up."""
+    if element.get(f"{_INKSCAPE}groupmode") == "layer":
+        return ""
+    given = (*_shown_names(element), element.get("id") if tag == "use" else None)
+    name = " ".join(next((word for word in given if word), "").split())
+    return name if names_one(name) else ""
+
+
+def _sort(element: ET.Element, around: Sequence[str]) -> str:
+    """Name of all elements of a kind that have the same class, or are in the same group, for counting."""
+    said = element.get("class") or next(iter(around), "")
+    return f'<{_tag(element)}> in "{" ".join(said.split())[:_LONGEST]}"' if said else f"<{_tag(element)}>"
 
 
 def _tag(element: ET.Element) -> str:
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
-
-
-def _number(text: str | None) -> float:
-    """A length in user units; of one in other units, the number."""
-    found = re.match(_NUMBER, (text or "0").strip())
-    if found is None:
-        raise ValueError(f"{text!r} is no number")
-    return float(found[0])
-
-
-def _paper_m(root: ET.Element) -> float | None:
-    """Metres of paper for one unit, where the drawing has a size on paper."""
-    size = re.fullmatch(rf"\s*({_NUMBER})\s*([a-z]+)\s*", root.get("width") or "")
-    box = re.findall(_NUMBER, root.get("viewBox") or "")
-    if size is None or size[2] not in _PAPER_M or len(box) != 4 or float(box[2]) <= 0:
-        return None
-    return float(size[1]) * _PAPER_M[size[2]] / float(box[2])
-
-
-def _matrix(what: str, numbers: Sequence[float]) -> Matrix:
-    first, second = numbers[0], (numbers[1] if len(numbers) > 1 else None)
-    if what == "translate":
-        return 1.0, 0.0, 0.0, 1.0, first, second or 0.0
-    if what == "scale":
-        return first, 0.0, 0.0, first if second is None else second, 0.0, 0.0
-    if what == "rotate":
-        c, s = cos(radians(first)), sin(radians(first))
-        x, y = (numbers[1], numbers[2]) if second is not None else (0.0, 0.0)
-        return c, s, -s, c, x - c * x + s * y, y - s * x - c * y
-    if what == "skewX":
-        return 1.0, 0.0, tan(radians(first)), 1.0, 0.0, 0.0
-    if what == "skewY":
-        return 1.0, tan(radians(first)), 0.0, 1.0, 0.0, 0.0
-    a, b, c, d, e, f = numbers
-    return a, b, c, d, e, f
-
-
-def _times(one: Matrix, other: Matrix) -> Matrix:
-    a, b, c, d, e, f = one
-    u, v, w, x, y, z = other
-    return a * u + c * v, b * u + d * v, a * w + c * x, b * w + d * x, a * y + c * z + e, b * y + d * z + f
-
-
-def _moved(matrix: Matrix, point: Point) -> Point:
-    """A point on the page with y up."""
-    a, b, c, d, e, f = matrix
-    x, y = point
-    return a * x + c * y + e, -(b * x + d * y + f)
+    """Name of an element of SVG; empty for one of another vocabulary, for a comment and the like."""
+    if not isinstance(element.tag, str):
+        return ""
+    space, _, tag = element.tag.rpartition("}")
+    return tag if space + "}" == _SVG or not space else ""

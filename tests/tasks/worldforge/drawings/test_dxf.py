@@ -187,6 +187,42 @@ def _both_ends(plan: Plan) -> None:
     plan.line((4600, 1000), (4600, 1900))
 
 
+def _corner(plan: Plan) -> None:
+    """A swing without a leaf, at a corner of the bedroom."""
+    plan.arc((4550, 2550), 180, 270)
+    plan.room("Hall", (0, -2100, 8000, -100))
+    plan.arc((4550, -50), 90, 180)
+
+
+@pytest.mark.parametrize("swing", [_no_leaf, _both_ends])
+def test_the_wall_decides_where_a_swing_alone_does_not_say(swing: Callable[[Plan], None], tmp_path: Path) -> None:
+    plan = Plan()
+    plan.door_block((4500, 3200), rotation=90)
+    swing(plan)
+    assert doors_are_drawn(plan.made(tmp_path))
+
+
+def test_hatches_and_pictures_are_left_out_and_counted(tmp_path: Path) -> None:
+    """They have an outline, too: a hatch that fills a room is no second room."""
+    plan = Plan()
+    plan.both_doors()
+    for layer in ("A-AREA", "A-AREA", "A-DOOR"):
+        hatch: Any = plan.space.add_hatch(dxfattribs={"layer": layer})
+        hatch.paths.add_polyline_path(plan.at((0, 0), (4500, 0), (4500, 5000), (0, 5000)), is_closed=True)
+    definition = plan.document.add_image_def("photo.png", (640, 480))
+    plan.space.add_image(definition, (0, 0), (4500, 5000), dxfattribs={"layer": "ROOMS"})
+    plan.space.add_wipeout(plan.at((0, 0), (4500, 5000)), dxfattribs={"layer": "ROOMS"})
+    world = plan.made(tmp_path)
+    assert len(world.floorplan.rooms) == 3
+    assert isinstance(world.source, DrawnSource)
+    assert world.source.left_out == [
+        '2 HATCH on layer "A-AREA"',
+        '1 HATCH on layer "A-DOOR"',
+        '1 IMAGE on layer "ROOMS"',
+        '1 WIPEOUT on layer "ROOMS"',
+    ]
+
+
 def _astray(plan: Plan) -> None:
     plan.both_doors()
     plan.door_block((2000, 2000), layer="Doors")
@@ -209,8 +245,7 @@ def _metres(plan: Plan) -> None:
 
 
 REFUSED: dict[str, tuple[Callable[[Plan], None], str]] = {
-    "no leaf": (_no_leaf, r'ARC \w+ on layer "A-DOOR": no leaf leads from its hinge .* one leaf, drawn open'),
-    "both ends": (_both_ends, r'ARC \w+ on layer "A-DOOR": lines lead from its hinge to both ends'),
+    "corner": (_corner, r'door ARC \w+ on layer "A-DOOR": both ends of its swing lie in walls; its leaf, drawn open'),
     "astray": (_astray, r'door INSERT \w+ of "DOOR-90" on layer "Doors" of 0.90 m: it lies in no wall'),
     "curved": (_curved, r'CIRCLE \w+ on layer "ROOMS": its outline has curves'),
     "open": (_open, r'LWPOLYLINE \w+ on layer "Rooms": its outline is not closed'),

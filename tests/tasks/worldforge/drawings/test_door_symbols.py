@@ -1,0 +1,86 @@
+"""Doors as programs draw them in SVG: frames, leaves, swings, in groups of one door or of all."""
+
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
+from prefect_robomaker.schemas.worlds.world import Floorplan
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import planned
+
+ROOMS = """<g class="rooms"><rect id="Living room" x="20" y="20" width="430" height="460"/>
+  <rect id="Kitchen" x="460" y="20" width="320" height="260"/>
+  <rect id="Bedroom" x="460" y="290" width="320" height="190"/></g>"""
+OTHER = '<line class="door" x1="455" y1="350" x2="455" y2="440"/>'
+"""The door of the bedroom. That of the kitchen is drawn from (455, 100) to (455, 190)."""
+
+CUBICASA = """<g class="Wall" id="Wall"><polygon points="450,20 460,20 460,480 450,480"/>
+  <g id="Door" class="Door Swing Beside"><polygon points="450,100 460,100 460,190 450,190"/>
+    <g id="Threshold" class="Threshold"><polygon points="450,100 460,100 460,190 450,190"/></g>
+    <g id="Panel" class="Panel Left Positive">
+      <g class="PanelArea"><polygon points="360,100 450,100 450,190 360,190"/></g>
+      <path d="M450,100 q-90,0 -90,90 l90,0 Z"/></g></g></g>"""
+
+DOORS = {
+    "one line": '<g class="door"><line x1="455" y1="100" x2="455" y2="190"/></g>',
+    "frame, threshold, field of swing and leaf": CUBICASA,
+    "parts in groups of a layer": '<g id="doors"><g id="g12"><path d="M455 100 h90"/><path d="M545 100 A90 90 0 0 1 455 190"/>'
+    "</g></g>",
+    "leaf drawn shut, and its swing": '<g class="IfcDoor"><path d="M455,100 V190"/><path d="M455,100 A90 90 0 0 0 365,190"/></g>',
+    "leaf, swing, and posts": '<g class="IfcDoor"><path d="M455,190h-90"/><path d="M455,100 A90 90 0 0 0 365,190"/>'
+    '<path d="M450 98h10v4h-10z"/><path d="M450 188h10v4h-10z"/></g>',
+    "panel and posts cut": '<g class="IfcDoor"><path d="M450 100h10v4h-10z M450 186h10v4h-10z M453 104h4v82h-4z"/></g>',
+    "swing alone": '<path class="door" d="M455,100 A90 90 0 0 0 365,190"/>',
+    "swing of a spline": '<path class="door" d="M455,100 C405.3,100 365,140.3 365,190"/>',
+    "leaf and swing in one path": '<path class="door" d="M455 190 H365 A90 90 0 0 1 455 100"/>',
+    "leaf open beside its threshold": '<g class="door"><path d="M455 100V190"/><path d="M455 190H365"/></g>',
+    "two leaves": '<g class="door"><path d="M455 100h45A45 45 0 0 1 455 145"/><path d="M455 190h45A45 45 0 0 0 455 145"/></g>',
+    "two lines of a sliding door": '<g class="door"><path d="M453 100V147"/><path d="M457 143V190"/></g>',
+    "a symbol": '<defs><symbol id="s" class="door" viewBox="-10 0 20 100"><rect x="-10" width="20" height="100"/></symbol></defs>'
+    '<use href="#s" x="446" y="100" width="18" height="90"/>',
+}
+
+
+def plan_of(doors: str, folder: Path) -> Floorplan:
+    path = folder / "plan.svg"
+    path.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" data-metres-per-unit="0.01">{ROOMS}{doors}</svg>', encoding="utf-8"
+    )
+    return planned(path, DrawingNotes(), 0)[2].floorplan
+
+
+@pytest.mark.parametrize("drawn", DOORS)
+def test_a_group_that_draws_a_door_is_that_door(drawn: str, tmp_path: Path) -> None:
+    plan = plan_of(DOORS[drawn] + OTHER, tmp_path)
+    plain = plan_of(DOORS["one line"] + OTHER, tmp_path)
+    assert [(each.rooms, each.start, each.end) for each in plan.passages] == [
+        (each.rooms, each.start, each.end) for each in plain.passages
+    ]
+    assert plain.passages[0].width_m == pytest.approx(0.9)
+
+
+def test_a_layer_of_doors_has_as_many_as_it_draws(tmp_path: Path) -> None:
+    layer = '<g id="doors">' + "".join(
+        f'<path d="M455 {y} h90"/><path d="M545 {y} A90 90 0 0 1 455 {y + 90}"/>' for y in (100, 350)
+    )
+    assert len(plan_of(layer + "</g>", tmp_path).passages) == 2
+
+
+def test_doors_whose_swings_cross_in_one_layer_are_two(tmp_path: Path) -> None:
+    """Their leaves meet: the door of the bedroom opens towards the one of the kitchen."""
+    layer = '<g id="doors"><path d="M455 150 h-90 A90 90 0 0 1 455 60"/><path d="M455 300 h-90 A90 90 0 0 0 455 390"/>'
+    near = '<path d="M400 140v20"/></g>'
+    assert len(plan_of(layer + near, tmp_path).passages) == 2
+
+
+def test_an_open_leaf_beside_another_wall_is_not_taken_for_the_door(tmp_path: Path) -> None:
+    """Hinged 8 cm from the corner: the open leaf stands along the wall between kitchen and bedroom."""
+    plan = plan_of('<path class="door" d="M455 272 H545 A90 90 0 0 0 455 182"/>' + OTHER, tmp_path)
+    assert [each.rooms for each in plan.passages] == [("Living room", "Kitchen"), ("Living room", "Bedroom")]
+
+
+def test_windows_of_glass_and_frames_are_one(tmp_path: Path) -> None:
+    window = '<g class="Window Regular"><polygon points="100,0 250,0 250,20 100,20"/><g class="Panel"><line x1="100" y1="10" '
+    plan = plan_of(DOORS["one line"] + OTHER + window + 'x2="250" y2="10"/></g></g>', tmp_path)
+    assert [each.room for each in plan.windows] == ["Living room"]
+    assert len([wish for wish in plan.wishes if wish.wish.startswith("window")]) == 1
