@@ -16,13 +16,18 @@ from .drawn_floorplan import MadePlan, make_plan
 from .drawn_shapes import Drawing
 from .dxf import read_dxf
 from .nav2_map import map_files, read_nav2_map
+from .drawn_floorplan import ApartError, MadePlan, make_plan
 from .room_finding import metres_per_unit, read_plan
+from .squaring import outline_area
 from .svg import read_svg
 
 MOST_BYTES = 20 * 1024 * 1024
 
 _MOST_LOOKS = 20_000_000
 """Corners of closed shapes times texts: some seconds. A sheet of an architect has a thousand of either."""
+
+_MOST_OF_A_MAP = 0.8
+"""Least share of a map's rooms that has to be joined by doors; with less, something else is wrong."""
 
 Reader = Callable[[bytes, str], Drawing]
 
@@ -84,11 +89,30 @@ def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, floa
     Raises:
         ConfigurationError: the file cannot be read, or draws no plan that a world can have.
     """
-    read = _read(path)
+    if path.suffix.lower() not in MAPS:
+        return _planned(_read(path), path, notes, seed)
+    try:
+        return _planned(_read_map(path, coarse=False), path, notes, seed)
+    except ConfigurationError:  # bumps and furniture
+        return _planned(_read_map(path, coarse=True), path, notes, seed)
+
+
+def _planned(
+    read: "ReadFile", path: Path, notes: DrawingNotes, seed: int
+) -> "tuple[ReadFile, float, MadePlan, list[str]]":
     _check(read.drawing, path.name)
     scale = metres_per_unit(read.drawing, notes.scale, path.name)
     plan, left_out = read_plan(read.drawing, scale, notes, path.name)
-    return read, scale, make_plan(plan, notes.ceilingHeight, seed), left_out
+    try:
+        return read, scale, make_plan(plan, notes.ceilingHeight, seed), left_out
+    except ApartError as error:
+        # A robot saw into it, and drove by: its door, if it is one, was too narrow or full of furniture.
+        rooms = [room for room in plan.rooms if room.name not in error.rooms]
+        kept, whole = (sum(outline_area(room.corners) for room in each) for each in (rooms, plan.rooms))
+        if read.drawing.is_exact or kept < _MOST_OF_A_MAP * whole:
+            raise
+        left_out = [*left_out, f"{', '.join(error.rooms)}: no door leads there"]
+        return read, scale, make_plan(plan._replace(rooms=rooms), notes.ceilingHeight, seed), left_out
 
 
 class ReadFile(NamedTuple):
@@ -100,11 +124,13 @@ class ReadFile(NamedTuple):
     cell_m: float | None = None
 
 
+def _read_map(path: Path, *, coarse: bool) -> ReadFile:
+    drawing, cell_m = read_nav2_map(path, coarse=coarse)
+    digest = hashlib.sha256(b"".join(_content(each) for each in map_files(path))).hexdigest()
+    return ReadFile("nav2-map", drawing, digest, cell_m)
+
+
 def _read(path: Path) -> ReadFile:
-    if path.suffix.lower() in MAPS:
-        drawing, cell_m = read_nav2_map(path)
-        digest = hashlib.sha256(b"".join(_content(each) for each in map_files(path))).hexdigest()
-        return ReadFile("nav2-map", drawing, digest, cell_m)
     if path.suffix.lower() not in READERS:
         known = ", ".join([*READERS, f"{MAPS[0]} for a map"])
         raise ConfigurationError(f"{path}: a file that ends with {known} would be right")

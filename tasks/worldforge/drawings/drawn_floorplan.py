@@ -21,10 +21,10 @@ from ..floorplans.floorplan import (
     placed_window,
     spots_in,
 )
-from ..floorplans.partition import UNITS_PER_M, Corners, extent
+from ..floorplans.partition import UNITS_PER_M, Corners, area, extent
 from ..floorplans.walls import Pane, Piece, Walls, windows_along
 from .fitting import DrawnWay, FittedWay, fit_way, fit_window
-from .squaring import Squared, floor_cells, outline_area, outline_of, overlap, square, units_area
+from .squaring import Squared, floor_cells, outline_area, outline_of, overlap, room_units, square, units_area
 
 
 class DrawnRoom(NamedTuple):
@@ -55,6 +55,14 @@ class MadePlan(NamedTuple):
     on_faces: bool
     origin_m: Point
     """Position of the world's origin in the drawing, in metres."""
+
+
+class ApartError(ConfigurationError):
+    """Raised for a plan with rooms that no door or opening leads to."""
+
+    def __init__(self, rooms: Sequence[str], message: str) -> None:
+        super().__init__(message)
+        self.rooms = rooms
 
 
 def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
@@ -172,6 +180,11 @@ def _refuse_overlaps(rooms: Sequence[Corners], names: Sequence[str], file: str) 
     for number, corners in enumerate(rooms):
         if len(corners) < 4:
             raise ConfigurationError(f"{file}: {names[number]}: it is narrower than a wall; is the scale right?")
+        if int(room_units(corners).sum()) != area(corners):
+            raise ConfigurationError(
+                f"{file}: {names[number]}: its outline crosses itself, once its edges lie on the grid of 5 cm; a "
+                "simple outline would be right"
+            )
     found = overlap(rooms)
     if found is not None:
         one, other, square_metres = found
@@ -186,6 +199,7 @@ def _refuse_apart(names: Sequence[str], pairs: Sequence[tuple[int, int]], file: 
     while grown := {room for pair in pairs if joined & {*pair} for room in pair} - joined:
         joined |= grown
     if apart := [name for number, name in enumerate(names) if number not in joined]:
-        raise ConfigurationError(
-            f"{file}: no door or opening leads from {names[0]} to {', '.join(apart)}; draw one in a wall between rooms"
+        raise ApartError(
+            apart,
+            f"{file}: no door or opening leads from {names[0]} to {', '.join(apart)}; draw one in a wall between rooms",
         )

@@ -55,6 +55,9 @@ _SIZE = re.compile(r"\s*\(?\d+([.,]\d+)?\s*(m²|m2|m\^2|qm|sqm|sq\.? ?m)\)?$", r
 Line = tuple[Point, Point]
 
 
+MOST_ROOMS = 60
+
+
 class Shape(NamedTuple):
     """A polygon or line of a drawing, in drawing units, y upwards."""
 

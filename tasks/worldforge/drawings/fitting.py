@@ -105,8 +105,8 @@ def fit_way(
     between = f"between {names[pair[0]]} and {names[pair[1]]}"
     width = max(_LEAST[drawn.kind], round(place.end - place.start))
     low, high = walls.clear_span(contact)
-    if high - low < width and drawn.kind == "Opening":  # from corner to corner
-        width = max(_LEAST["Opening"], high - low)
+    if high - low < width and (drawn.kind == "Opening" or not drawn.required):  # from corner to corner
+        width = max(_LEAST[drawn.kind], high - low)
     if high - low < width:
         raise ConfigurationError(
             f"{file}: {wish} {between}: their wall has {(high - low) / UNITS_PER_M:.2f} m between its corners, and a "

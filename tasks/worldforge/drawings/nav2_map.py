@@ -16,7 +16,9 @@ from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns
+from .coarse_rooms import coarse_rooms
 from .drawn_shapes import Drawing, Shape
+from .drawn_shapes import MOST_ROOMS, Drawing, Shape
 from .squaring import outline_of, room_units
 
 Cells = NDArray[np.bool_]
@@ -25,12 +27,23 @@ _NARROW_M = 0.55
 """Half the width of the widest door: where free space is narrower, one room ends and another begins."""
 _SPECK_M2 = 0.02
 """Smallest area of a wall, in square metres: eight cells of 5 cm; less than this is ignored."""
+_GAP_CELLS = 5
+_MOSTLY = 0.6
+"""Share of the cells around an unknown one that are free if it is, too: beside a wall half of them are."""
 _LEAST_CORE_M2 = 0.05
 _LEAST_ROOM_M2 = 1.5
 _STRAIGHT_M = 0.2
 """Edges of a room that are nearer than this to a longer one are on its line."""
 _DOOR_M = 1.3
 """Largest width of a door, in metres; a wider gap is an opening."""
+_NARROWEST_M = 0.5
+"""Smallest width of a door, in metres; what is narrower is noise, or a gap that no robot passes."""
+_BLUR_M = 0.1
+"""Size of the bumps in walls that say nothing about their direction."""
+_MOST_LEAN_DEG = 3.0
+"""Largest lean of walls: 5 cm on a metre, which the lines of a coarse outline follow."""
+_CLEAR = 0.3
+"""Share of the walls that has to agree on a direction; walls of arcs and furniture have a tenth."""
 _MOST_SHARED_M2 = 0.1
 """Largest overlap of two rooms' outlines after their edges were made straight, in square metres."""
 _MOST_CELLS = 4_000_000
@@ -50,11 +63,12 @@ class _Map(NamedTuple):
         return self.origin[0] + x * self.resolution_m, self.origin[1] + y * self.resolution_m
 
 
-def read_nav2_map(path: Path) -> tuple[Drawing, float]:
+def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
     """Reads a Nav2 occupancy map as a drawing of rooms.
 
     Args:
         path: its `map.yaml`.
+        coarse: whether outlines follow the walls' common lines only, for maps with bumps and furniture.
 
     Returns:
         A drawing in metres, and the side of a cell.
@@ -63,20 +77,57 @@ def read_nav2_map(path: Path) -> tuple[Drawing, float]:
         ConfigurationError: it cannot be read, or has no rooms.
     """
     read = _read(path)
+    _refuse_slanted(read, path.name)
     regions = _regions(read, path.name)
-    areas = [int(np.count_nonzero(regions == number)) for number in range(1, int(regions.max(initial=0)) + 1)]
-    order = [number + 1 for number in np.argsort(areas)[::-1].tolist()]
-    outlines = [_outline(regions == number, read, path.name) for number in order]
-    _refuse_overlaps(outlines, read, path.name)
-    doors = list(_doors(regions, order, read))
+    _refuse_enclosed(regions, read, path.name)
+    order = _by_size(regions)
+    remarks: list[str] = []
+    if coarse:
+        straight = coarse_rooms(regions, read.resolution_m)
+        order = [number for number in order if (straight == number).any()]
+        outlines = [_steps_outline(straight == number) for number in order]
+        _refuse_corners(outlines, read, path.name)
+        remarks.append("bumps of walls: outlines run along the lines that most of the walls are near")
+    else:
+        near = round(_STRAIGHT_M / read.resolution_m)
+        outlines = [_straight(_steps_outline(regions == number), near) for number in order]
+        _refuse_corners(outlines, read, path.name)
+        _refuse_overlaps(outlines, read, path.name)
+    found = list(_doors(regions, order, read))
+    joined = _joined([pair for pair, _ in found])
+    if apart := len(order) - len(joined):
+        remarks.append(f"{apart} area{'s' * (apart > 1)} that no door leads to")
+    kept = sorted(joined)
+    doors = [(pair, _renamed(shape, pair, kept)) for pair, shape in found if joined.issuperset(pair)]
     rooms = [
         Shape(
-            tuple(read.point(x, y) for x, y in corners), True, False, f"area-{place}", ("room",),
-            {"type": _guess(corners, place, sum(place in pair for pair, _ in doors))}, f"area-{place}",
+            tuple(read.point(x, y) for x, y in outlines[place - 1]), True, False, f"area-{number}", ("room",),
+            {"type": _guess(outlines[place - 1], number, sum(place in pair for pair, _ in doors))}, f"area-{number}",
         )
-        for place, corners in enumerate(outlines, 1)
+        for number, place in enumerate(kept, 1)
     ]  # fmt: skip
-    return Drawing([*rooms, *(door for _, door in doors)], [], 1.0, None, _remarks(outlines, read)), read.resolution_m
+    left_out = [_lost([outlines[place - 1] for place in kept], read), *remarks]
+    shapes = [*rooms, *(door for _, door in doors)]
+    return Drawing(shapes, [], 1.0, None, left_out, is_exact=False), read.resolution_m
+
+
+def _joined(pairs: Sequence[tuple[int, int]]) -> set[int]:
+    """Places of the rooms that the largest one leads to."""
+    joined = {1}
+    while grown := {place for pair in pairs if joined & {*pair} for place in pair} - joined:
+        joined |= grown
+    return joined
+
+
+def _renamed(door: Shape, pair: tuple[int, int], kept: Sequence[int]) -> Shape:
+    name = " to ".join(f"area-{kept.index(place) + 1}" for place in pair)
+    return door._replace(name=name, place=name)
+
+
+def _by_size(regions: NDArray[np.int64]) -> list[int]:
+    """Numbers of the rooms, the largest first."""
+    areas = np.bincount(regions.ravel())[1:]
+    return [number + 1 for number in np.argsort(areas)[::-1].tolist()]
 
 
 def map_files(path: Path) -> list[Path]:
@@ -106,10 +157,11 @@ def _read(path: Path) -> _Map:
         resolution, x, y = float(said["resolution"]), float(said["origin"][0]), float(said["origin"][1])
         turn = float(said["origin"][2]) if len(said["origin"]) > 2 else 0.0
         free_below = float(said.get("free_thresh", 0.196))
+        occupied_above = float(said.get("occupied_thresh", 0.65))
     except (OSError, UnidentifiedImageError) as error:
         raise ConfigurationError(f"{picture}: it cannot be read: {error}") from error
     except (TypeError, ValueError, IndexError) as error:
-        raise ConfigurationError(f"{path}: resolution, origin or free_thresh is no number: {error}") from error
+        raise ConfigurationError(f"{path}: resolution, origin or a threshold is no number: {error}") from error
     if not 0.005 <= resolution <= 0.25:
         raise ConfigurationError(f"{path}: resolution is {resolution:g}; 0.005 to 0.25 m a cell would be right")
     if turn:
@@ -117,7 +169,11 @@ def _read(path: Path) -> _Map:
             f"{path}: origin says that the map is turned by {turn:g} rad; 0 would be right, with the picture turned"
         )
     occupied = grey / 255 if said.get("negate") else (255 - grey) / 255
-    return _Map(_without_specks(occupied < free_below, resolution), resolution, (x, y))
+    free = occupied < free_below
+    # Cells in the middle of a room that no ray happened to end in or pass.
+    seen = np.asarray(ndimage.uniform_filter(free.astype(np.float64), _GAP_CELLS))
+    free |= (occupied <= occupied_above) & (seen > _MOSTLY)
+    return _Map(_without_specks(free, resolution), resolution, (x, y))
 
 
 def _without_specks(free: Cells, resolution_m: float) -> Cells:
@@ -147,23 +203,27 @@ def _regions(read: _Map, name: str) -> NDArray[np.int64]:
     kept = [number for number in range(1, len(areas)) if areas[number] >= _LEAST_ROOM_M2]
     if not kept:
         raise ConfigurationError(f"{name}: the map has no free space as large as a room")
+    if len(kept) > MOST_ROOMS:
+        raise ConfigurationError(f"{name}: its free space falls into {len(kept)} areas; at most {MOST_ROOMS} are right")
     numbers = np.zeros(len(areas), np.int64)
     numbers[kept] = np.arange(1, len(kept) + 1)
     return numbers[regions]
 
 
-def _outline(cells: Cells, read: _Map, name: str) -> Corners:
-    """The corners of a room in cells, with few and straight edges."""
-    corners = _straight(
-        outline_of(_steps(np.asarray(ndimage.binary_fill_holes(cells)))), round(_STRAIGHT_M / read.resolution_m)
-    )
-    if not 4 <= len(corners) <= _MOST_CORNERS:
-        x, y = read.point(*(float(np.mean(axis)) for axis in np.nonzero(cells)[::-1]))
-        raise ConfigurationError(
-            f"{name}: the room around ({x:.1f}, {y:.1f}) m has {len(corners)} corners; a map of straight walls along "
-            "its rows and columns would be right, with little furniture in it"
-        )
-    return corners
+def _refuse_corners(outlines: Sequence[Corners], read: _Map, name: str) -> None:
+    if not outlines:
+        raise ConfigurationError(f"{name}: most of its walls are shorter than 1 m; a map of rooms would be right")
+    for corners in outlines:
+        if not 4 <= len(corners) <= _MOST_CORNERS:
+            x, y = read.point(*(float(np.mean(axis)) for axis in zip(*corners, strict=True)))
+            raise ConfigurationError(
+                f"{name}: the room around ({x:.1f}, {y:.1f}) m has {len(corners)} corners; a map of straight walls "
+                "along its rows and columns would be right, with little furniture in it"
+            )
+
+
+def _steps_outline(cells: Cells) -> Corners:
+    return outline_of(_steps(np.asarray(ndimage.binary_fill_holes(cells))))
 
 
 def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
@@ -196,20 +256,53 @@ def _straight(corners: Corners, near: int) -> Corners:
 
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
     """Doors and openings between two rooms: the rooms' places in the order, and the line between them."""
+    boxes = ndimage.find_objects(regions)
     for place, number in enumerate(order, 1):
-        grown = np.asarray(ndimage.binary_dilation(regions == number))
+        rows, columns = (slice(max(0, side.start - 1), side.stop + 1) for side in boxes[number - 1])
+        around = regions[rows, columns]
+        grown = np.asarray(ndimage.binary_dilation(around == number))
         for after, other in enumerate(order[place:], place + 1):
-            labels, count = ndimage.label(grown & (regions == other), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-            for rows, columns in ndimage.find_objects(labels, count):
-                south_west, north_east = read.point(columns.start, rows.start), read.point(columns.stop, rows.stop)
+            labels, count = ndimage.label(grown & (around == other), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+            for up, along in ndimage.find_objects(labels, count):
+                south_west = read.point(columns.start + along.start, rows.start + up.start)
+                north_east = read.point(columns.start + along.stop, rows.start + up.stop)
                 wide = max(north_east[0] - south_west[0], north_east[1] - south_west[1])
-                kind = "door" if wide <= _DOOR_M else "opening"
-                name = f"area-{place} to area-{after}"
-                yield (place, after), Shape((south_west, north_east), True, False, name, (kind,), {}, name)
+                if wide >= _NARROWEST_M:
+                    kind = "door" if wide <= _DOOR_M else "opening"
+                    yield (place, after), Shape((south_west, north_east), True, False, "", (kind,), {}, "")
+
+
+def _refuse_slanted(read: _Map, name: str) -> None:
+    """Refuses a map whose walls do not run along its rows and columns, and says how far to turn it."""
+    up, along = np.gradient(
+        np.asarray(ndimage.gaussian_filter(read.free.astype(np.float64), _BLUR_M / read.resolution_m))
+    )
+    # Directions of walls are the same after a quarter turn, so four times their angles have a mean.
+    turned = complex(np.sum(np.hypot(along, up) * np.exp(4j * np.arctan2(up, along))))
+    degrees = np.degrees(np.angle(turned)) / 4
+    if abs(turned) >= _CLEAR * np.sum(np.hypot(along, up)) > 0 and abs(degrees) > _MOST_LEAN_DEG:
+        side = "clockwise" if degrees > 0 else "counter-clockwise"
+        raise ConfigurationError(
+            f"{name}: the walls lean by {abs(degrees):.1f} degrees; a map of walls along its rows and columns would be "
+            f"right: turn its picture {side} by {abs(degrees):.1f} degrees, with unknown cells in the corners"
+        )
+
+
+def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
+    """Refuses free space around the flat: it is no room, and all rooms would lie in it."""
+    for place, number in enumerate(_by_size(regions), 1):
+        cells = regions == number
+        inside = np.asarray(ndimage.binary_fill_holes(cells)) & ~cells & (regions > 0)
+        if np.count_nonzero(inside) * read.resolution_m**2 > _MOST_SHARED_M2:
+            x, y = read.point(*(float(np.mean(axis)) for axis in np.nonzero(inside)[::-1]))
+            raise ConfigurationError(
+                f"{name}: the free space of area-{place} lies all around the rooms near ({x:.1f}, {y:.1f}) m; what is "
+                "outside of the flat would have to be unknown"
+            )
 
 
 def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None:
-    """Refuses rooms inside of others, as free space around the flat makes them, and walls too rough to tell apart."""
+    """Refuses outlines of which walls are too rough to tell apart."""
     owner = np.zeros(read.free.shape, np.int64)
     for place, corners in enumerate(outlines, 1):
         x, y = min(x for x, _ in corners), min(y for _, y in corners)
@@ -236,12 +329,12 @@ def _guess(corners: Corners, place: int, doors: int) -> FurnishedRoomType:
     return "Living" if place == 1 else "Bedroom"
 
 
-def _remarks(outlines: Sequence[Corners], read: _Map) -> list[str]:
-    """How much of the free space is in no room."""
+def _lost(outlines: Sequence[Corners], read: _Map) -> str:
+    """Share of the free space that is in no room, in words."""
     covered = np.zeros_like(read.free)
     for corners in outlines:
         x, y = min(x for x, _ in corners), min(y for _, y in corners)
         inside = room_units(corners)
         covered[y : y + inside.shape[0], x : x + inside.shape[1]] |= inside
     lost = np.count_nonzero(read.free & ~covered) / max(1, np.count_nonzero(read.free))
-    return [f"{lost:.1%} of the map's free cells, which are in no room"]
+    return f"{lost:.1%} of the map's free cells, which are in no room"

@@ -9,6 +9,7 @@ from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
 from .drawn_floorplan import DrawnPlan, DrawnRoom
 from .drawn_shapes import (
+    MOST_ROOMS,
     Drawing,
     Kind,
     Label,
@@ -29,7 +30,6 @@ from .squaring import upright
 
 _LARGEST_M = 100.0
 _SMALLEST_M = 1.5
-_MOST_ROOMS = 60
 _MOST_NAMED = 5
 _LONGEST_NAME = 60
 """Characters of a name that are repeated; a text may be a page long."""
@@ -90,9 +90,9 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
     for shape in drawing.shapes:
         found.setdefault(kind_of(shape, drawing.labels), []).append(shape)
     shapes = found.get("room", [])
-    if not 0 < len(shapes) <= _MOST_ROOMS:
+    if not 0 < len(shapes) <= MOST_ROOMS:
         raise ConfigurationError(
-            f"{file}: {len(shapes)} rooms in it, and 1 to {_MOST_ROOMS} would be right; a room is a closed shape with "
+            f"{file}: {len(shapes)} rooms in it, and 1 to {MOST_ROOMS} would be right; a room is a closed shape with "
             "the class, layer or group `room`, or with a name such as `Kitchen`"
         )
     rooms = _rooms(shapes, drawing, scale, notes, file)

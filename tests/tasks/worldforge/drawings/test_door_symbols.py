@@ -24,9 +24,10 @@ CUBICASA = """<g class="Wall" id="Wall"><polygon points="450,20 460,20 460,480 4
 DOORS = {
     "one line": '<g class="door"><line x1="455" y1="100" x2="455" y2="190"/></g>',
     "frame, threshold, field of swing and leaf": CUBICASA,
-    "parts in groups of a layer": '<g id="doors"><g id="g12"><path d="M455 100 h90"/><path d="M545 100 A90 90 0 0 1 455 190"/>'
-    "</g></g>",
-    "leaf drawn shut, and its swing": '<g class="IfcDoor"><path d="M455,100 V190"/><path d="M455,100 A90 90 0 0 0 365,190"/></g>',
+    "parts in groups of a layer": '<g id="doors"><g id="g12"><path d="M455 100 h90"/>'
+    '<path d="M545 100 A90 90 0 0 1 455 190"/></g></g>',
+    "leaf drawn shut, and its swing": '<g class="IfcDoor"><path d="M455,100 V190"/>'
+    '<path d="M455,100 A90 90 0 0 0 365,190"/></g>',
     "leaf, swing, and posts": '<g class="IfcDoor"><path d="M455,190h-90"/><path d="M455,100 A90 90 0 0 0 365,190"/>'
     '<path d="M450 98h10v4h-10z"/><path d="M450 188h10v4h-10z"/></g>',
     "panel and posts cut": '<g class="IfcDoor"><path d="M450 100h10v4h-10z M450 186h10v4h-10z M453 104h4v82h-4z"/></g>',
@@ -34,9 +35,11 @@ DOORS = {
     "swing of a spline": '<path class="door" d="M455,100 C405.3,100 365,140.3 365,190"/>',
     "leaf and swing in one path": '<path class="door" d="M455 190 H365 A90 90 0 0 1 455 100"/>',
     "leaf open beside its threshold": '<g class="door"><path d="M455 100V190"/><path d="M455 190H365"/></g>',
-    "two leaves": '<g class="door"><path d="M455 100h45A45 45 0 0 1 455 145"/><path d="M455 190h45A45 45 0 0 0 455 145"/></g>',
-    "two lines of a sliding door": '<g class="door"><path d="M453 100V147"/><path d="M457 143V190"/></g>',
-    "a symbol": '<defs><symbol id="s" class="door" viewBox="-10 0 20 100"><rect x="-10" width="20" height="100"/></symbol></defs>'
+    "two leaves": '<g class="door"><path d="M455 100h45A45 45 0 0 1 455 145"/>'
+    '<path d="M455 190h45A45 45 0 0 0 455 145"/></g>',
+    "two lines of a sliding door": '<g class="door"><path d="M454.6 100V147"/><path d="M455.4 143V190"/></g>',
+    "a symbol": '<defs><symbol id="s" class="door" viewBox="-10 0 20 100">'
+    '<rect x="-10" width="20" height="100"/></symbol></defs>'
     '<use href="#s" x="446" y="100" width="18" height="90"/>',
 }
 
@@ -80,7 +83,8 @@ def test_an_open_leaf_beside_another_wall_is_not_taken_for_the_door(tmp_path: Pa
 
 
 def test_windows_of_glass_and_frames_are_one(tmp_path: Path) -> None:
-    window = '<g class="Window Regular"><polygon points="100,0 250,0 250,20 100,20"/><g class="Panel"><line x1="100" y1="10" '
-    plan = plan_of(DOORS["one line"] + OTHER + window + 'x2="250" y2="10"/></g></g>', tmp_path)
+    frame, glass = '<polygon points="100,0 250,0 250,20 100,20"/>', '<line x1="100" y1="10" x2="250" y2="10"/>'
+    window = f'<g class="Window Regular">{frame}<g class="Panel">{glass}</g></g>'
+    plan = plan_of(DOORS["one line"] + OTHER + window, tmp_path)
     assert [each.room for each in plan.windows] == ["Living room"]
     assert len([wish for wish in plan.wishes if wish.wish.startswith("window")]) == 1

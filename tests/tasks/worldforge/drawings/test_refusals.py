@@ -19,6 +19,10 @@ CASES = {
     "unknown kind": ('<rect class="room" id="Xyzzy" width="4" height="4"/>', "'Xyzzy': what kind of room"),
     "wrong type": ('<rect id="Kitchen" data-type="Pool" width="4" height="4"/>', "type is 'Pool'; one of Bedroom"),
     "overlap": (ROOMS.replace('x="4"', 'x="3"') + DOOR, "Kitchen and Living overlap by 4.00 m2"),
+    "crossed": (
+        '<polygon id="Bath" points="0,0 4,0 4,4 1,4 1,2 6,2 6,1 0,1"/>' + ROOMS.replace('y="', 'y="9'),
+        "Bath: its outline crosses itself",
+    ),
     "apart": (ROOMS, "no door or opening leads from Kitchen to Living"),
     "stray door": (ROOMS + DOOR.replace('"4"', '"2"'), "door d of 1.00 m: it lies in no wall"),
     "tiny door": (ROOMS + DOOR.replace('y2="2"', 'y2="1.2"'), "it is narrower than 0.5 m"),
