@@ -11,7 +11,7 @@ from pydantic import AfterValidator
 from ..wire.base import ShapeName
 from ..wire.common import text
 from ..wire.job_configs import JobRequest, is_program, launches
-from .recording_sources import RECORDED_RUN
+from .recording_sources import RECORDED_RUN, is_recorded_run
 from .trials import Trials
 
 POLICY_VARIABLE = "ROBOMAKER_POLICY"
@@ -163,7 +163,7 @@ def _check_nothing_else(request: PolicyRequest, where: str) -> None:
                 "one of them out"
             )
     for index, config in enumerate(request.simulationApplications or ()):
-        if config.application == RECORDED_RUN or f"/{RECORDED_RUN}/" in config.application:
+        if is_recorded_run(config.application):
             raise ValueError(
                 f"{where}: simulationApplications[{index}].application, {RECORDED_RUN}, judges a robot that has driven "
                 "already, and a policy would drive nothing; leave one of them out"

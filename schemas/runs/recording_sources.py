@@ -68,6 +68,11 @@ class RecordingSources(Model):
         description="Time in the recording at which the run begins, in seconds: what was before is not judged, and "
         "times count from there.",
     )
+    ends_with_run: bool = Field(
+        default=False,
+        description="Whether the run was over where the recording ends; else it may be cut short, and a time limit "
+        "that it does not reach is an error, unless all goals were reached.",
+    )
     max_gap_s: float = Field(
         default=1.0,
         gt=0,
@@ -109,12 +114,23 @@ def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> R
     return parse_sources(load_strict(text, place, MAX_VARIABLE_CHARACTERS), place)
 
 
+def is_recorded_run(application: str) -> bool:
+    """Whether a name or an ARN is that of the simulation application that plays a recording."""
+    return application == RECORDED_RUN or f"/{RECORDED_RUN}/" in application
+
+
 def check_sources(request: JobRequest) -> None:
-    """Raises an error if a request's launch variables with recording topics are invalid.
+    """Raises an error if a request's launch variables with recording topics are invalid, or a robot would not be run.
 
     Raises:
-        ValueError: One cannot.
+        ValueError: One is, or there is one beside a recording.
     """
+    for index, config in enumerate(request.simulationApplications or ()):
+        if is_recorded_run(config.application) and request.robotApplications:
+            raise ValueError(
+                f"robotApplications: simulationApplications[{index}].application, {RECORDED_RUN}, judges a robot that "
+                "has driven already, so that a robot application would not be run; leave out robotApplications"
+            )
     for place, launch in launches(request):
         try:
             sources_in(launch.environmentVariables or {}, f"{place}.environmentVariables.{SOURCES_VARIABLE}")

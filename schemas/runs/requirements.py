@@ -20,6 +20,7 @@ from ..wire.request_problems import parsed_member
 from . import requirement_kinds
 from .requirement_kinds.goal import goals_at_start
 from .requirement_kinds.kind import RequirementKind
+from .trials import trials_of
 
 MAX_REQUIREMENTS = 50
 """How many requirements a run may have."""
@@ -121,8 +122,8 @@ def check_requirements(request: JobRequest) -> None:
 
     Raises:
         ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
-            world, a goal is where the robot starts, or all applications are programs, none of whose topics are
-            recorded, so that there is nothing to judge.
+            world, a goal is where the robot starts, topics are asked for in trials, or all applications are programs,
+            none of whose topics are recorded, so that there is nothing to judge.
     """
     for place, name in _misspelt(request):
         raise ValueError(
@@ -130,6 +131,7 @@ def check_requirements(request: JobRequest) -> None:
         )
     try:
         place, requirements = _placed_requirements(request)
+        trials = trials_of(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
     if requirements and _has_only_programs(request) and not _records_topics(request):
@@ -138,11 +140,27 @@ def check_requirements(request: JobRequest) -> None:
             "(loggingConfig: {recordAllRosTopics: true}), by which they are judged then, name a simulation application "
             "that makes an environment, or let the program write its verdict to result.json"
         )
+    if trials is not None:
+        _check_without_topics(place, requirements)
     if _starts_on_origin(request):
         for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
             raise ValueError(f"{place}[{index}].{member}: {problem}")
-    if _has_world(request):
-        return
+    if not _has_world(request):
+        _check_without_world(place, requirements)
+
+
+def _check_without_topics(place: str, requirements: Sequence[JobRequirement]) -> None:
+    """Refuses requirements that are judged by recordings, where trials have none."""
+    for index, asked in enumerate(requirements):
+        if asked.by_topics:
+            raise ValueError(
+                f"{place}[{index}] ({asked.kind}) is judged by the recording of a single run, and the job has trials; "
+                "order a job for each seed, or leave out the requirement"
+            )
+
+
+def _check_without_world(place: str, requirements: Sequence[JobRequirement]) -> None:
+    """Refuses requirements that need a world."""
     for index, asked in enumerate(requirements):
         if (room := asked.asked_room) is not None:
             said, remedy = f"{place}[{index}].room is {room!r}", f", or {asked.without_world}"

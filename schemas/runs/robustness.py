@@ -15,12 +15,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from .formulas import Arithmetic, Comparison, Formula, Join, Number, Temporal, in_words
+from .formulas import Arithmetic, Comparison, Formula, Join, Number, Temporal, in_words, signals_of
 
 _FAR = 1e300
 """Robustness of what is certain: more than any signal has."""
 _STRICT = 1e-12
 """Robustness of a comparison whose sides are equal: `<` is not met then, `<=` is; 0 would be both."""
+
+_SMALLER = 16
+"""Values that stand for all that are smaller: comparisons of products and `abs` may change twice."""
 
 Samples = Mapping[str, Sequence[float]]
 
@@ -55,6 +58,31 @@ def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustnes
     violated_at = _first_violation(formula, samples, period_s) if most < 0 else None
     idle = tuple(each for each in _conditions(formula) if not _ever_holds(each, samples, period_s))
     return Robustness(least, most, violated_at, idle)
+
+
+def differs_below(formula: Formula, samples: Samples, signal: str, bound: float) -> Comparison | None:
+    """Finds a comparison that a smaller value of a signal, from 0 up to a bound, would change at any sample.
+
+    Args:
+        formula: The formula.
+        samples: Values of its signals.
+        signal: Name of the signal.
+        bound: Value below which the signal was not measured.
+    """
+    if not isinstance(formula, Comparison):
+        found = (differs_below(part, samples, signal, bound) for part in formula.parts)
+        return next((each for each in found if each is not None), None)
+    if signal not in signals_of(formula) or bound <= 0:
+        return None
+    length = len(next(iter(samples.values())))
+
+    def holds(value: float) -> list[bool]:
+        with_it = {**samples, signal: [value] * length}
+        return [each > 0 for each in _values(formula, with_it, length)]
+
+    at_bound = holds(bound)
+    smaller = (bound * step / _SMALLER for step in range(_SMALLER))
+    return formula if any(holds(each) != at_bound for each in smaller) else None
 
 
 def horizon(formula: Formula, period_s: float) -> int:

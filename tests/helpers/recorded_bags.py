@@ -21,6 +21,7 @@ TF = "tf2_msgs/msg/TFMessage"
 SCAN = "sensor_msgs/msg/LaserScan"
 CLOCK = "rosgraph_msgs/msg/Clock"
 STATES = "gazebo_msgs/msg/ContactsState"
+MODELS = "gazebo_msgs/msg/ModelStates"
 _STATE = (
     "string info\nstring collision1_name\nstring collision2_name\ngeometry_msgs/Wrench[] wrenches\n"
     "geometry_msgs/Wrench total_wrench\ngeometry_msgs/Vector3[] contact_positions\n"
@@ -45,6 +46,7 @@ def store_of(kind: str) -> Any:
     states = {
         "gazebo_msgs/msg/ContactState": _STATE,
         STATES: "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+        MODELS: "string[] name\ngeometry_msgs/Pose[] pose\n",
         "ros_gz_interfaces/msg/Contact": "float64[] depths\n",
         "ros_gz_interfaces/msg/Contacts": "std_msgs/Header header\nros_gz_interfaces/Contact[] contacts\n",
     }

@@ -50,6 +50,11 @@ class ClearanceRule(Rule[ClearanceRequirement]):
             nearest_m = metrics.get("min_clearance_m", math.inf)
             metrics["min_clearance_m"] = min(nearest_m, round(self.nearest_m, 6))
 
+    def _unjudgeable(self) -> str | None:
+        if self.violated_s is None and self.blind is not None and self.asked.min_m < self.blind.below_m:
+            return f"{self.blind.why}, so a clearance of {self.asked.min_m:g} m could not be missed"
+        return None
+
     def _numbers(self) -> Numbers:
         value = self.nearest_m if math.isfinite(self.nearest_m) else None
         return Numbers(value, self.asked.min_m, "m", at_least=True)

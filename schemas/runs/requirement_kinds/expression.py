@@ -12,7 +12,7 @@ from ...wire.base import ShapeName, optional
 from ...wire.common import text
 from ...wire.json_values import is_mapping
 from ..formulas import FormulaError, bounds_of, in_words, off_grid, read_formula, signals_of
-from ..robustness import Robustness, robustness
+from ..robustness import Robustness, differs_below, robustness
 from .kind import DottedName, Look, Numbers, Rule, Scene, Seconds, ThingsRequirement, yaw_rad
 from .upright import tilt_deg
 
@@ -121,6 +121,8 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         clearance = scene.clearance(self) if "clearance" in names else None
         if "tilt" in names and not scene.can_tilt(self):
             self.fail("no joint lets the robot's body tilt, so its tilt could not be missed")
+        if "z" in names and not scene.can_rise(self):
+            self.fail("no joint lets the robot's body rise or sink, so its z could not be missed")
 
         def look(time_s: float) -> None:
             if math.isnan(position[0]):  # a recording has no pose yet
@@ -187,6 +189,11 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         if count < 2:
             return "the run ended before a second look at its signals"
         try:
+            if (
+                self.blind is not None
+                and (unseen := differs_below(self._formula, self.samples, "clearance", self.blind.below_m)) is not None
+            ):
+                return f"{self.blind.why}, so {in_words(unseen)} could not be told"
             self._found = found = robustness(self._formula, self.samples, self.asked.period_s)
         except OverflowError as error:
             return str(error)

@@ -28,6 +28,7 @@ Count = Annotated[int, ShapeName("Count"), Field(ge=0)]
 RequirementName = Annotated[str, ShapeName("RequirementName"), text(1, 64, r"[a-zA-Z0-9_\-]+")]
 RoomName = Annotated[str, ShapeName("RoomName"), text(1, 255)]
 DottedName = Annotated[str, ShapeName("DottedName"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+")]
+RosTopic = Annotated[str, ShapeName("RosTopic"), text(2, 255, r"(/[A-Za-z_][A-Za-z0-9_]*)+")]
 BodyName = Annotated[str, ShapeName("BodyName"), text(1, 255)]
 NamePatterns = Annotated[
     list[Annotated[str, ShapeName("NamePattern"), text(1, 255)]],
@@ -89,8 +90,6 @@ class RequirementKind(Shape):
     """Words for the table of kinds in `docs/verdicts.md`."""
     more_members: ClassVar[str] = ""
     """The same table's words about members that those words do not name."""
-    by_topics: ClassVar[bool] = False
-    """True: it is measured by recorded topics only, when the run has ended."""
     rule: ClassVar[type["Rule[Any]"]]
     """Its score: the class that is a `Rule` of it."""
     margins_compare: ClassVar[bool] = True
@@ -119,6 +118,11 @@ class RequirementKind(Shape):
         own = cls.__module__.partition(".")[0]
         if own != __name__.partition(".")[0]:
             yield own
+
+    @property
+    def by_topics(self) -> bool:
+        """Whether it is measured by recorded topics only, when the run has ended."""
+        return False
 
     @property
     def asked_room(self) -> str | None:
@@ -202,8 +206,24 @@ class Scene(Protocol):
         """
         ...
 
+    def pose_pairs(self, rule: "Rule[Any]", estimate: str, truth: str) -> "Iterator[PosePair]":
+        """Estimated poses on a recorded topic, each with the true one on another at the same time.
+
+        Raises:
+            NotMeasuredError: There is no recording, or no such topic in it.
+        """
+        ...
+
     def can_tilt(self, rule: "Rule[Any]") -> bool:
         """Whether the robot's body can be tilted at all: no joint may let it."""
+        ...
+
+    def can_rise(self, rule: "Rule[Any]") -> bool:
+        """Whether the height of the robot's body can change at all: no joint may let it."""
+        ...
+
+    def expect_end(self, rule: "Rule[Any]") -> None:
+        """Takes note that a rule is about the end of the run, which a recording may not show."""
         ...
 
     def floor(self, rule: "Rule[Any]") -> Floor | None:
@@ -245,6 +265,29 @@ class Numbers:
         return self.value - self.limit if self.at_least else self.limit - self.value
 
 
+PlanarPose = tuple[float, float, float]
+"""x and y in m, and yaw in rad."""
+
+
+@dataclass(frozen=True)
+class PosePair:
+    """Estimated and true pose of a robot at one time."""
+
+    time_s: float
+    """Time in seconds since the run began."""
+    estimate: PlanarPose
+    truth: PlanarPose
+
+
+@dataclass(frozen=True)
+class Blind:
+    """Distance from the robot's surface below which its sensor sees nothing."""
+
+    below_m: float
+    why: str
+    """The sensor and its least range, in words."""
+
+
 Asked = TypeVar("Asked", bound=RequirementKind)
 
 
@@ -255,6 +298,8 @@ class Rule(ABC, Generic[Asked]):
     """True: it looks between two steps of an environment as well, where that lets others look."""
     is_reached: bool | None = None
     """True: the thing that is asked for has happened; `None`: nothing has to."""
+    blind: Blind | None = None
+    """Distances that were not seen; `None`: all were."""
 
     def __init_subclass__(cls) -> None:
         kinds = [get_args(base)[0] for base in vars(cls).get("__orig_bases__", ()) if get_origin(base) is Rule]

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ...wire.base import ShapeName, optional
-from .kind import DottedName, Look, Metres, Numbers, RobotRequirement, Rule, Scene, Seconds, yaw_rad
+from .kind import DottedName, Look, Metres, Numbers, RobotRequirement, RosTopic, Rule, Scene, Seconds, yaw_rad
 
 Angle = Annotated[float, ShapeName("Angle"), Field(gt=0, le=180, allow_inf_nan=False)]
 Delay = Annotated[float, ShapeName("Delay"), Field(ge=0, allow_inf_nan=False)]
@@ -21,25 +21,54 @@ class LocalizationRequirement(RobotRequirement):
     """The robot has to know where it is."""
 
     violated_when = (
-        "the estimate of a function of the application, `attribute`, is farther than `max_m` from the body's true "
-        "place, or missing"
+        "the estimated pose is farther than `max_m` from the true one, or missing: that of a function of the "
+        "application, `attribute`, from the body; or that on the topic `estimate` from that on the topic `truth`"
     )
     more_members = "`max_deg`: largest error of its yaw; `from_s` (0): when it has to know"
 
     kind: Literal["localization"] = Field(description="`localization`.")
-    attribute: DottedName = Field(
-        description="Dotted path of the function in the simulation or robot application, `my_nav.rules.estimate`: "
+    attribute: DottedName | None = optional(
+        "Dotted path of the function in the simulation or robot application, `my_nav.rules.estimate`: "
         "`(environment, time_s)` gives x and y in metres, or x, y and the yaw in radians, or `None`."
     )
+    estimate: RosTopic | None = optional(
+        "Recorded topic with the estimated pose, in place of `attribute`: `/amcl_pose`, or `/tf`, from the map to the "
+        "robot's base."
+    )
+    truth: RosTopic | None = optional("Recorded topic with the true pose, for `estimate`.")
     max_m: Metres = Field(description="Largest distance between the estimated and the true place, in metres.")
     max_deg: Angle | None = optional("Largest error of the estimated yaw, in degrees; absent: it is not judged.")
     from_s: Delay = Field(default=0.0, description="Simulated time from which on the robot has to know where it is.")
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.attribute is None) == (self.estimate is None):
+            there = "neither" if self.attribute is None else "both"
+            raise ValueError(f"{there} attribute and estimate; the pose is estimated by one of them")
+        if (self.estimate is None) != (self.truth is None):
+            given, lacks = ("estimate", "truth") if self.truth is None else ("truth", "estimate")
+            raise ValueError(
+                f"{given} needs {lacks}, the topic with the {'true' if lacks == 'truth' else 'estimated'} pose"
+            )
+        if self.estimate is not None and self.estimate == self.truth:
+            raise ValueError(f"estimate and truth are both {self.truth}, so the error is always 0; name two topics")
+        if self.stop and self.by_topics:
+            raise ValueError("stop: topics are judged when the run is over; leave out stop")
+        if self.body is not None and self.by_topics:
+            raise ValueError("body: topics have the pose of the robot; leave out body")
+        return self
+
+    @property
+    def by_topics(self) -> bool:
+        """Whether both poses are those of recorded topics."""
+        return self.estimate is not None
+
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
         """The function's package."""
-        yield str(requirement.get("attribute", "")).partition(".")[0]
+        if attribute := requirement.get("attribute"):
+            yield str(attribute).partition(".")[0]
 
 
 class LocalizationRule(Rule[LocalizationRequirement]):
@@ -51,8 +80,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         self._checks = self._missing = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Asks the function, and measures where the body is."""
+        """Asks the function and measures where the body is, or reads both poses from topics."""
         asked, environment = self.asked, scene.environment
+        if asked.attribute is None:
+            return self._bind_topics(scene)
         function = scene.function(self, asked.attribute)
         position, orientation = scene.position(self), scene.orientation(self)
 
@@ -72,6 +103,23 @@ class LocalizationRule(Rule[LocalizationRequirement]):
 
         return look
 
+    def _bind_topics(self, scene: Scene) -> Look:
+        """Reads poses from topics, and compares each estimate with the true pose at its time."""
+        asked = self.asked
+        assert asked.estimate is not None
+        assert asked.truth is not None
+        errors = iter(scene.pose_pairs(self, asked.estimate, asked.truth))
+        ahead = next(errors, None)
+
+        def look(time_s: float) -> None:
+            nonlocal ahead
+            while ahead is not None and ahead.time_s <= time_s and self.error is None:
+                if ahead.time_s >= asked.from_s:
+                    self.update(ahead.time_s, ahead.estimate, ahead.truth)
+                ahead = next(errors, None)
+
+        return look
+
     def update(self, time_s: float, estimate: Pose | None, truth: tuple[float, float, float]) -> None:
         """Takes note of an estimate and the true pose; `None`: the robot does not know."""
         self._checks += 1
@@ -80,7 +128,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             self.violate(time_s)
             return
         if estimate[2] is None and self.asked.max_deg is not None:
-            self.fail(f"{self.asked.attribute} gives no yaw, so max_deg cannot be judged")
+            self.fail(f"{self.asked.attribute or self.asked.estimate} gives no yaw, so max_deg cannot be judged")
             return
         away_m = math.dist(estimate[:2], truth[:2])
         turned = 0.0 if estimate[2] is None else math.remainder(estimate[2] - truth[2], math.tau)
@@ -102,6 +150,8 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         return None
 
     def _unjudgeable(self) -> str | None:
+        if self.error is None and self.asked.by_topics and self._checks == self._missing:
+            return f"no pose on {self.asked.estimate} came from from_s, {self.asked.from_s:g} s, to the end of the run"
         if not self._checks:
             return f"the run ended at {self._end_s:.2f} s, before from_s, {self.asked.from_s:g} s"
         return None

@@ -23,6 +23,7 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
     def bind(self, scene: Scene) -> Look:
         """Connects the rule to a simulation's time."""
         environment, limit_s = scene.environment, self.asked.limit_s
+        scene.expect_end(self)
         own_s = getattr(environment, "time_limit_s", None)
         if own_s is None and not hasattr(environment, "run_result"):
             own_s = getattr(environment, "_time_limit", None)  # dm_control's environments keep theirs there

@@ -9,10 +9,9 @@ from pydantic import Field, model_validator
 from ...wire.base import ShapeName, optional
 from ...wire.common import text
 from ...wire.json_values import is_list
-from .kind import Count, Look, NamePatterns, Numbers, RequirementKind, Rule, Scene, Seconds, is_meant
+from .kind import Count, Look, NamePatterns, Numbers, RequirementKind, RosTopic, Rule, Scene, Seconds, is_meant
 
 Frequency = Annotated[float, ShapeName("Frequency"), Field(gt=0, le=1e5, allow_inf_nan=False)]
-Topic = Annotated[str, ShapeName("RosTopic"), text(2, 255, r"(/[A-Za-z_][A-Za-z0-9_]*)+")]
 FieldPath = Annotated[str, ShapeName("FieldPath"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)*")]
 Bound = Annotated[float, ShapeName("Bound"), Field(allow_inf_nan=False)]
 
@@ -31,11 +30,10 @@ class TopicRequirement(RequirementKind):
         "`min` or above `max`; or `nodes` write lines at ERROR to `/rosout`, more than `max_errors` (0)"
     )
     more_members = "one of `min_hz`, `max_gap_s`, `field`, `nodes`"
-    by_topics = True
     margins_compare = False  # the unit is that of the one that is asked for
 
     kind: Literal["topic"] = Field(description="`topic`.")
-    topic: Topic = Field(description="Topic that is recorded, `/scan`.")
+    topic: RosTopic = Field(description="Topic that is recorded, `/scan`.")
     min_hz: Frequency | None = optional("Least messages a second, on average over the run.")
     max_gap_s: Seconds | None = optional("Longest time without a message, also at the beginning and the end.")
     field: FieldPath | None = optional(
@@ -45,6 +43,11 @@ class TopicRequirement(RequirementKind):
     max: Bound | None = optional("Greatest value of the field.")
     nodes: NamePatterns | None = optional("Names of nodes, with `*` for any text, whose lines on `/rosout` are judged.")
     max_errors: Count = Field(default=0, description="How many lines at ERROR or FATAL the nodes may write.")
+
+    @property
+    def by_topics(self) -> bool:
+        """Whether it is measured by recorded topics only: it is."""
+        return True
 
     @model_validator(mode="after")
     def _one_question(self) -> Self:

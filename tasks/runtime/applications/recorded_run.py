@@ -101,16 +101,17 @@ class RecordedRun(dm_env.Environment):
         """
         if topic not in self._bag.types:
             raise NotMeasuredError(f"{self._bag.path.name} has no topic {topic}{self._bag.near(topic)}")
-        return self._timed(topic)
+        return ((time_s, message.content) for time_s, message in self.timed(topic))
 
-    def _timed(self, topic: str) -> Iterator[tuple[float, Any]]:
+    def timed(self, topic: str) -> Iterator[tuple[float, Message]]:
+        """Returns the messages on a topic that is there, with all that a recording says of them."""
         clock_s = 0.0
         for message in self._bag.messages({topic, *([CLOCK] if self._clock else [])}):
             if self._clock and message.topic == CLOCK:
                 clock_s = message.content.clock.sec + message.content.clock.nanosec / 1e9
             time_s = clock_s - self._sources.start_s if self._clock else self._received_s(message.time_ns)
             if message.topic == topic and time_s >= 0:
-                yield time_s, message.content
+                yield time_s, message
 
     def reset(self) -> dm_env.TimeStep:
         """Goes to the beginning of the recorded run.
@@ -170,7 +171,7 @@ class RecordedRun(dm_env.Environment):
 
     def run_result(self) -> EnvironmentReport:
         """Returns the path, how it was measured, and what it was measured by; the job's requirements judge."""
-        self._measurements.finish(self._time_s)  # also where requirements ended the run before the recording did
+        self._measurements.finish(self._time_s, is_over=self._next is not None)
         seconds = f"{self._time_s:.1f} s"
         about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
         return EnvironmentReport(
@@ -204,6 +205,8 @@ class RecordedRun(dm_env.Environment):
         Raises:
             RecordingFault: It has to be, and there is none.
         """
+        if self._sources.time != "received" and (why := self._bag.mixed(CLOCK)) is not None:
+            raise RecordingFault(f"{self._bag.path}: {why}; time: received would do as well")
         has_clock = bool(self._bag.counts.get(CLOCK))
         if self._sources.time == "clock" and not has_clock:
             raise RecordingFault(

@@ -33,6 +33,7 @@ _GAZEBO = {
     "gazebo_msgs/msg/ContactState": "string info\nstring collision1_name\nstring collision2_name\n"
     "geometry_msgs/Wrench[] wrenches\ngeometry_msgs/Wrench total_wrench\ngeometry_msgs/Vector3[] contact_positions\n"
     "geometry_msgs/Vector3[] contact_normals\nfloat64[] depths\n",
+    "gazebo_msgs/msg/ModelStates": "string[] name\ngeometry_msgs/Pose[] pose\ngeometry_msgs/Twist[] twist\n",
     "gazebo_msgs/msg/ContactsState": "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
 }
 
@@ -152,12 +153,25 @@ class Bag:
         found = self.types.get(topic)
         if found is None:
             raise RecordingFault(f"{self.path} has no topic {topic}{self.near(topic)}")
-        if len(found) > 1:
-            raise RecordingFault(
-                f"{self.path}: {topic} has messages of {' and '.join(sorted(found))}; one type would do"
-            )
+        if (why := self.mixed(topic)) is not None:
+            raise RecordingFault(f"{self.path}: {why}")
         (only,) = found
         return only
+
+    def has(self, topic: str, types: Collection[str]) -> bool:
+        """Whether a topic is there, and all its messages are of one of some types."""
+        found = self.types.get(topic, set())
+        return len(found) == 1 and found <= set(types)
+
+    def mixed(self, topic: str) -> str | None:
+        """Explains which types the messages of a topic have, if there are several; `None`: there is one, or none."""
+        found = sorted(self.types.get(topic, ()))
+        if len(found) < 2:
+            return None
+        return (
+            f"{topic} has messages of {' and '.join(found)}, so it is not clear what they say; a topic of one type "
+            "would do: name it in the sources, or record each type as a topic of its own"
+        )
 
     def near(self, topic: str) -> str:
         """Suggests the topic that may have been meant, or lists the topics."""

@@ -55,6 +55,12 @@ class FrameTree:
         self.is_static: dict[str, bool] = {}
         self._matrices: dict[str, Matrix] = {}
 
+    def copy(self) -> "FrameTree":
+        """Returns a tree with the frames that are known now, which goes on by itself."""
+        tree = FrameTree()
+        tree.parents, tree.is_static, tree._matrices = dict(self.parents), dict(self.is_static), dict(self._matrices)
+        return tree
+
     def know(self, transform: Any, *, is_static: bool) -> str:
         """Records the parent of a frame; returns the frame."""
         child = bare(transform.child_frame_id)

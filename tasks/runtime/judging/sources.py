@@ -1,15 +1,13 @@
-"""Sources of a recording: silence of topics, poses, contacts, and distances that a lidar sees."""
+"""Sources of a recording: silence of topics, poses, and distances that a lidar sees."""
 
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from fnmatch import fnmatchcase
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ....schemas.runs.recording_sources import RecordingSources
-from ....schemas.runs.requirement_kinds.kind import ROUNDING_S, Rule
+from ....schemas.runs.requirement_kinds.kind import ROUNDING_S, Blind, Rule
 from .bags import Message, RecordingFault
 from .frames import FrameTree, Matrix, bare, matrix_of, quaternion_of
 
@@ -24,7 +22,7 @@ _POSES: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
 POSE_TYPES = tuple(_POSES)
 """Types of messages with one pose."""
 _PLANAR = 1e-6
-"""Sine of a tilt below which a pose is planar: rounding alone gives less."""
+"""Sine of a tilt, and change of height in m, below which a pose is planar: rounding alone gives less."""
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 
 
@@ -102,6 +100,9 @@ class Pose:
         """Quaternion, w first; changes in place."""
         self.tilts = False
         """Whether it was ever tilted in the least: a planar one cannot tell."""
+        self.rises = False
+        """Whether it was ever at another height: a planar one cannot tell."""
+        self._first_z_m = math.nan
 
     @property
     def is_known(self) -> bool:
@@ -113,6 +114,8 @@ class Pose:
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
+        self._first_z_m = self.position[2] if math.isnan(self._first_z_m) else self._first_z_m
+        self.rises = self.rises or abs(self.position[2] - self._first_z_m) > _PLANAR
 
 
 class PoseTopic:
@@ -124,14 +127,16 @@ class PoseTopic:
         self.frame = ""
         """Frame that the poses are in, once one came."""
 
-    def take(self, message: Message, time_s: float, path: object) -> None:
-        """Reads the pose of a message; invalid numbers are skipped."""
+    def take(self, message: Message, time_s: float, path: object) -> bool:
+        """Reads the pose of a message, and returns whether its numbers are valid; others are skipped."""
         self.source.check_stamp(message.content.header.stamp, path)
         matrix = matrix_of(*_POSES[message.type](message.content))
-        if matrix is not None:
-            self.frame = self.frame or bare(message.content.header.frame_id)
-            self.source.hear(time_s)
-            self.pose.set(matrix)
+        if matrix is None:
+            return False
+        self.frame = self.frame or bare(message.content.header.frame_id)
+        self.source.hear(time_s)
+        self.pose.set(matrix)
+        return True
 
 
 class TransformPoses:
@@ -144,6 +149,10 @@ class TransformPoses:
         self._poses: dict[tuple[str, ...], Pose] = {}
         self._parents: dict[tuple[str, ...], list[str]] = {}
         """Parent of each frame in a chain, as it was found."""
+
+    def is_static(self, frame: str) -> bool:
+        """Whether a frame never moves in its parent."""
+        return self._tree.is_static[frame]
 
     def pose(self, chain: Sequence[str]) -> Pose:
         """Returns the pose at the end of a chain of frames (see `FrameTree.chain`)."""
@@ -186,160 +195,6 @@ class TransformPoses:
                 for rule in {id(rule): rule for source in pose.sources for rule in source.rules}.values():
                     rule.fail(f"{child!r} has two parents on /tf, {first!r} and {parent!r}; one of them would do")
 
-
-class Contacts:
-    """Contact forces from recorded topics: the largest force of each object since the last check."""
-
-    def __init__(self, topics: Sequence[str], types: Mapping[str, Set[str]], sources: RecordingSources) -> None:
-        """Begins to listen.
-
-        Args:
-            topics: Topics with contacts.
-            types: Types of their messages.
-            sources: What is said of them.
-        """
-        self.topics = list(topics)
-        self.robot = sources.robot
-        self._speak_on_touch = sources.contacts_on_touch
-        self.sources = [Source(topic, self._longest_silence_s(types[topic], sources)) for topic in topics]
-        self._is_own = {topic: MARKERS in types[topic] for topic in topics}
-        """Topics that our recorder wrote: without a contact it writes none, whatever its sensors do."""
-        self._by_topic = dict(zip(self.topics, self.sources, strict=True))
-        self._is_robot_seen = False
-        self._others: set[str] = set()
-        self._readers: list[dict[str, float]] = []
-
-    @staticmethod
-    def _longest_silence_s(types: Set[str], sources: RecordingSources) -> float:
-        """Longest silence in which nothing is missed: Gazebo classic also says that nothing is touched."""
-        return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
-
-    def look_back(self, time_s: float) -> None:
-        """Records silences of topics that always speak."""
-        for source in self.sources:
-            if source.messages:  # the end says of a topic that never spoke why that may be
-                source.look_back(time_s)
-
-    def reader(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Makes a function that returns the contact forces since its last call, by object."""
-        felt: dict[str, float] = {}
-        self._readers.append(felt)
-        for source in self.sources:
-            source.rules.append(rule)
-
-        def read() -> Mapping[str, float]:
-            now = dict(felt)
-            felt.clear()
-            return now
-
-        return read
-
-    def take(self, message: Message, time_s: float) -> None:
-        """Reads a message with contacts."""
-        source = self._by_topic[message.topic]
-        source.hear(time_s)
-        for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
-            if not math.isfinite(force):
-                for rule in source.rules:
-                    rule.fail(f"{source.name} says that {name} was touched, and not how hard")
-                continue
-            for felt in self._readers:
-                felt[name] = max(felt.get(name, 0.0), force)
-
-    def _other_side(self, first: str, second: str) -> str | None:
-        """The other side of a contact; None: the robot has no part in it, or it is on the floor."""
-        ours = [_is_of(name, self.robot or "") for name in (first, second)]
-        self._is_robot_seen = self._is_robot_seen or any(ours)
-        if ours[0] == ours[1]:
-            self._others.update(name.partition("::")[0] for name in (first, second) if not any(ours))
-            return None
-        other = second if ours[0] else first
-        return None if _is_of(other, _FLOOR) else other
-
-    def finish(self, end_s: float) -> None:
-        """Checks at the end whether the robot's contacts could be recognised."""
-        for source in self.sources:
-            if not (source.messages or self._speak_on_touch or self._is_own[source.name]):
-                for rule in source.rules:
-                    rule.fail(
-                        f"no message came on {source.name}: nothing was touched, or its sensor was off, which nothing "
-                        "tells apart; contacts_on_touch: true (in the sources) says that it speaks on touch only"
-                    )
-            source.finish(end_s)
-            for rule in source.rules if self._others and not self._is_robot_seen else ():
-                models = ", ".join(sorted(self._others)[:_MAX_SHOWN])
-                rule.fail(f"no contact on {source.name} is of a model named {self.robot!r} (robot); there are {models}")
-
-    def remarks(self) -> Iterator[str]:
-        """Yields notes about topics without messages."""
-        for source in self.sources:
-            if source.rules and not source.messages:
-                yield f"no message came on {source.name}, which is taken for nothing was touched"
-
-
-_FLOOR = "ground_plane"
-"""Gazebo's own floor, which may always be touched."""
-_MAX_SHOWN = 12
-_OtherSide = Callable[[str, str], str | None]
-
-
-def _is_of(name: str, model: str) -> bool:
-    """Whether a collision is of a model: `model::link::collision`, also with the name of an outer one before."""
-    return any(fnmatchcase(part, model) for part in name.split("::")[:-1])
-
-
-def fits_floor(model: str) -> bool:
-    """Whether a name of a model, with `*` for any text, is also one of the floor, as `*` alone is of everything."""
-    return fnmatchcase(_FLOOR, model)
-
-
-def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of our own recordings: each thing's name, and its force in newtons as text; several are added."""
-    del other_side  # they are all of the robot
-    sums: dict[str, float] = {}
-    for marker in content.markers:
-        found = re.match(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", marker.text)
-        sums[marker.ns] = sums.get(marker.ns, 0.0) + (float(found[0]) if found else math.nan)
-    yield from sums.items()
-
-
-def _of_states(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of Gazebo classic."""
-    for state in content.states:
-        name = other_side(state.collision1_name, state.collision2_name)
-        if name is not None:
-            forces = [_along(wrench.force, state.contact_normals, i) for i, wrench in enumerate(state.wrenches)]
-            yield name, sum(forces) if forces else math.nan
-
-
-def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of Gazebo, by its bridge."""
-    for contact in content.contacts:
-        name = other_side(contact.collision1.name, contact.collision2.name)
-        if name is not None:
-            forces = [_along(w.body_1_wrench.force, contact.normals, i) for i, w in enumerate(contact.wrenches)]
-            yield name, sum(forces) if forces else math.nan
-
-
-def _along(force: Any, normals: Sequence[Any], index: int) -> float:
-    """The part of a force along its contact's normal, in newtons; all of it where the normal is not told."""
-    size = math.hypot(force.x, force.y, force.z)
-    if index >= len(normals):
-        return size
-    normal = normals[index]
-    length = math.hypot(normal.x, normal.y, normal.z)
-    return abs(force.x * normal.x + force.y * normal.y + force.z * normal.z) / length if length > 0 else size
-
-
-_STATES = "gazebo_msgs/msg/ContactsState"
-CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, float]]]] = {
-    _STATES: _of_states,
-    "ros_gz_interfaces/msg/Contacts": _of_contacts,
-    "visualization_msgs/msg/MarkerArray": _of_markers,
-}
-"""Readers of contacts by type: what the robot touched, and how hard in newtons; NaN: that is not told."""
-MARKERS = "visualization_msgs/msg/MarkerArray"
-"""Type of contacts in our own recordings, which others draw anything with."""
 
 _ALL_AROUND_RAD = math.radians(350)
 """Scans that see more are all around: many lidars have a gap of a few degrees between the last ray and the first."""
@@ -423,7 +278,7 @@ class Scan:
                 f"{self.topic} sees {math.degrees(sees_rad):.0f} degrees, so what is elsewhere could be missed; "
                 "partial_scan: true judges by what it sees"
             )
-        self._check_nearest(scan.range_min)
+        self._tell_blind(scan.range_min)
         return True
 
     def finish(self) -> None:
@@ -439,17 +294,13 @@ class Scan:
                 "could be missed; partial_scan: true judges by what it sees"
             )
 
-    def _check_nearest(self, range_min_m: float) -> None:
-        """A limit nearer than the lidar's least range could not be missed."""
+    def _tell_blind(self, range_min_m: float) -> None:
+        """Tells rules below what distance the lidar sees nothing, from the robot's surface."""
         assert self._mount is not None
         away_m = math.hypot(self._mount[0, 3], self._mount[1, 3])
+        why = f"{self.topic} sees nothing nearer than {range_min_m:g} m, and the robot's radius is {self._radius_m:g} m"
         for rule in self.source.rules:
-            least_m = getattr(rule.asked, "min_m", math.inf)
-            if least_m + self._radius_m - away_m < range_min_m:
-                rule.fail(
-                    f"{self.topic} sees nothing nearer than {range_min_m:g} m, so a clearance of {least_m:g} m from a "
-                    f"robot with a radius of {self._radius_m:g} m could not be missed"
-                )
+            rule.blind = Blind(range_min_m + away_m - self._radius_m, why)
 
     def _fail(self, why: str) -> None:
         for rule in self.source.rules:

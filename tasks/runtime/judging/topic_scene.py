@@ -1,31 +1,21 @@
 """The scene that requirements are measured in where a run was recorded: topics in place of physics."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.recording_sources import RecordingSources
-from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, Rule
+from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, PosePair, Rule
 from ....schemas.worlds.world import World
 from ..episode.floor import MapFloor, floor_of
 from ..episode.loading import load_judging_function
 from .bags import Bag, Message, RecordingFault
+from .contacts import CONTACT_TYPES, MARKERS, Contacts, fits_floor, listed_names
 from .frames import FrameTree
-from .sources import (
-    CONTACT_TYPES,
-    MARKERS,
-    POSE_TYPES,
-    SCAN_TYPE,
-    TRANSFORMS,
-    Contacts,
-    Pose,
-    PoseTopic,
-    Scan,
-    Source,
-    TransformPoses,
-    fits_floor,
-)
+from .pose_pairs import PosePairs, Timed, poses_in, poses_on
+from .sources import POSE_TYPES, SCAN_TYPE, TRANSFORMS, Pose, PoseTopic, Scan, Source, TransformPoses
 
 CLOCK = "/clock"
 _TF, _TF_STATIC, _ODOM, _SCAN, _CONTACTS = "/tf", "/tf_static", "/odom", "/scan", "/contacts"
@@ -59,8 +49,10 @@ class Measurements:
         self._read: list[tuple[Rule[Any], str]] = []
         """Rules that take silence for good, and the topic that each reads."""
         self._tree = FrameTree()
-        self._is_tf = _TF in bag.types and bool(bag.types[_TF] & set(TRANSFORMS))
-        for message in bag.messages([_TF_STATIC]) if bag.types.get(_TF_STATIC, set()) & set(TRANSFORMS) else ():
+        self._ending: list[Rule[Any]] = []
+        """Rules about the end of the run."""
+        self._is_tf = bag.has(_TF, TRANSFORMS)
+        for message in bag.messages([_TF_STATIC]) if bag.has(_TF_STATIC, TRANSFORMS) else ():
             for transform in message.content.transforms:
                 self._tree.place(transform, is_static=True)
         self._unseen: Iterator[Message] = bag.messages([_TF]) if self._is_tf else iter(())
@@ -68,6 +60,10 @@ class Measurements:
         self._poses: dict[int, Pose] = {}
         """Poses that rules are about, by the rule's identity."""
         self._tilted: list[tuple[Rule[Any], Pose]] = []
+        self._risen: list[tuple[Rule[Any], Pose]] = []
+        self._paired_sources: list[Source] = []
+        self._paired: list[PoseTopic] = []
+        """Topics with poses that are compared with others, as they are read."""
         self._topic_pose = self._find_pose_topic()
         self._contacts = self._find_contacts()
         self._scan = self._find_scan()
@@ -106,14 +102,23 @@ class Measurements:
         if self._contacts is not None:
             self._contacts.look_back(time_s)
 
-    def finish(self, end_s: float) -> None:
-        """Records which sources were silent at the end."""
-        for source in self._steady_sources():
+    def finish(self, end_s: float, *, is_over: bool) -> None:
+        """Records which sources were silent at the end, and what could have been missed.
+
+        Args:
+            end_s: Time of the last look, in seconds.
+            is_over: Whether a requirement ended the run before the recording did.
+        """
+        for source in [*self._steady_sources(), *self._paired_sources]:
             source.finish(end_s)
-        for rule, pose in self._tilted:
-            if not pose.tilts and rule.violated_s is None:
+        planar = [(rule, pose, "are never tilted in the least") for rule, pose in self._tilted if not pose.tilts]
+        planar += [(rule, pose, "never change their height") for rule, pose in self._risen if not pose.rises]
+        for rule, pose, what in planar:
+            if rule.violated_s is None:
                 names = ", ".join(source.name for source in pose.sources)
-                rule.fail(f"poses of {names} are never tilted in the least, as those of wheels, so it could be missed")
+                rule.fail(f"poses of {names} {what}, as those of wheels, so it could be missed")
+        if not is_over:
+            self._finish_limits(end_s)
         if self._contacts is not None:
             self._contacts.finish(end_s)
         if self._scan is not None:
@@ -123,6 +128,19 @@ class Measurements:
             if topic in self._losses and rule.violated_s is None:
                 rule.fail(f"{topic}: {self._losses[topic]}, so something could have been missed")
 
+    def _finish_limits(self, end_s: float) -> None:
+        """Makes errors of time limits that the recording does not reach, where nothing says that the run was over."""
+        rules = {id(rule): rule for pose in self._poses.values() for source in pose.sources for rule in source.rules}
+        goals = [rule.is_reached for rule in rules.values() if rule.is_reached is not None]
+        if self.sources.ends_with_run or (goals and all(goals)):
+            return
+        for rule in self._ending:
+            if rule.violated_s is None and end_s <= rule.planned_s:
+                rule.fail(
+                    f"the recording ends at {end_s:.2f} s, before the limit of {rule.planned_s:g} s, and may be cut "
+                    "short; goals that are reached, or ends_with_run: true (in the sources), say that the run was over"
+                )
+
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
         """Takes note that a rule reads a topic whose silence would be good."""
         self._read.append((rule, topic))
@@ -130,6 +148,10 @@ class Measurements:
     def remarks(self) -> list[str]:
         """Returns notes on how the run was measured, for people who read the verdict."""
         found = list(self._contacts.remarks()) if self._contacts else []
+        for each in self._paired:
+            if each.frame and each.frame != self.sources.map_frame:
+                frames = f"the frame {each.frame!r}, which is taken for {self.sources.map_frame!r}"
+                found.append(f"poses on {each.source.name} are in {frames}")
         if self.pose is None or not any(source.rules for source in self.pose.sources):
             return found
         frame = self._topic_pose.frame if self._topic_pose else self._root
@@ -170,19 +192,74 @@ class Measurements:
         if pose is None:
             raise NotMeasuredError(self._no_pose())
         if not pose.sources:
-            raise NotMeasuredError(
-                f"{self._bag.path.name}: all frames from the map to {body or self.base!r} are on {_TF_STATIC}, so it "
-                "could not move"
-            )
+            raise NotMeasuredError(self._no_motion(body or self.base))
         if self._poses.get(id(rule)) is not pose:
             self._poses[id(rule)] = pose
             for source in pose.sources:
                 source.rules.append(rule)
         return pose
 
+    def pose_pairs(
+        self, rule: Rule[Any], estimate: str, truth: str, timed: Callable[[str], Timed]
+    ) -> Iterator[PosePair]:
+        """Yields the estimated poses of the robot, each with the true one at the same time.
+
+        Args:
+            rule: Rule that asks.
+            estimate: Topic with the estimates.
+            truth: Topic with the true poses.
+            timed: Reads the messages of a topic, with their times in seconds since the run began.
+
+        Raises:
+            NotMeasuredError: The recording does not have one of them.
+        """
+        gap_s, path = self.sources.max_gap_s, self._bag.path
+        pairs = PosePairs(rule, rule.asked, (estimate, truth), gap_s, is_steady=estimate == _TF)
+        truths = self._paired_topic(rule, truth, gap_s)
+        if estimate != _TF:
+            topic = self._paired_topic(rule, estimate, math.inf)
+            return pairs.of(poses_on(topic, timed(estimate), path), poses_on(truths, timed(truth), path))
+        chain = self._chain(self.sources.map_frame, self.base) if self._is_tf else None
+        if chain is None:
+            raise NotMeasuredError(self._no_way())
+        transforms = TransformPoses(self._tree.copy(), self.sources)
+        links = transforms.pose(chain).sources
+        if not links:
+            raise NotMeasuredError(self._no_motion(self.base))
+        for link in links:
+            link.rules.append(rule)
+        self._paired_sources += links
+        self.note_reader(rule, _TF)
+        return pairs.of(poses_in(transforms, chain, timed(_TF), path), poses_on(truths, timed(truth), path))
+
+    def _paired_topic(self, rule: Rule[Any], topic: str, max_gap_s: float) -> PoseTopic:
+        """Finds a topic with poses for a rule that compares two.
+
+        Raises:
+            NotMeasuredError: It is not there, or has something else.
+        """
+        try:
+            self._check(topic, POSE_TYPES, "a pose to compare")
+        except RecordingFault as fault:
+            raise NotMeasuredError(str(fault)) from None
+        found = PoseTopic(topic, self.sources.model_copy(update={"max_gap_s": max_gap_s}))
+        found.source.rules.append(rule)
+        self._paired.append(found)
+        self._paired_sources.append(found.source)
+        self.note_reader(rule, topic)
+        return found
+
     def expect_tilt(self, rule: Rule[Any]) -> None:
         """Takes note that a rule is about tilt, which planar poses do not tell."""
         self._tilted.append((rule, self.pose_of(rule)))
+
+    def expect_rise(self, rule: Rule[Any]) -> None:
+        """Takes note that a rule is about the height, which planar poses do not tell."""
+        self._risen.append((rule, self.pose_of(rule)))
+
+    def expect_end(self, rule: Rule[Any]) -> None:
+        """Takes note that a rule is about the end of the run."""
+        self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
         """Whether all that a rule measures by has been heard."""
@@ -190,13 +267,14 @@ class Measurements:
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
         return scanned and (pose is None or pose.is_known)
 
-    def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
+    def contacts(self, rule: Rule[Any], world: World | None) -> Callable[[], Mapping[str, float]]:
         """Makes a function that returns the contact forces of objects that touch the robot.
 
         Raises:
             NotMeasuredError: The recording has no topic with contacts, or it is not said which side is the robot.
         """
         if self._contacts is None:
+            self._refuse_mixed(*self._bag.topics_of(*CONTACT_TYPES))
             raise NotMeasuredError(
                 f"{self._bag.path.name} has no topic with contacts (gazebo_msgs/ContactsState, "
                 f"ros_gz_interfaces/Contacts, or {_CONTACTS} of our own recordings), so it cannot say "
@@ -212,7 +290,7 @@ class Measurements:
                 f"robot is {self.sources.robot!r}, which the floor is called as well, so nothing could be touched; the "
                 "name of the robot's model would do"
             )
-        return self._contacts.reader(rule)
+        return self._contacts.reader(rule, listed_names(self._bag, world, self.sources.robot or ""))
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
         """Makes a function that returns the distance to obstacles from the lidar.
@@ -221,6 +299,7 @@ class Measurements:
             NotMeasuredError: The recording has no scan, the robot's radius is not known, or names count.
         """
         if self._scan is None:
+            self._refuse_mixed(_SCAN)
             there = self._bag.topics_of(SCAN_TYPE)
             which = f"; it has {', '.join(there)}, name one (scan in the sources)" if there else "; record one"
             raise NotMeasuredError(f"{self._bag.path.name} has no topic {_SCAN} ({SCAN_TYPE}){which}")
@@ -286,15 +365,23 @@ class Measurements:
                 self._tree.know(transform, is_static=False)
         return found
 
+    def _no_motion(self, frame: str) -> str:
+        return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
+
+    def _no_way(self, *others: str) -> str:
+        """Says that `/tf` does not lead from the map, or another frame, to the robot."""
+        self._refuse_mixed(_TF)
+        frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
+        roots = " or ".join(map(repr, (self.sources.map_frame, *others)))
+        where = f"{self._bag.path.name} does not say where the robot is"
+        return f"{where}: {_TF} does not lead from {roots} to {self.base!r} (it has {frames})"
+
     def _no_pose(self) -> str:
         sources = self.sources
+        self._refuse_mixed(_TF, _ODOM)
         where = f"{self._bag.path.name} does not say where the robot is"
         if sources.pose == _TF or self._is_tf:
-            frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
-            return (
-                f"{where}: {_TF} does not lead from {sources.map_frame!r} or {_ODOM_FRAME!r} to {self.base!r} (it has "
-                f"{frames}), and there is no topic {_ODOM}"
-            )
+            return f"{self._no_way(_ODOM_FRAME)}, and there is no topic {_ODOM}"
         there = self._bag.topics_of(*POSE_TYPES)
         which = f"; {', '.join(there)} may (pose in the sources)" if there else ""
         return f"{where}: it has neither {_TF} nor {_ODOM}{which}"
@@ -307,8 +394,7 @@ class Measurements:
         if wanted is not None:
             self._check(wanted, POSE_TYPES, "pose")
             return PoseTopic(wanted, self.sources)
-        has_odom = _ODOM in self._bag.types and bool(self._bag.types[_ODOM] & set(POSE_TYPES))
-        return PoseTopic(_ODOM, self.sources) if has_odom else None
+        return PoseTopic(_ODOM, self.sources) if self._bag.has(_ODOM, POSE_TYPES) else None
 
     def _find_contacts(self) -> Contacts | None:
         for topic in self.sources.contacts:
@@ -316,7 +402,9 @@ class Measurements:
         own = [_CONTACTS] if MARKERS in self._bag.types.get(_CONTACTS, ()) else []
         usual = [*self._bag.topics_of(*(each for each in CONTACT_TYPES if each != MARKERS)), *own]
         topics = self.sources.contacts or list(dict.fromkeys(usual))
-        return Contacts(topics, self._bag.types, self.sources) if topics else None
+        # Where one of them cannot be read, something could have been missed on it.
+        is_readable = all(self._bag.has(topic, tuple(CONTACT_TYPES)) for topic in topics)
+        return Contacts(topics, self._bag.types, self.sources) if topics and is_readable else None
 
     def _find_scan(self) -> Scan | None:
         wanted = self.sources.scan
@@ -325,7 +413,18 @@ class Measurements:
         else:
             there = self._bag.topics_of(SCAN_TYPE)
             wanted = _SCAN if _SCAN in there else there[0] if len(there) == 1 else None
+            wanted = wanted if wanted is not None and self._bag.has(wanted, (SCAN_TYPE,)) else None
         return Scan(wanted, self._tree, self.base, self.sources) if wanted else None
+
+    def _refuse_mixed(self, *topics: str) -> None:
+        """Raises an error if a topic has messages of several types, which is why it is not read.
+
+        Raises:
+            NotMeasuredError: One has.
+        """
+        for topic in topics:
+            if (why := self._bag.mixed(topic)) is not None:
+                raise NotMeasuredError(f"{self._bag.path.name}: {why}")
 
     def _check(self, topic: str, types: Sequence[str], member: str) -> None:
         """Refuses a topic that is named and cannot be what it is named for.
@@ -383,6 +482,15 @@ class TopicScene:
         self._measurements.expect_tilt(rule)
         return True
 
+    def can_rise(self, rule: Rule[Any]) -> bool:
+        """Whether its height can change; poses that never do are an error at the end."""
+        self._measurements.expect_rise(rule)
+        return True
+
+    def expect_end(self, rule: Rule[Any]) -> None:
+        """Takes note that a rule is about the end of the run, which the recording may not show."""
+        self._measurements.expect_end(rule)
+
     def is_ready(self, rule: Rule[Any]) -> bool:
         """Whether all that the rule measures by has been heard."""
         return self._measurements.is_ready(rule)
@@ -401,9 +509,17 @@ class TopicScene:
             self._measurements.note_reader(rule, topic)
         return self.environment.messages_on(topic)
 
+    def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:
+        """Estimated poses on a topic, each with the true one on another at the same time.
+
+        Raises:
+            NotMeasuredError: The recording has no such topic.
+        """
+        return self._measurements.pose_pairs(rule, estimate, truth, self.environment.timed)
+
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Makes a function that returns the contact forces (N) since its last call, by object."""
-        return self._measurements.contacts(rule)
+        return self._measurements.contacts(rule, self.world)
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
         """Makes a function that returns the smallest distance in metres since its last call."""

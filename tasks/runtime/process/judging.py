@@ -43,9 +43,11 @@ def judge(request: JudgingRequest) -> RunResult:
         LaunchError: It cannot be judged at all.
     """
     observer = RequirementsObserver(request.plan)
+    # The recorder ends with the run, unless it lost something on the way.
+    sources = request.sources.model_copy(update={"ends_with_run": request.sources.ends_with_run or not request.losses})
     no_stop: Any = _NeverStopped()
     episode = run_episode(
-        lambda: RecordedRun(request.recording, request.sources, request.losses, calls_functions=False),
+        lambda: RecordedRun(request.recording, sources, request.losses, calls_functions=False),
         lambda environment: make_agent(None, environment),
         mark=lambda _phase: None,
         stop=no_stop,

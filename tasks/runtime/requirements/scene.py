@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.requirement_kinds.kind import NOT_READ, NotMeasuredError, Rule, is_meant
+from ....schemas.runs.requirement_kinds.kind import NOT_READ, NotMeasuredError, PosePair, Rule, is_meant
 from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.world import World
 from ..episode.floor import MapFloor, floor_of
@@ -32,6 +32,8 @@ from ..episode.physics import (
 _MAX_SHOWN = 12
 _UPRIGHT_AXIS = 0.99999
 """Cosine above which an axis is vertical."""
+_LEVEL_AXIS = 1e-5
+"""Cosine below which an axis is level."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,28 @@ class Scene:
         """The floor of the world, from its map; `None`: there is no world."""
         return floor_of(self.plan, rule)
 
+    def can_rise(self, rule: Rule[Any]) -> bool:
+        """Whether a joint lets the height of the robot's body change: hinges around, slides along the level do not."""
+        body = self._robot(rule)
+        while body:
+            first = self.model.body_jntadr[body]
+            for joint in range(first, first + self.model.body_jntnum[body]):
+                up = abs(self.data.xaxis[joint][2])
+                is_slide = int(self.model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+                if _is_free(self.model, joint) or (up > _LEVEL_AXIS if is_slide else up < _UPRIGHT_AXIS):
+                    return True
+            body = int(self.model.body_parentid[body])
+        return False
+
+    def expect_end(self, rule: Rule[Any]) -> None:
+        """Takes note that a rule is about the end of the run, which a simulation shows."""
+
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
         """Messages are read when the run is over; until then a rule that needs them is an error."""
+        raise NotMeasuredError(NOT_READ)
+
+    def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:  # noqa: ARG002 - as above
+        """Poses on topics are read when the run is over, as messages are."""
         raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:

@@ -51,3 +51,34 @@ def test_an_order_for_such_a_goal_is_refused() -> None:
 @pytest.mark.parametrize("order", [{}, {"simulationApplications": []}, {"simulationApplications": "${{ a }}"}])
 def test_where_the_robot_starts_is_not_known_without_the_application(order: dict[str, Any]) -> None:
     assert not starts_on_origin(order)
+
+
+def recorded(application: str = "recorded-run", **members: Any) -> dict[str, Any]:
+    config = {"application": application, "launchConfig": {}}
+    role = "arn:aws:iam::000000000000:role/local"
+    return {"maxJobDurationInSeconds": 60, "iamRole": role, "simulationApplications": [config], **members}
+
+
+def test_topics_are_not_asked_for_in_trials() -> None:
+    """Trials have no recording to judge them by."""
+    seen = {"kind": "topic", "name": "seen", "topic": "/scan", "min_hz": 4.0}
+    quick = {"kind": "time_limit", "name": "quick", "limit_s": 9.0}
+    knows = {"kind": "localization", "name": "knows", "estimate": "/tf", "truth": "/truth", "max_m": 0.5}
+    for asked, kind in (([quick, seen], "topic"), ([quick, knows], "localization")):
+        with pytest.raises(
+            InvalidParameterException, match=rf"requirements\[1\] \({kind}\) is judged by the recording"
+        ):
+            parse_request("CreateSimulationJob", recorded("warehouse", requirements=asked, trials={"seeds": 2}))
+        parse_request("CreateSimulationJob", recorded("warehouse", requirements=asked))
+    parse_request("CreateSimulationJob", recorded("warehouse", requirements=[quick], trials={"seeds": 2}))
+
+
+@pytest.mark.parametrize(
+    "name", ["recorded-run", "arn:aws:robomaker:us-east-1:000000000000:simulation-application/recorded-run/1"]
+)
+def test_a_robot_beside_a_recording_is_refused(name: str) -> None:
+    robot = {"application": "scout", "launchConfig": {}}
+    with pytest.raises(InvalidParameterException, match=r"recorded-run, judges a robot that has driven already"):
+        parse_request("CreateSimulationJob", recorded(name, robotApplications=[robot]))
+    parse_request("CreateSimulationJob", recorded(name))
+    parse_request("CreateSimulationJob", recorded("indoor-navigation", robotApplications=[robot]))

@@ -175,7 +175,7 @@ def test_what_a_recording_does_not_hold_is_an_error_of_that_requirement_alone(
 ) -> None:
     bag = write_bag(tmp_path / "bag", "mcap", [each for each in drive() if each.topic != without])
 
-    result = judge(bag, asked, QUICK, **sources)
+    result = judge(bag, asked, QUICK, ends_with_run=True, **sources)
 
     row, quick = result.requirements
     assert result.verdict == "ERROR"
@@ -344,7 +344,7 @@ def test_the_clock_is_the_time_of_a_simulation(judge: Judge, tmp_path: Path) -> 
     goal, quick = judge(bag, GOAL, QUICK).requirements
     assert goal.value == pytest.approx(9.25, abs=0.06)
     assert quick.value == pytest.approx(12.0, abs=0.03)
-    assert only(judge(bag, QUICK, time="received")).value == pytest.approx(24.0, abs=0.1)
+    assert only(judge(bag, QUICK, time="received", ends_with_run=True)).value == pytest.approx(24.0, abs=0.1)
 
 
 def test_what_was_before_the_recording_could_have_been_missed(judge: Judge, tmp_path: Path) -> None:

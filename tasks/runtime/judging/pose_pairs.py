@@ -1,0 +1,144 @@
+"""Pairs of poses of a recording: what a robot took for its pose, and the true one at the same time."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from ....schemas.runs.requirement_kinds.kind import PlanarPose, PosePair, Rule, yaw_rad
+from .bags import Message
+from .frames import bare
+from .sources import Pose, PoseTopic, TransformPoses
+
+_MAX_APART_S = 10.0
+"""Largest difference of the delays of two topics of one clock, in seconds: localizations take tenths of one."""
+
+Timed = Iterator[tuple[float, Message]]
+"""Messages of a topic, each with its time in seconds since the run began."""
+
+
+class StampedPose(NamedTuple):
+    """A pose with the time at which it was so."""
+
+    time_s: float
+    """Time of its message, in seconds since the run began."""
+    stamp_s: float
+    pose: PlanarPose
+
+
+class Asked(Protocol):
+    """Interface of a requirement about localization, as far as pairs depend on it."""
+
+    max_m: float
+    max_deg: float | None
+    from_s: float
+
+
+def poses_on(topic: PoseTopic, messages: Timed, path: object) -> Iterator[StampedPose]:
+    """Yields the poses of a topic that has one in each message."""
+    for time_s, message in messages:
+        if topic.take(message, time_s, path):
+            yield StampedPose(time_s, _stamp_s(message.content.header.stamp) or time_s, _planar(topic.pose))
+
+
+def poses_in(transforms: TransformPoses, chain: Sequence[str], messages: Timed, path: object) -> Iterator[StampedPose]:
+    """Yields the poses at the end of a chain of frames, whenever a transform of it comes.
+
+    A pose is as old as its innermost transform that moves: localizations tell theirs, to the odometry's frame, for a
+    while ahead.
+    """
+    pose, stamp_s = transforms.pose(chain), math.nan
+    innermost = [frame for frame in chain if not transforms.is_static(frame)][-1]
+    for time_s, message in messages:
+        transforms.take(message, time_s, path)
+        moved = {bare(each.child_frame_id): each.header.stamp for each in message.content.transforms}
+        if innermost in moved:
+            stamp_s = _stamp_s(moved[innermost]) or time_s
+        if moved.keys() & set(chain) and pose.is_known and math.isfinite(stamp_s):
+            yield StampedPose(time_s, stamp_s, _planar(pose))
+
+
+class PosePairs:
+    """Estimated poses, each with the true pose at its time, in between two that were recorded."""
+
+    def __init__(
+        self, rule: Rule[Any], asked: Asked, names: tuple[str, str], max_gap_s: float, *, is_steady: bool
+    ) -> None:
+        """Prepares to compare two topics.
+
+        Args:
+            rule: Rule that is about them.
+            asked: Its requirement.
+            names: Topics with the estimated and the true pose.
+            max_gap_s: Longest silence of a topic, in seconds.
+            is_steady: Whether the silence of estimates is watched elsewhere; those of a topic may only come when the
+                robot moves.
+        """
+        self._rule, self._asked, self._names = rule, asked, names
+        self._max_gap_s, self._is_steady = max_gap_s, is_steady
+        self._since: StampedPose | None = None
+        """True pose at the last estimate, or where the requirement began."""
+
+    def of(self, estimates: Iterator[StampedPose], truths: Iterator[StampedPose]) -> Iterator[PosePair]:
+        """Yields the pairs in the order of the estimates."""
+        before = after = next(truths, None)
+        is_first = True
+        for estimate in estimates:
+            if is_first and after is not None and not self._has_one_clock(estimate, after):
+                return
+            is_first = False
+            while after is not None and after.stamp_s < estimate.stamp_s:
+                self._watch(after)
+                before, after = after, next(truths, None)
+            if before is None or after is None or before.stamp_s > estimate.stamp_s:
+                continue  # there is no true pose on both sides of it
+            truth = _between(before, after, estimate.stamp_s)
+            self._since = StampedPose(estimate.time_s, estimate.stamp_s, truth)
+            yield PosePair(estimate.time_s, estimate.pose, truth)
+        for each in (after, *truths) if after is not None else ():
+            self._watch(each)
+
+    def _has_one_clock(self, estimate: StampedPose, truth: StampedPose) -> bool:
+        """Whether stamps of both topics are of one clock; makes an error where they are not."""
+        apart_s = (estimate.stamp_s - estimate.time_s) - (truth.stamp_s - truth.time_s)
+        if abs(apart_s) <= _MAX_APART_S:
+            return True
+        first, second = self._names
+        self._rule.fail(
+            f"stamps on {first} and {second} are of two clocks, {abs(apart_s):.1f} s apart, so nothing says which "
+            "poses belong together; stamp both by one clock"
+        )
+        return False
+
+    def _watch(self, truth: StampedPose) -> None:
+        """Makes an error of a robot that went farther without an estimate than it may be wrong."""
+        if truth.time_s < self._asked.from_s:
+            return
+        since = self._since = truth if self._since is None else self._since
+        silent_s = truth.time_s - max(since.time_s, self._asked.from_s)
+        away_m = math.dist(truth.pose[:2], since.pose[:2])
+        turned_deg = abs(math.degrees(math.remainder(truth.pose[2] - since.pose[2], math.tau)))
+        is_far = away_m > self._asked.max_m or turned_deg > (self._asked.max_deg or math.inf)
+        if not self._is_steady and is_far and silent_s > self._max_gap_s and self._rule.violated_s is None:
+            silence = f"no message on {self._names[0]} from {since.time_s:.2f} to {truth.time_s:.2f} s"
+            self._rule.fail(
+                f"{silence}, longer than max_gap_s ({self._max_gap_s:g} s), while the robot went {away_m:.2f} m, so an "
+                "error could have been missed"
+            )
+
+
+def _between(before: StampedPose, after: StampedPose, stamp_s: float) -> PlanarPose:
+    """The pose at a time between two others."""
+    passed_s = after.stamp_s - before.stamp_s
+    share = (stamp_s - before.stamp_s) / passed_s if passed_s > 0 else 0.0
+    (x0, y0, yaw0), (x1, y1, yaw1) = before.pose, after.pose
+    turned = math.remainder(yaw1 - yaw0, math.tau)
+    return x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * turned
+
+
+def _planar(pose: Pose) -> PlanarPose:
+    return pose.position[0], pose.position[1], yaw_rad(pose.orientation)
+
+
+def _stamp_s(stamp: Any) -> float:
+    """A stamp in seconds; 0: it was never set."""
+    return stamp.sec + stamp.nanosec / 1e9
