@@ -10,7 +10,7 @@ from ..wire.base import Model, optional
 from ..wire.errors import ConfigurationError
 
 GcAction = Literal["remove", "thin", "keep"]
-GcKind = Literal["run", "jobs", "world", "robot-files", "copies"]
+GcKind = Literal["run", "jobs", "world", "recording", "robot-files", "copies"]
 
 
 class RetentionPolicy(Model):
@@ -24,7 +24,9 @@ class RetentionPolicy(Model):
     )
     sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
     orphaned_worlds: bool = Field(default=False, description="Whether worlds go that nothing kept names.")
-
+    orphaned_recordings: bool = Field(
+        default=False, description="Whether recordings that were stored to be judged go that no job names."
+    )
     keep_deployments: int | None = Field(
         default=None,
         ge=0,
@@ -39,7 +41,12 @@ class RetentionPolicy(Model):
         """
         if self.older_than is None and self.keep_runs is None and self.keep_deployments is None:
             raise ConfigurationError("nothing says what is to be removed; --older-than 30d or --keep-runs 20 would")
-        for option, asked in (("--sdk-jobs", self.sdk_jobs), ("--orphaned-worlds", self.orphaned_worlds)):
+        by_age = {
+            "--sdk-jobs": self.sdk_jobs,
+            "--orphaned-worlds": self.orphaned_worlds,
+            "--orphaned-recordings": self.orphaned_recordings,
+        }
+        for option, asked in by_age.items():
             if asked and self.older_than is None:
                 raise ConfigurationError(f"{option} goes by age: add --older-than 30d, for example")
 
@@ -48,7 +55,8 @@ class GcItem(Model):
     """A run, the jobs of one order, or a world, with the decision of `robomaker gc` to keep or delete it."""
 
     kind: GcKind = Field(
-        description="`run` of a specification, `jobs` that an SDK ordered, `world`, `robot-files` or cached `copies`."
+        description="`run` of a specification, `jobs` that an SDK ordered, `world`, `recording`, `robot-files` or "
+        "cached `copies`."
     )
     id: str = Field(description="Id of the run; ARN of jobs and worlds.")
     name: str = Field(default="", description="Name of the specification.")

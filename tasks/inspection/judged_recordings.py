@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from ..runtime.judging.bags import METADATA, SUFFIXES, Bag, RecordingFault, find
 from ..runtime.judging.topic_scene import Measurements
 from ..service.service import Service
 
-_FOLDER = "recordings"
+FOLDER = "recordings"
 """Beginning of the keys of stored recordings."""
+STORED_AGAIN = timedelta(days=1)
+"""A stored recording that is older is stored again, so that `gc` does not take it before a job names it."""
 _DIGEST_CHARACTERS = 16
 _BLOCK_BYTES = 1024 * 1024
 _MAX_DURATION_S = 24 * 3600
@@ -90,7 +93,7 @@ def check_world(requirements: Sequence[RequirementKind], world: str | None) -> N
 
 
 def store_recording(recording: Path, service: Service) -> list[str]:
-    """Uploads a recording to the service's bucket, unless it is there; returns its keys.
+    """Uploads a recording to the service's bucket, unless it was lately; returns its keys.
 
     Args:
         recording: From `check_recording`.
@@ -106,7 +109,7 @@ def store_recording(recording: Path, service: Service) -> list[str]:
         with path.open("rb") as file:
             while block := file.read(_BLOCK_BYTES):
                 digest.update(block)
-    prefix = f"{_FOLDER}/{digest.hexdigest()[:_DIGEST_CHARACTERS]}"
+    prefix = f"{FOLDER}/{digest.hexdigest()[:_DIGEST_CHARACTERS]}"
     keys = {f"{prefix}/{name}": path for name, path in files.items()}
     bucket = service.settings.bucket
     service.store.ensure_bucket(bucket)
@@ -164,9 +167,9 @@ def _files(recording: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _is_stored(bucket: str, key: str, service: Service) -> bool:
-    """Whether an object is there; its key says what is in it."""
+    """Whether an object is there, and young; its key says what is in it."""
     try:
-        service.store.head(bucket, key)
+        stored_at = service.store.head(bucket, key).modified_at
     except ObjectNotFoundError:
         return False
-    return True
+    return stored_at is not None and stored_at > service.clock() - STORED_AGAIN

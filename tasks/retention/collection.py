@@ -1,7 +1,7 @@
 """Collecting what is not needed any more: decides, measures, and removes unless it is only to look."""
 
 import fcntl
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -28,6 +28,7 @@ from .inventory import (
     worlds_of_jobs,
 )
 from .policy import named_by, why_kept
+from .recordings import collect_recordings
 from .removal import (
     Amount,
     job_places,
@@ -83,6 +84,9 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     if policy.older_than is not None:
         with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
         items += collect_copies(policy.older_than, with_worlds, service, act=act)
+    if policy.orphaned_recordings and policy.older_than is not None:
+        gone = frozenset[str]() if act else _removed(policy, chosen)  # what could not be removed still names its own
+        items += collect_recordings(policy.older_than, gone, service, act=act)
     notes = list(chosen.notes)
     for part in parts_of_wings("tasks", "retention"):
         more, told = part.collect(policy, service, act=act)
@@ -117,12 +121,20 @@ def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
     return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
 
 
+def _gone(policy: RetentionPolicy, chosen: _Chosen) -> list[Unit]:
+    return [unit for unit in chosen.units if unit.candidate.id not in chosen.reasons and not _thins(unit, policy)]
+
+
+def _removed(policy: RetentionPolicy, chosen: _Chosen) -> Set[str]:
+    """ARNs of the jobs that go."""
+    return {arn for unit in _gone(policy, chosen) for arn in unit.jobs} - chosen.holders.keys()
+
+
 def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen: _Chosen) -> list[Resource]:
     """Worlds that are old enough and that nothing names which stays."""
     if not policy.orphaned_worlds or policy.older_than is None:
         return []
-    gone = [unit for unit in chosen.units if unit.candidate.id not in chosen.reasons and not _thins(unit, policy)]
-    removed = {arn for unit in gone for arn in unit.jobs} - chosen.holders.keys()
+    gone, removed = _gone(policy, chosen), _removed(policy, chosen)
     stay = {unit.candidate.id for unit in chosen.units} - {unit.candidate.id for unit in gone}
     named = named_by({unit.candidate.id: unit.names for unit in chosen.units}, stay).keys()
     spared = named | worlds_of_jobs(service, removed)

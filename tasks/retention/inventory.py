@@ -92,6 +92,17 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     return {world for job in named for world in worlds_in(_content(job))}
 
 
+def texts_of_jobs(service: Service, besides: Set[str]) -> set[str]:
+    """Returns all texts in the documents of jobs and batches, as keys of objects are.
+
+    Args:
+        service: where they are stored.
+        besides: ARNs of those that do not count.
+    """
+    named = (job for job in _all(service, (JOB, BATCH)) if job.arn not in besides)
+    return {text for job in named for text in _texts_in(_content(job))}
+
+
 def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
     """Returns for jobs whose results were reused which job has reused them, by ARN.
 
@@ -124,10 +135,15 @@ def _is_since(resource: Resource, since: datetime | None) -> bool:
 
 def worlds_in(document: Any) -> set[str]:
     """Finds the ARNs of worlds anywhere in a JSON document."""
+    return {world for text in _texts_in(document) for world in _WORLD.findall(text)}
+
+
+def _texts_in(document: Any) -> Iterator[str]:
     if isinstance(document, str):
-        return set(_WORLD.findall(document))
+        yield document
     parts = document.values() if isinstance(document, dict) else document if isinstance(document, list) else ()
-    return {world for part in parts for world in worlds_in(part)}
+    for part in parts:
+        yield from _texts_in(part)
 
 
 def why_busy(jobs: Mapping[str, Resource], service: Service) -> str:

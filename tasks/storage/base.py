@@ -81,6 +81,8 @@ class ObjectInfo:
     size_bytes: int
     etag: str
     """Changes whenever the content changes; without quotes."""
+    modified_at: datetime | None = None
+    """Time at which it was stored; `None`: not told, as of what was stored just now."""
 
 
 @dataclass(frozen=True)

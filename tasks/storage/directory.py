@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
@@ -223,8 +223,10 @@ class DirectoryStore:
             except FileNotFoundError:
                 raise self._not_found(bucket, key) from None
             with source:
-                size = os.fstat(source.fileno()).st_size
-                yield source, ObjectInfo(bucket, key, size, etag_of(source.fileno()))
+                status = os.fstat(source.fileno())
+                # Nothing sets this time, as copies with their times set that of the last change of content.
+                stored_at = datetime.fromtimestamp(status.st_ctime, UTC)
+                yield source, ObjectInfo(bucket, key, status.st_size, etag_of(source.fileno()), stored_at)
 
     @contextmanager
     def _written(

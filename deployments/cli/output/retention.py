@@ -56,6 +56,7 @@ def _database(report: GcReport) -> str:
 def _total(report: GcReport, gone: Sequence[GcItem]) -> str:
     counts = Counter(item.kind for item in gone)
     words = {"run": ("run", "runs"), "jobs": ("order of an SDK", "orders of SDKs"), "world": ("world", "worlds")}
+    words |= {"recording": ("recording", "recordings")}
     words |= {"robot-files": ("folder of files for robots", ""), "copies": ("cache", "caches")}
     parts = [f"{counts[kind]} {words[kind][counts[kind] != 1]}" for kind in words if counts[kind]]
     if flow_runs := report.flow_runs.count:

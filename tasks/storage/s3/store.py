@@ -86,6 +86,7 @@ class _Entry(TypedDict):
     Key: str
     Size: int
     ETag: str
+    LastModified: datetime
 
 
 class _Upload(TypedDict):
@@ -285,7 +286,7 @@ class S3Store:
         with self._failures(f"list {bucket}/{prefix}"):
             pages = self._client.get_paginator("list_objects_v2").paginate(Bucket=bucket, Prefix=prefix)
             found = [
-                ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'))
+                ObjectInfo(bucket, entry["Key"], entry["Size"], entry["ETag"].strip('"'), entry["LastModified"])
                 for page in pages
                 for entry in cast("Sequence[_Entry]", page.get("Contents", ()))
                 if not entry["Key"].endswith("/")
@@ -425,7 +426,7 @@ def _check(bucket: str, key: str) -> None:
 
 
 def _info(bucket: str, key: str, answer: "GetObjectOutputTypeDef | HeadObjectOutputTypeDef") -> ObjectInfo:
-    return ObjectInfo(bucket, key, answer["ContentLength"], answer["ETag"].strip('"'))
+    return ObjectInfo(bucket, key, answer["ContentLength"], answer["ETag"].strip('"'), answer["LastModified"])
 
 
 def _code(error: ClientError) -> str:

@@ -22,6 +22,7 @@ from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.inspection.judged_recordings import store_recording
 from prefect_robomaker.tasks.retention import removal
 from prefect_robomaker.tasks.retention.collection import collect, plan_collection
 from prefect_robomaker.tasks.service.service import Service
@@ -426,3 +427,44 @@ def test_two_at_once_are_refused(service: Service, monkeypatch: pytest.MonkeyPat
     finally:
         go_on.set()
         first.join()
+
+
+@ALSO_ON_S3
+def test_recordings_that_no_job_names_go(service: Service, job: Any, tmp_path: Path) -> None:
+    """Age, the jobs that stay, and what lies beside recordings decide; a recording that is judged again is young."""
+    policy = MONTH.model_copy(update={"orphaned_recordings": True, "sdk_jobs": True})
+    bucket, folders = service.settings.bucket, [f"recordings/{digit * 16}" for digit in "abc"]
+    service.store.ensure_bucket(bucket)
+    for folder in folders:
+        for name in ("bag/metadata.yaml", "bag/bag_0.mcap"):
+            service.store.put_bytes(bucket, f"{folder}/{name}", b"said")
+    service.store.put_bytes(bucket, "recordings-of-mine/x.mcap", b"said")
+    for name, keys in (("sim-old", [f"{folders[0]}/bag/"]), ("sim-batch", [f"{folders[1]}/bag/bag_0.mcap"])):
+        sources = [{"name": "recording", "s3Bucket": bucket, "s3Keys": keys}]
+        document = SimulationJobDocument(request={"dataSources": sources}, seed=1)
+        service.catalog.create(
+            Resource.new(arn=service.arn("simulation-job", name), kind="simulation-job", id=name, status="Completed",
+                         document=document), token=None)  # fmt: skip
+
+    def left() -> set[str]:
+        return {"/".join(info.key.split("/")[:2]) for info in service.store.list(bucket, "recordings")}
+
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=40))
+    alone = policy.model_copy(update={"sdk_jobs": False})
+    assert collect(alone, service).removed == [], "too young"
+    assert collect(MONTH, later).removed == [], "not asked for"
+    [planned] = plan_collection(alone, later).removed
+    assert (planned.kind, planned.id, planned.objects, planned.size_bytes) == ("recording", folders[2], 2, 8)
+    assert {each.id for each in plan_collection(policy, later).removed} >= {*folders}, "their jobs go, too"
+
+    assert [each.id for each in collect(alone, later).removed] == [folders[2]]
+
+    assert left() == {folders[0], folders[1], "recordings-of-mine/x.mcap"}
+    bag = tmp_path / "bag.mcap"
+    bag.write_bytes(b"another")
+    [key] = store_recording(bag, service)
+    service.store.put_bytes(bucket, key, b"was there")
+    assert store_recording(bag, service) == [key]
+    assert service.store.get_bytes(bucket, key) == b"was there"
+    store_recording(bag, replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=2)))
+    assert service.store.get_bytes(bucket, key) == b"another", "so that it is young, and gc does not take it now"

@@ -35,6 +35,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sdk-jobs", action="store_true", help="also jobs that SDKs or `call` ordered, not a run")
     parser.add_argument("--orphaned-worlds", action="store_true", help="also worlds that no run and no job names")
+    parser.add_argument(
+        "--orphaned-recordings", action="store_true", help="also recordings stored by `judge` that no job names"
+    )
     for part in parts_of_wings("deployments", "gc"):
         part.declare(parser)
     parser.add_argument("--dry-run", action="store_true", help="only show what would be removed")
@@ -85,6 +88,7 @@ def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
         keep_results=arguments.keep_results,
         sdk_jobs=arguments.sdk_jobs,
         orphaned_worlds=arguments.orphaned_worlds,
+        orphaned_recordings=arguments.orphaned_recordings,
         **{name: value for rules in of_wings for name, value in rules.items()},
     )
 

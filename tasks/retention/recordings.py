@@ -1,0 +1,80 @@
+"""Recordings that `robomaker judge` stored and that no job names any more."""
+
+from collections.abc import Callable, Iterator, Set
+from datetime import timedelta
+from itertools import groupby
+
+from ...schemas.reports.retention import GcItem
+from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
+from ..inspection.judged_recordings import FOLDER, STORED_AGAIN
+from ..service.service import Service
+from ..storage.base import ObjectInfo
+from .inventory import texts_of_jobs
+
+_LEAST = 2 * STORED_AGAIN
+"""Recordings younger than this stay: a run that is about to name one has stored it, or found it, not long ago."""
+
+
+def collect_recordings(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
+    """Deletes stored recordings that no job names, once all of their objects are old enough.
+
+    Args:
+        older_than: The time; less than two days count as these.
+        besides: ARNs of jobs that do not count, since they go.
+        service: Where they are stored.
+        act: Whether they are removed; otherwise it is only said what would be.
+
+    Returns:
+        One item for each recording.
+    """
+    before = service.clock() - max(older_than, _LEAST)
+    named: set[str] | None = None
+    items: list[GcItem] = []
+    for folder, objects in _stored(service):
+        if any(each.modified_at is None or each.modified_at >= before for each in objects):
+            continue
+        if named is None:
+            named = {text for text in texts_of_jobs(service, besides) if text.startswith(FOLDER)}
+        # A data source names a file of a recording, its folder, or the beginning of that.
+        if not any(folder.startswith(text) or text.startswith(folder) for text in named):
+            items.append(_collected(folder, objects, service, act=act))
+    return items
+
+
+def _stored(service: Service) -> Iterator[tuple[str, list[ObjectInfo]]]:
+    """Recordings of the service's bucket, each by the beginning of its keys."""
+    try:
+        found = list(service.store.list(service.settings.bucket, f"{FOLDER}/"))
+    except BucketNotFoundError:
+        return
+
+    def folder_of(info: ObjectInfo) -> str:
+        return "/".join(info.key.split("/")[:2]) + "/"
+
+    for folder, objects in groupby(found, folder_of):
+        yield folder, list(objects)
+
+
+def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act: bool) -> GcItem:
+    item = GcItem(
+        kind="recording",
+        id=folder.rstrip("/"),
+        ended_at=max(each.modified_at for each in objects if each.modified_at is not None),
+        state="unused",
+        action="remove",
+        objects=len(objects),
+        size_bytes=sum(each.size_bytes for each in objects),
+    )
+    return item.model_copy(update={"problem": _removed(objects, service.store.delete)}) if act else item
+
+
+def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
+    """Deletes objects, and returns what went wrong."""
+    try:
+        for each in objects:
+            delete(each.bucket, each.key)
+    except ServiceUnavailableException:
+        raise  # without the catalog nothing goes on
+    except (RobomakerError, OSError) as error:
+        return str(error)
+    return None
