@@ -103,7 +103,7 @@ def _what(name: str, places: Sequence[Path]) -> str | None:
 
     Compiled modules may load parts of themselves under a name without dots.
     """
-    installed = _installed_places()
+    installed = installed_places()
     if all(place.parent in installed for place in places):
         return _version(name, places[0].parent) or _stamp(places[0])
     of_python = Path(sysconfig.get_path("stdlib"))
@@ -113,7 +113,7 @@ def _what(name: str, places: Sequence[Path]) -> str | None:
 
 
 @cache
-def _installed_places() -> frozenset[Path]:
+def installed_places() -> frozenset[Path]:
     """Returns the folders where distributions are installed; one that is edited in place lies elsewhere."""
     names = [sysconfig.get_path(kind) for kind in ("purelib", "platlib")]
     return frozenset(Path(name) for name in (*names, *site.getsitepackages(), site.getusersitepackages()))

@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -25,7 +25,7 @@ from ....schemas.runs.requirements import REQUIREMENT_KINDS, REQUIREMENTS_VARIAB
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
-from ...runtime.states.imported_code import changed_code, digest_of_folder
+from ...runtime.states.imported_code import changed_code, digest_of_folder, installed_places
 from ...service.service import BUILTINS, PACKAGE, Service
 from ..environment.run_environment import application_configs
 from .application_plans import image_of, source_for_this_machine
@@ -135,7 +135,12 @@ def _made_of(
         world=world,
         robot=robot,
         simulation=simulation,
-        versions={**software_versions(), **_judging_packages(requirements), **_network_versions(request)},
+        versions={
+            **software_versions(),
+            **_judging_packages(requirements, _code_of),
+            **_installed_policy(request, robot),
+            **_network_versions(request),
+        },
         once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot),
     )
 
@@ -154,7 +159,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     imports_own = False
     used: set[tuple[str, ApplicationRole, str | None]] = set()
     for request in requests:
-        judging = _judging_packages(_requirements_in(request))
+        judging = _judging_packages(_requirements_in(request), package_content)
         packages |= {name.removeprefix("package "): content for name, content in judging.items()}
         packages |= _package_of_policy(request)
         for role, config in application_configs(request):
@@ -187,7 +192,7 @@ def _content_of_application(application: Resource, service: Service) -> str:
     if (uri := image_of(application)) is not None:
         return f"image {uri}"
     module = python_package(document.environment.uri) if document.environment else None
-    return package_content(module or "")
+    return _code_of(module or "")
 
 
 @cache
@@ -204,14 +209,14 @@ def software_versions() -> Mapping[str, str]:
     }
 
 
-def _judging_packages(requirements: Iterable[Any]) -> dict[str, str]:
+def _judging_packages(requirements: Iterable[Any], content_of: Callable[[str], str]) -> dict[str, str]:
     """The installed packages that functions of requirements come from, by name, with digests of their files.
 
     One that lies in an application's archive only is part of the application.
     """
     kinds = ((REQUIREMENT_KINDS.get(str(item.get("kind"))), item) for item in requirements if is_mapping(item))
     names = {name for kind, item in kinds if kind is not None for name in kind.packages(item)}
-    return {f"package {name}": content for name in sorted(names) if name and (content := package_content(name))}
+    return {f"package {name}": content for name in sorted(names) if name and (content := content_of(name))}
 
 
 def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
@@ -232,13 +237,22 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
     if application.policy is not None:
         return _content_of_policy(application.policy)
     name = application.attribute or application.package
-    return package_content(name) if name else "image"
+    return _code_of(name) if name else "image"
 
 
 def _content_of_policy(policy: str) -> str:
     """Content of a policy that no archive has: its installed package; files of data sources are compared with these."""
     module = parse_policy(policy).module
-    return _BUILT_IN if module is None else package_content(module)
+    return _BUILT_IN if module is None else _code_of(module)
+
+
+def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str, str]:
+    """The installed module of a policy beside an application, by name; the archive need not have it."""
+    policy = policy_in(request)
+    module = None if policy is None or not request.get("robotApplications") else parse_policy(policy).module
+    if module is None or not (content := _code_of(module)) or content in (_BUILT_IN, robot):
+        return {}
+    return {f"policy {module.partition('.')[0]}": content}
 
 
 def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
@@ -275,6 +289,24 @@ def package_content(name: str) -> str:
         return " ".join(["package", *map(digest_of_folder, places)])
     except (ImportError, OSError, ValueError):  # whether it can be run is found out by the run
         return ""
+
+
+def _code_of(name: str) -> str:
+    """Returns a hash of the files that an installed name is likely to import: a module's with those of its siblings.
+
+    A folder in which distributions are installed has siblings that have nothing to do with it.
+    """
+    content = package_content(name)
+    if not content.startswith("module "):
+        return content
+    spec = find_spec(name.partition(".")[0])
+    folder = Path(spec.origin).parent if spec is not None and spec.origin else None
+    if folder is None or folder in installed_places():
+        return content
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob("*.py")):
+        digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    return f"module {digest.hexdigest()}"
 
 
 def _world(request: Mapping[str, Any], service: Service) -> str | None:

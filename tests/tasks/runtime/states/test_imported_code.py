@@ -58,7 +58,7 @@ def test_this_process_is_the_same_as_itself() -> None:
 def test_a_process_that_runs_on_sees_what_is_installed_meanwhile(
     library: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(imported_code_module, "_installed_places", lambda: frozenset({library}))
+    monkeypatch.setattr(imported_code_module, "installed_places", lambda: frozenset({library}))
     (library / "loose_module-1.0.dist-info").mkdir()
     found = imported_code({"loose_module": importlib.import_module("loose_module")})
     assert found == {"loose_module": "version 1.0"}

@@ -11,7 +11,11 @@ from helpers.small_flat import ROLE
 from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.planning.job_contents import contents_of_request, software_versions
+from prefect_robomaker.tasks.simulations.planning.job_contents import (
+    contents_of_request,
+    package_content,
+    software_versions,
+)
 
 SUITE = {"name": "General"}
 
@@ -111,3 +115,46 @@ def test_robots_from_elsewhere_are_not_compared(
     assert "its robot is menagerie:stretch" in str(made_of("scout", launchConfig=from_menagerie).once_only)
     launch = variables(ROBOMAKER_ROBOT="menagerie:stretch", MENAGERIE_ROOT="/other")
     assert made_of("scout", launchConfig=launch).once_only == told
+
+
+def test_a_policy_that_is_installed_beside_an_archive_is_an_input(
+    swing: Callable[..., dict[str, Any]], service: Service, package: Path
+) -> None:
+    """The archive need not have the module: then the installed one drives, and a changed one drives otherwise."""
+    document = SimulationJobDocument.of(service.catalog.get(swing(TIME_LIMIT_S="0.5")["arn"]))
+    request = {**document.request, "policy": "my_robot_of_contents.arms:act"}
+    before = contents_of_request(request, service)
+    assert before == contents_of_request(request, service)
+
+    (package / "arms" / "__init__.py").write_text("def act(observation): return [0.0]")
+
+    now = contents_of_request(request, service)
+    assert now.robot == before.robot
+    assert now != before
+    absent = contents_of_request({**request, "policy": "is_in_the_archive:act"}, service)
+    assert absent.once_only is None
+
+
+def test_siblings_of_a_single_file_are_inputs(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "policies"
+    folder.mkdir()
+    (folder / "turn_of_contents.py").write_text("from gains_of_contents import GAIN")
+    (folder / "gains_of_contents.py").write_text("GAIN = 1")
+    monkeypatch.syspath_prepend(folder)
+    request = {**request_of("scout"), "policy": "turn_of_contents:act"}
+    judged = {**request_of("scout"), "requirements": [
+        {"kind": "predicate", "name": "left", "attribute": "turn_of_contents.left"}]}  # fmt: skip
+    del request["robotApplications"]
+    before = [contents_of_request(each, service) for each in (request, judged)]
+
+    (folder / "notes.txt").write_text("not imported")
+    assert [contents_of_request(each, service) for each in (request, judged)] == before
+    (folder / "gains_of_contents.py").write_text("GAIN = 2")
+
+    now = [contents_of_request(each, service) for each in (request, judged)]
+    assert all(a != b for a, b in zip(now, before, strict=True))
+    # Job workers elsewhere need the module itself, and not what happens to lie beside it.
+    assert package_content("turn_of_contents").startswith("module ")
+    assert package_content("turn_of_contents") != now[0].robot
