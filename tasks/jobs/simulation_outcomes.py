@@ -97,8 +97,9 @@ def _with_failure(outcome: Outcome, code: str, reason: str) -> Outcome:
 DIED = "the job worker died while this run went on; the job was run again"
 KILLED = "this run was killed while it went on; the job was run again"
 _LOST = "the machine it ran on died before its outputs were stored"
-_RUNS = ("Running", "RunningFailed", "Restarting")
-"""Statuses of a job that has a run, in which code may have run."""
+_RUNS = ("Preparing", "Running", "RunningFailed", "Restarting")
+"""Statuses of a job that has a run, in which code may have run: with forwarded ports it is `Preparing` until they
+answer."""
 
 _logger = logging.getLogger(__name__)
 

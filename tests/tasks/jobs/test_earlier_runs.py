@@ -106,12 +106,14 @@ def test_what_a_killed_worker_run_left_is_stored_without_a_manifest(
     assert not list((service.settings.home / "jobs").iterdir())
 
 
+@pytest.mark.parametrize("answers", [True, False], ids=["running", "its ports had not answered yet"])
 def test_what_a_dead_run_and_its_containers_wrote_is_stored_without_a_manifest(
-    service: Service, order: Callable[..., Any]
+    service: Service, order: Callable[..., Any], answers: bool
 ) -> None:
     arn, run_id = call("CreateSimulationJob", order(), service)["arn"], "2026-01-02T03-04-05-000000Z"
     service.catalog.transition(arn, "prepare", document_changes={"runId": run_id})
-    service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})
+    if answers:
+        service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})
     folder = service.settings.home / "jobs" / arn.rpartition("/")[2] / run_id
     (folder / "output" / "logs").mkdir(parents=True)
     (folder / "output" / "recording.mcap").write_bytes(b"cut off")
