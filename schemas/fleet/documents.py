@@ -65,6 +65,11 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
     greengrass_group_id: str = Field(description="Its Greengrass group.")
 
     @property
+    def trouble(self) -> str | None:
+        """What the robot's agent says is wrong with the application that runs, such as that it keeps restarting."""
+        return (self.attributes or {}).get("trouble") or None
+
+    @property
     def installed(self) -> str | None:
         """Application and version installed last on the robot, such as `courier 1`; `None` if it has installed none."""
         return " ".join(filter(None, (self.installed_name, self.installed_version))) or None

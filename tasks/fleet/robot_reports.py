@@ -1,5 +1,6 @@
 """Takes what robots say: of orders to their rollouts, of themselves to their documents."""
 
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,6 +18,8 @@ from .ddi.orders import RobotOrder
 from .ddi.received_reports import Attributes, AttributesSent, OrderFetched, RobotReport, RobotsSeen
 from .fleet_records import KnownRobots
 from .order_keeping import OrderKeeper, OrderKey, OrderReport, event_of, heard
+
+_logger = logging.getLogger(__name__)
 
 PROGRESS_EVERY_S = 2.0
 """How often it is reported how much of its file a robot was sent."""
@@ -56,6 +59,8 @@ class RobotReports:
                 self._service.catalog.update(
                     self._arn(report.robot), lambda stored: _with_attributes(stored, report.attributes)
                 )
+                if trouble := report.attributes.values.get("trouble"):
+                    _logger.warning("robot %s says: %s", report.robot, trouble)
             case _:
                 self._take_order_report(report)
 

@@ -127,7 +127,8 @@ def _writing(home: Path) -> Iterator[None]:
 
 def forget_schedule(home: Path, schedule: NightSchedule) -> None:
     """Deletes the record of a schedule whose Prefect deployment was deleted."""
-    (home / _FOLDER / f"{schedule.deployment}.json").unlink(missing_ok=True)
+    with _writing(home):  # else a run that notes itself just now would bring it back, or be forgotten
+        (home / _FOLDER / f"{schedule.deployment}.json").unlink(missing_ok=True)
 
 
 def missed_nights(home: Path, name: str) -> list[MissedNight]:

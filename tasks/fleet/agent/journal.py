@@ -105,6 +105,7 @@ def _state(content: Mapping[str, Any]) -> State:
         floors=content["floors"],
         newest_s=content["newest_s"],
         number=content.get("number", 0),
+        trouble=content.get("trouble", ""),
     )
 
 

@@ -154,7 +154,7 @@ class Agent:
         if state != self.state and not self._is_saved(state):
             return
         self._events.clear()
-        if state.phase is not self.state.phase:
+        if state.phase is not self.state.phase or state.trouble not in ("", self.state.trouble):
             self._say(_told(state))
         self.state = state
 

@@ -72,6 +72,7 @@ class Polls:
         self._retries = 0
         self._missed = 0
         self._told: tuple[int, str, int | None] | None = None
+        self._told_attributes: Mapping[str, str] | None = None
         self._deliver_s = 0.0
         self.due_s = monotonic()
         """When to poll next, by the monotonic clock."""
@@ -82,8 +83,7 @@ class Polls:
             self.tell_step(state, percent)
             found = self._server.poll()
             events = self._events(found, state)
-            if found.wants_attributes:
-                self._server.tell_attributes(self._attributes(state))
+            self._tell_attributes(state, is_asked=found.wants_attributes)
         except (TryLater, Refused) as error:
             self._away(error)
             return []
@@ -128,6 +128,16 @@ class Polls:
         if self._retries == 1:
             self._say(f"the download has to wait: {reason}")
         return self._monotonic() + self._pause_s(self._retries)
+
+    def _tell_attributes(self, state: State, *, is_asked: bool) -> None:
+        """Reports the attributes when the server asks, and whenever they are others: it does not ask again.
+
+        How a deployment ended stays, whatever its application does later; attributes say what runs, and its trouble.
+        """
+        attributes = self._attributes(state)
+        if is_asked or (attributes and attributes != self._told_attributes):
+            self._server.tell_attributes(attributes)
+            self._told_attributes = attributes
 
     def _events(self, found: Poll, state: State) -> list[Event]:
         open_id = state.order.action_id if state.order is not None else None

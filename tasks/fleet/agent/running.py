@@ -40,7 +40,7 @@ def run(home: Home, options: Options) -> None:
         sandbox = find_sandbox(home, options)
         application = Application(home, options, sandbox, time.monotonic)
         journal = Journal(home.folder)
-        attributes = _attributes(options)
+        attributes = _attributes(options, application)
         polls = Polls(Server(connection), time.monotonic, random.random, options.longest_wait_s, attributes, _say)
         effects = Effects(home, options, sandbox, application, time.monotonic)
         wait = _waiter()
@@ -71,6 +71,7 @@ def status_of(home: Home) -> dict[str, Any]:
         "version": None if state.good is None else state.good.version,
         "order": None if state.order is None else state.order.action_id,
         "step": STEPS.get(state.phase),
+        "trouble": state.trouble or None,
         "last_order": None if end is None else end.order.action_id,
         "last_result": None if end is None else end.finished if end.execution == "closed" else end.execution,
         "last_reason": None if end is None or end.code is None else "; ".join(end.details[1:]),
@@ -78,11 +79,17 @@ def status_of(home: Home) -> dict[str, Any]:
     }
 
 
-def _attributes(options: Options) -> Callable[[State], Mapping[str, str]]:
+_MAX_ATTRIBUTE_CHARACTERS = 128
+"""Servers refuse longer ones."""
+
+
+def _attributes(options: Options, application: Application) -> Callable[[State], Mapping[str, str]]:
     def attributes(state: State) -> Mapping[str, str]:
         version = wanted(state)
-        runs = {} if version is None else {"application": version.application[:128], "version": version.version}
-        return {"updater": "robomaker-agent", "architecture": options.architecture or "", **runs}
+        runs = {} if version is None else {"application": version.application, "version": version.version}
+        trouble = application.trouble or state.trouble
+        told = {"updater": "robomaker-agent", "architecture": options.architecture or "", "trouble": trouble, **runs}
+        return {name: value[:_MAX_ATTRIBUTE_CHARACTERS] for name, value in told.items()}
 
     return attributes
 

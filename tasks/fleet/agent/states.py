@@ -137,6 +137,9 @@ class State:
     probation: Probation | None = None
     """The good version has not been up steadily yet; absent: it has."""
 
+    trouble: str = ""
+    """Why the robot left a version after the server had been told that it is installed; empty: it did not."""
+
 
 @dataclass(frozen=True)
 class Ordered:
@@ -271,7 +274,9 @@ def _on_probation(state: State, event: Ended | Steady) -> State:
     details = (STEPS[Phase.WATCHING], reason)
     end = End(known.order, "closed", "failure", NUMBERS["RobotDeploymentAborted"], details)
     previous = None if state.previous == known.back else state.previous
-    return replace(state, good=known.back, previous=previous, probation=None, end=end)
+    left = f"version {state.good.version} kept" if state.good else "it kept"
+    trouble = f"{left} restarting, so the robot went back to {back}: {event.how}"
+    return replace(state, good=known.back, previous=previous, probation=None, end=end, trouble=trouble)
 
 
 def _carried_on(state: State, order: Order, event: Event) -> State:
@@ -349,7 +354,7 @@ def _passed(state: State) -> State:
         previous = state.good if has_changed else state.previous
         assert state.order is not None
         probation = Probation(state.order, state.good)
-        good = replace(state, good=version, previous=previous, probation=probation)
+        good = replace(state, good=version, previous=previous, probation=probation, trouble="")
         return _ended(good, "closed", "success", ("Finished",))
     if state.phase is Phase.RETURNING and state.failure is not None:
         return _ended_badly(state, *state.failure)

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.schemas.reports.history import MissedNight, NightSchedule
+from prefect_robomaker.tasks.nights import missed as missed_module
 from prefect_robomaker.tasks.nights.missed import (
     PAUSED,
     DueRun,
+    forget_schedule,
     has_run,
     judged,
     message_of_missed,
@@ -159,6 +161,19 @@ def test_looks_and_runs_that_begin_lose_nothing_of_each_other(tmp_path: Path) ->
     assert failed == []
     [found] = schedules_of(tmp_path)
     assert (found.name, len(found.missed)) == ("night 149", 150)
+
+
+def test_a_schedule_is_forgotten_when_nobody_writes(tmp_path: Path) -> None:
+    """Else a run that notes itself at that moment would bring it back."""
+    note_schedule(tmp_path, "d", "night", NOW)
+    [known] = schedules_of(tmp_path)
+    forgets = threading.Thread(target=forget_schedule, args=(tmp_path, known))
+    with missed_module._writing(tmp_path):
+        forgets.start()
+        forgets.join(0.2)
+        assert schedules_of(tmp_path) == [known]
+    forgets.join()
+    assert schedules_of(tmp_path) == []
 
 
 def test_a_message_has_all_nights_of_a_week_off() -> None:

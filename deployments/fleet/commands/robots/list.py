@@ -1,4 +1,4 @@
-"""List robots: status, installed version, and when each polled last.
+"""List robots: status, installed version, when each polled last, and what is wrong with its application.
 
 Newest first. A robot that has no token is not enrolled, and cannot poll.
 """
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .....tasks.service.service import Service
 
 _PAGE = 500
-_COLUMNS = ("robot", "kind", "status", "version", "last_seen", "fleet")
+_COLUMNS = ("robot", "kind", "status", "version", "last_seen", "fleet", "trouble")
 
 Row = dict[str, str | bool | None]
 
@@ -53,6 +53,7 @@ def _rows(service: "Service") -> Iterator[Row]:
                 "last_seen": None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC).isoformat(),
                 "enrolled": document.token_sha256 is not None,
                 "fleet": document.fleet and ResourceArn.parse(document.fleet, FLEET).name,
+                "trouble": document.trouble,
             }
         if (after := page.next_token) is None:
             return
@@ -68,8 +69,9 @@ def _kind(document: "RobotDocument") -> str | None:
 def _lines(rows: list[Row]) -> list[str]:
     if not rows:
         return ["There are no robots; CreateRobot makes one."]
-    titles = [name.replace("_", " ") for name in _COLUMNS]
-    return in_columns([titles, *([_cell(row, name) for name in _COLUMNS] for row in rows)])
+    columns = [name for name in _COLUMNS if name != "trouble" or any(row["trouble"] for row in rows)]
+    titles = [name.replace("_", " ") for name in columns]
+    return in_columns([titles, *([_cell(row, name) for name in columns] for row in rows)])
 
 
 def _cell(row: Row, name: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any, Callable
 from ..deployment import Version
 from ..errors import disk_failure
 from ..settings import Home, Options
+from ..states import MAX_ENDS
 from .launching import Sandbox, environment, kill_leftovers, launch_command
 
 _LONGEST_PAUSE_S = 60.0
@@ -46,6 +47,7 @@ class Application:
         self._version: Version | None = None
         self._since_s = 0.0
         self._failures = 0
+        self._how = ""
         self.was_steady = False
         """Whether it had been up for long when it ended the last time."""
 
@@ -88,12 +90,20 @@ class Application:
         self._kill_rest()
         self.was_steady = up_s >= _STEADY_S
         self.fall_back(was_steady=self.was_steady)
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        how = self._how = f"signal {-code}" if code < 0 else f"exit code {code}"
         return f"the application ended with {how} after {up_s:.1f} s"
 
     def steady_s(self) -> float | None:
         """Time when it will have been up for long, by the monotonic clock; `None`: it does not run."""
         return None if self._process is None else self._since_s + _STEADY_S
+
+    @property
+    def trouble(self) -> str:
+        """Says that the application keeps ending before it was up for long; empty: it does not."""
+        is_steady = self._process is not None and self._monotonic() - self._since_s >= _STEADY_S
+        if self._failures < MAX_ENDS or is_steady or self._version is None:
+            return ""
+        return f"version {self._version.version} keeps restarting: {self._how or 'it cannot be started'}"
 
     def fall_back(self, *, was_steady: bool = False) -> None:
         """Makes the next start wait, longer after each failure."""
@@ -103,7 +113,7 @@ class Application:
 
     def stop(self) -> None:
         """Stops the application: asks it to end, waits, then kills it."""
-        self.due_s, self._failures = None, 0
+        self.due_s, self._failures, self._how = None, 0, ""
         if self._process is None:
             return
         self._signal(signal.SIGTERM)

@@ -7,6 +7,9 @@ from xml.sax.saxutils import quoteattr
 
 from .mapping import invalid
 
+_MAX_DEPTH = 100
+"""Elements within elements: a URDF has five, and reading and writing more takes the stack."""
+
 
 class Located(ET.Element):
     """An XML element that knows its line in the file."""
@@ -27,14 +30,26 @@ def parse_located(path: Path) -> Located:
     builder = ET.TreeBuilder(element_factory=Located)
     # Without namespaces: a prefix that is bound to nothing is no error, and `xacro:` can be told.
     parser = expat.ParserCreate()
+    depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _MAX_DEPTH:
+            here = f"{path}:{parser.CurrentLineNumber}"
+            raise invalid(here, f"<{tag}> is nested more than {_MAX_DEPTH} deep; is the end of an element missing?")
         element = builder.start(tag, attributes)
         assert isinstance(element, Located)
         element.line = parser.CurrentLineNumber
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = builder.end
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(path.read_bytes(), True)

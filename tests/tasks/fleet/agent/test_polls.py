@@ -58,8 +58,14 @@ class Agent:
 
     def __post_init__(self) -> None:
         self.server = Server()
+        self.attributes: dict[str, str] = {}
         self.polls = Polls(
-            self.server, lambda: self.now_s, lambda: self.chance, 300.0, lambda _state: {}, self.log.append
+            self.server,
+            lambda: self.now_s,
+            lambda: self.chance,
+            300.0,
+            lambda _state: dict(self.attributes),
+            self.log.append,
         )
 
     def poll(self, state: State | None = None, percent: int | None = None) -> list[object]:
@@ -131,6 +137,22 @@ def test_a_cancellation_is_refused_once_the_new_version_is_tried() -> None:
     assert agent.poll(State(Phase.WATCHING, ORDER)) == []
 
     assert "refuse 7" in agent.server.calls
+
+
+def test_attributes_are_told_again_when_they_are_others() -> None:
+    """The server asks once; what runs changes, and trouble comes, after a deployment has succeeded."""
+    agent = Agent()
+    agent.attributes = {"version": "2", "trouble": ""}
+    agent.poll()
+    agent.poll()
+    assert agent.server.calls == ["poll", f"attributes {agent.attributes}", "poll"]
+    agent.attributes = {"version": "1", "trouble": "version 2 kept restarting"}
+    agent.server.is_away = True
+    agent.poll()
+    agent.server.is_away = False
+    agent.poll()
+    agent.poll()
+    assert agent.server.calls[3:] == ["poll", f"attributes {agent.attributes}", "poll"]
 
 
 def test_an_end_is_told_until_it_is_taken_and_never_without_a_step() -> None:

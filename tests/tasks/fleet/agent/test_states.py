@@ -326,6 +326,10 @@ def test_a_version_that_keeps_ending_before_it_was_steady_is_taken_back_and_its_
     assert "keeps restarting, 3 times" in back.end.details[1]
     assert back.end.details[1].endswith("the last time exit code 1; the robot went back to version 1")
     assert advance(back, Ended("exit code 1")) == back, "the version before is started again for ever"
+    # The server may have closed the order by then, and refuse this end: the attributes say it.
+    assert back.trouble == "version 2 kept restarting, so the robot went back to version 1: exit code 1"
+    again = replace(back, phase=Phase.WATCHING, order=order(3), deployment=deployment(3))
+    assert advance(again, Passed(Phase.WATCHING)).trouble == ""
 
     steady = advance(once, Steady())
     assert steady.probation is None

@@ -1,11 +1,16 @@
 """robots enroll, robots list."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 
+from prefect_robomaker.schemas.fleet.documents import RobotAttributes
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.records import ROBOT
+from prefect_robomaker.tasks.service.service import Service
 
 ROVER = '{"name": "rover", "architecture": "ARM64", "greengrassGroupId": "g"}'
 
@@ -13,6 +18,26 @@ ROVER = '{"name": "rover", "architecture": "ARM64", "greengrassGroupId": "g"}'
 @pytest.fixture
 def rover(robomaker) -> None:
     robomaker("call", "CreateRobot", "--input", ROVER)
+
+
+def say_trouble() -> None:
+    """Has the robot's agent say that its application kept restarting."""
+    with Service.opened(Settings.from_environment(os.environ)) as service:
+        (robot,) = service.catalog.list(ROBOT, limit=2).resources
+        said = {"version": "1", "trouble": "version 2 kept restarting"}
+        service.catalog.update(robot.arn, RobotAttributes(attributes=said))
+
+
+def test_trouble_is_told_by_doctor(robomaker, rover) -> None:
+    def finding() -> dict[str, str]:
+        found = json.loads(robomaker("doctor", "-o", "json").out)["findings"]
+        return {each["subject"]: each for each in found}["robots"]
+
+    robomaker("robots", "enroll", "rover", "--agent")
+    assert (finding()["health"], finding()["found"]) == ("ok", "none of 1 says that its application keeps restarting")
+    say_trouble()
+    assert finding()["health"] == "warning"
+    assert finding()["found"] == "rover: version 2 kept restarting"
 
 
 def test_a_robot_is_told_all_that_its_updater_needs(robomaker, rover, monkeypatch) -> None:
@@ -46,7 +71,12 @@ def test_robots_are_listed(robomaker, rover) -> None:
         "last_seen": None,
         "enrolled": True,
         "fleet": None,
+        "trouble": None,
     }
+    say_trouble()
+    titles, row = robomaker("robots", "list").out.splitlines()
+    assert titles.split()[-1] == "trouble"
+    assert row.endswith("version 2 kept restarting")
 
 
 def test_where_there_are_none_it_is_said(robomaker) -> None:

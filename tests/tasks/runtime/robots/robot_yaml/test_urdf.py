@@ -123,6 +123,13 @@ def test_an_error_that_only_compiling_shows_has_the_line_of_its_part(make_urdf: 
         make_urdf(robot_urdf(more=f"{link}\n{joint}"))
 
 
+@pytest.mark.parametrize("depth", [200, 1000, 100_000])
+def test_elements_in_elements_without_end_are_one_error(make_urdf: MakeUrdf, depth: int) -> None:
+    nested = "<visual>" * depth + "</visual>" * depth
+    with pytest.raises(LaunchError, match=r"r\.urdf:\d+: .*<visual> is nested more than 100 deep"):
+        make_urdf(robot_urdf(more=nested))
+
+
 # xacro
 
 
