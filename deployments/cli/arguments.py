@@ -35,8 +35,8 @@ def add_spec(parser: argparse.ArgumentParser) -> None:
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:
-    """Adds the argument for a world (its ARN or folder) to a command's parser."""
-    parser.add_argument("world", metavar="WORLD", help="ARN of a world, or the folder of its bundle")
+    """Adds the argument for a world (its ARN, id or folder) to a command's parser."""
+    parser.add_argument("world", metavar="WORLD", help="ARN or id of a world, or the folder of its bundle")
 
 
 def add_simulation(parser: argparse.ArgumentParser) -> None:
@@ -61,13 +61,13 @@ def given_options(arguments: argparse.Namespace, *names: str) -> list[str]:
     ]
 
 
-def two_or_three_numbers(text: str) -> list[float] | None:
-    """Reads two or three finite numbers with commas between them; `None`: it is something else."""
+def finite_numbers(text: str, *counts: int) -> list[float] | None:
+    """Reads finite numbers with commas between them, as many as one of the counts; `None`: it is something else."""
     try:
         numbers = [float(each) for each in text.split(",")]
     except ValueError:
         return None
-    return numbers if len(numbers) in (2, 3) and all(map(isfinite, numbers)) else None
+    return numbers if len(numbers) in counts and all(map(isfinite, numbers)) else None
 
 
 def _trial_number(text: str) -> int:

@@ -20,7 +20,7 @@ def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:
 def _check_robots(settings: Settings) -> Finding:
     """Whether robots say that their applications keep restarting, of which deployments that succeeded know nothing."""
     from ...schemas.fleet.documents import RobotDocument
-    from ...tasks.fleet.records import ROBOT
+    from ...tasks.fleet.fleet_records import ROBOT
     from ...tasks.service.service import Service
 
     count, told, after = 0, list[str](), None

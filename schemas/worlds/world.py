@@ -326,6 +326,7 @@ class GazeboSource(Model):
     )
     start_yaw: float = Field(default=0.0, description="Direction of the start in the file's frame, radians.")
     is_start_chosen: bool = Field(description="Whether the start was chosen here, as none was named.")
+    start_from: str | None = optional("Launch file that says the start; absent: the start was named or chosen.")
     models: int = Field(description="Models in it, those in models included.")
     goals: dict[str, Point] = Field(default={}, description="Named goals from the notes, in the world.")
     held: dict[str, str] = Field(
@@ -384,6 +385,8 @@ class World(Model):
             absent["appearance"] = True
         if self.checks is not None and self.checks.reachable_m2 is None:
             absent["checks"] = {"reachable_m2"}
+        if isinstance(self.source, GazeboSource) and self.source.start_from is None:
+            absent["source"] = {"start_from"}
         return self.model_dump_json(indent=1, exclude=absent) + "\n"
 
 

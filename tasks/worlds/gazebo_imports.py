@@ -24,7 +24,10 @@ class GazeboImport:
 
     path: Path
     model_paths: Sequence[Path] = ()
-    start: tuple[float, float, float] | None = None
+    start: tuple[float, float, float, float | None] | None = None
+    """x, y, yaw and the height that the floor is near."""
+    start_from: str | None = None
+    """Launch file that says the start."""
     loose: Literal["hold", "free"] = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)
@@ -45,6 +48,7 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
         "path": str(wanted.path),
         "model_paths": [str(path) for path in wanted.model_paths],
         "start": wanted.start,
+        "start_from": wanted.start_from,
         "loose": wanted.loose,
         "allow_missing": wanted.allow_missing,
         "notes": wanted.notes.model_dump_json(),

@@ -1,6 +1,8 @@
-"""Finds the world to look at: by its ARN, or by the folder of its bundle."""
+"""Finds the world to look at: by its ARN, its id, or the folder of its bundle."""
 
 import os
+import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +23,10 @@ from .options import open_service
 if TYPE_CHECKING:
     from ....tasks.catalog import Resource
     from ....tasks.service.service import Service
+
+
+_ID = re.compile(r"[a-z]+-[0-9a-z]+(?:/world-[0-9]+)?")
+"""Form of a world's id: `import-82856b0yq33y`, `generation-82856b0yq33y/world-3`."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +53,10 @@ class FoundWorld:
 
 
 def find_world(wanted: str) -> FoundWorld:
-    """Finds a world by ARN or folder, and downloads its files if necessary.
+    """Finds a world by ARN, id or folder, and downloads its files if necessary.
 
     Args:
-        wanted: a world's ARN, or the folder of a bundle.
+        wanted: a world's ARN or id, such as `import-82856b0yq33y`, or the folder of a bundle.
 
     Raises:
         InvalidParameterException: an ARN of something else, or none at all.
@@ -61,9 +67,13 @@ def find_world(wanted: str) -> FoundWorld:
     if wanted.startswith("arn:"):
         return _of_arn(wanted)
     folder = Path(wanted)
-    if not folder.is_dir():
-        raise ConfigurationError(f"{wanted!r} is neither the ARN of a world nor the folder of a world's bundle")
-    return _found(folder.resolve())
+    if folder.is_dir():
+        return _found(folder.resolve())
+    if _ID.fullmatch(wanted):
+        service = open_service()
+        with suppress(ResourceNotFoundException):
+            return _of_arn(service.arn("world", wanted))
+    raise ConfigurationError(f"{wanted!r} is neither the ARN or id of a world nor the folder of a world's bundle")
 
 
 def output_file(name: str, folder: str, suffix: str) -> Path:

@@ -249,6 +249,7 @@ def _gazebo_origin(source: dict[str, Any]) -> Iterator[tuple[str, str]]:
     )
     x, y, z = source["origin_m"]
     chosen = ", a free place that was chosen" if source["is_start_chosen"] else ""
+    chosen = f", the start of {source['start_from']}" if source["start_from"] else chosen
     yield "origin", f"at ({x:.2f}, {y:.2f}, {z:.2f}) m of the file, yaw {source['start_yaw']:.2f}{chosen}"
     for name, reason in source["held"].items():
         yield "held", f"{name}: {reason}"

@@ -26,6 +26,13 @@ START_RADIUS_M = 0.5
 
 _ABOVE_FLOOR_M = 0.5
 """Height from which the floor is looked for: below table tops that are higher, above floors that are not quite at 0."""
+_NEAR_M = 0.3
+"""Height above the one that is named from which the floor is looked for: robots are put down a little above floors."""
+_HEADROOM_M = 1.0
+"""Free space above a floor that is looked for from above; below tables and decks is none."""
+_MOST_SURFACES = 64
+"""Surfaces above each other that are looked at."""
+_SKIN_M = 1e-3
 _DEEPEST_M = 3.0
 _FLOOR_BAND_M = (-0.05, LOW_M)
 """Heights over the floor in which something has to be for a robot to stand on."""
@@ -65,22 +72,60 @@ class Ground:
         return self.supported & ~self.grid.occupied
 
 
-def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point) -> float | None:
-    """Returns the height of the floor at a point; `None` if there is none."""
-    start, down = np.array([*point, _ABOVE_FLOOR_M]), np.array([0.0, 0.0, -1.0])
-    far = mujoco.mj_ray(model, data, start, down, None, True, -1, np.zeros(1, np.int32))
-    return _ABOVE_FLOOR_M - float(far) if 0 <= far <= _DEEPEST_M else None
+def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m: float | None = None) -> float | None:
+    """Returns the height of the floor at a point; `None` if there is none.
+
+    Args:
+        model: the compiled world.
+        data: where everything is.
+        point: the place.
+        near_m: height that the floor is near, as in a building of several storeys; without, the floor is the first
+            surface below 0.5 m, else the lowest one with a metre of free space above.
+    """
+    height = _low_floor(model, data, point, 0.0 if near_m is None else near_m)
+    if height is None and near_m is None:
+        return _lowest_surface(model, data, point, float(world_bounds(model, data)[1][2]))
+    return height
+
+
+def _low_floor(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m: float = 0.0) -> float | None:
+    top_m = max(_ABOVE_FLOOR_M, near_m + _NEAR_M)
+    far = _ray(model, data, (*point, top_m), -1.0)
+    return top_m - far if 0 <= far <= _DEEPEST_M else None
+
+
+def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, top_m: float) -> float | None:
+    """The lowest height at a point that something has its top at, with room for a robot above."""
+    found: list[float] = []
+    height = top_m + _HEADROOM_M
+    for _ in range(_MOST_SURFACES):
+        far = _ray(model, data, (*point, height), -1.0)
+        if far < 0:
+            break
+        height -= far
+        above = _ray(model, data, (*point, height + _SKIN_M), 1.0)
+        if above < 0 or above >= _HEADROOM_M:
+            found.append(height)
+        height -= _SKIN_M
+    return min(found, default=None)
+
+
+def _ray(model: mujoco.MjModel, data: mujoco.MjData, start: tuple[float, float, float], up: float) -> float:
+    """Distance to the first thing above (1) or below (-1) a place; less than 0: there is none."""
+    along = np.array([0.0, 0.0, up])
+    return float(mujoco.mj_ray(model, data, np.array(start), along, None, True, -1, np.zeros(1, np.int32)))
 
 
 def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
     """Returns the most common floor height of a world; `None` if there is no floor."""
     low, high = world_bounds(model, data)
-    heights = [
-        height
-        for x in np.linspace(low[0], high[0], _STEPS)
-        for y in np.linspace(low[1], high[1], _STEPS)
-        if (height := floor_under(model, data, (float(x), float(y)))) is not None
+    spots = [
+        (float(x), float(y)) for x in np.linspace(low[0], high[0], _STEPS) for y in np.linspace(low[1], high[1], _STEPS)
     ]
+    heights = [height for spot in spots if (height := _low_floor(model, data, spot)) is not None]
+    if not heights:  # all of it may be higher than floors mostly are
+        found = (_lowest_surface(model, data, spot, float(high[2])) for spot in spots)
+        heights = [height for height in found if height is not None]
     if not heights:
         return None
     rounded = np.round(np.array(heights), 2)

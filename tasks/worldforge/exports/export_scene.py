@@ -8,6 +8,7 @@ weighs the same. `world.json` says which furniture a geom belongs to and where t
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
 from math import cos, pi, sin
@@ -39,6 +40,11 @@ _KINDS: dict[int, Kind] = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
     mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+}
+_JOINT_KINDS: dict[int, Literal["revolute", "prismatic", "ball"]] = {
+    mujoco.mjtJoint.mjJNT_HINGE: "revolute",
+    mujoco.mjtJoint.mjJNT_SLIDE: "prismatic",
+    mujoco.mjtJoint.mjJNT_BALL: "ball",
 }
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _NOT_DRAWN_GROUP = 3
@@ -81,9 +87,9 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """The joint that connects an exported body to the world."""
+    """The joint that connects an exported body to the world, or to the body that it hangs on."""
 
-    kind: Literal["revolute", "prismatic"]
+    kind: Literal["revolute", "prismatic", "ball"]
     position: Vector
     """Position in the body's frame, in metres."""
     axis: Vector
@@ -120,6 +126,33 @@ class Thing:
     """Absent: it never moves."""
     joint: Joint | None = None
     """Absent: it moves freely, or not at all."""
+    hung: tuple["Thing", ...] = ()
+    """Bodies that hang on it, such as the links of an arm, with their poses in its frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A thing that hangs on another one, or on none, and its pose in the frame of the outermost."""
+
+    thing: Thing
+    above: "Placed | None"
+    position: Vector
+    rotation: Matrix
+
+
+def with_hung(thing: Thing, position: Vector, rotation: Matrix, above: Placed | None = None) -> Iterator[Placed]:
+    """Yields a thing and all that hang on it, each after the one that it hangs on.
+
+    Args:
+        thing: the thing.
+        position: its place in the frame that is wanted.
+        rotation: its turn there.
+        above: the thing that it hangs on.
+    """
+    placed = Placed(thing, above, position, rotation)
+    yield placed
+    for inner in thing.hung:
+        yield from with_hung(inner, position + rotation @ inner.position, rotation @ inner.rotation, placed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +207,9 @@ def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) 
         item = fixed[name]
         things.append(Thing(name, "furniture", _label(item), _spot(item), _turned(item.yaw), tuple(shapes)))
     labels = {item.id: _label(item) for item in world.furniture}
-    things += [_body_thing(model, body, labels, colors) for body in range(1, model.nbody)]
+    things += [
+        _body_thing(model, body, labels, colors) for body in range(1, model.nbody) if model.body_parentid[body] == 0
+    ]
     return Scene(world, model, tuple(things), folder)
 
 
@@ -318,8 +353,6 @@ def material_png(scene: Scene, material: int) -> bytes:
 
 def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors: list[Vector]) -> Thing:
     name = model.body(body).name or f"body_{body}"
-    if model.body_parentid[body] != 0:
-        raise ValueError(f"body {name!r}: exports hold bodies of the world, not bodies of bodies")
     shapes = tuple(
         replace(shape, name=shape.name.removeprefix(f"{name}."))
         for shape in (_shape(model, int(geom), colors) for geom in np.flatnonzero(model.geom_bodyid == body))
@@ -333,6 +366,9 @@ def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors
         shapes=shapes,
         inertia=_inertia(model, body),
         joint=_joint(model, body, name),
+        hung=tuple(
+            _body_thing(model, int(inner), labels, colors) for inner in np.flatnonzero(model.body_parentid == body)
+        ),
     )
 
 
@@ -355,14 +391,15 @@ def _joint(model: mujoco.MjModel, body: int, name: str) -> Joint | None:
     kind = int(model.jnt_type[joint]) if count else -1
     if count == 1 and kind == mujoco.mjtJoint.mjJNT_FREE:
         return None
-    if count != 1 or kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-        raise ValueError(f"body {name!r}: exports hold bodies with one free, hinge or slide joint")
-    now = float(model.qpos0[model.jnt_qposadr[joint]])
-    limited = bool(model.jnt_limited[joint])
+    if count != 1 or kind not in _JOINT_KINDS:
+        raise ValueError(f"body {name!r}: exports hold bodies with one free, hinge, slide or ball joint")
+    is_ball = kind == mujoco.mjtJoint.mjJNT_BALL
+    now = 0.0 if is_ball else float(model.qpos0[model.jnt_qposadr[joint]])
+    limited = bool(model.jnt_limited[joint]) and not is_ball
     lower, upper = (float(limit) - now for limit in model.jnt_range[joint])
     freedom = int(model.jnt_dofadr[joint])
     return Joint(
-        kind="revolute" if kind == mujoco.mjtJoint.mjJNT_HINGE else "prismatic",
+        kind=_JOINT_KINDS[kind],
         position=model.jnt_pos[joint].copy(),
         axis=model.jnt_axis[joint].copy(),
         lower=lower if limited else -UNLIMITED_RAD,

@@ -1,7 +1,7 @@
 """A world as GLB, for browsers and other viewers of glTF 2.0; trimesh writes the file.
 
-One node per thing (`building`, furniture and bodies by their ids in `world.json`), its parts below
-it; y points up, as glTF has it, and x east. Ceilings face downwards only, so that one looks into
+One node per thing (`building`, furniture and bodies by their ids in `world.json`), its parts and the bodies that hang
+on it below it; y points up, as glTF has it, and x east. Ceilings face downwards only, so that one looks into
 the rooms from above.
 """
 
@@ -23,7 +23,7 @@ with held_signals():
     from trimesh.visual.material import PBRMaterial
 
 from .export_meshes import Mesh, capsule_mesh, compiled_mesh, is_pictured, linear, picture_coordinates, unit_mesh
-from .export_scene import Matrix, Scene, Shape, Vector, material_png, read_scene, texture_name
+from .export_scene import Matrix, Scene, Shape, Thing, Vector, material_png, read_scene, texture_name, with_hung
 
 _TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _ROUGHNESS = 0.85
@@ -84,9 +84,13 @@ class _Writer:
         graph = self._built.graph
         world = f"{_APART}world"
         graph.update(world, _APART, matrix=_matrix(np.zeros(3), _TO_Y_UP))
-        for thing in self._scene.things:
-            graph.update(thing.name, world, matrix=_matrix(thing.position, thing.rotation))
-        for thing in self._scene.things:
+        things: list[Thing] = []
+        for outermost in self._scene.things:
+            for placed in with_hung(outermost, outermost.position, outermost.rotation):
+                thing, above = placed.thing, world if placed.above is None else placed.above.thing.name
+                graph.update(thing.name, above, matrix=_matrix(thing.position, thing.rotation))
+                things.append(thing)
+        for thing in things:
             for shape in thing.shapes:
                 if shape.drawn and not shape.endless:
                     mesh, matrix = self._shape(shape)

@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from .export_meshes import compiled_mesh, drawn_mesh, is_pictured, obj_text, picture_coordinates, unit_mesh
-from .export_scene import Inertia, Joint, Matrix, Scene, Shape, Thing, Vector, texture_file
+from .export_scene import Inertia, Joint, Matrix, Placed, Scene, Shape, Thing, Vector, texture_file, with_hung
 
 SDF_VERSION = "1.6"
 
@@ -38,7 +38,7 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
     """
     meshes: dict[str, str] = {}
     pictures: Pictures = {}
-    for shape in thing.shapes:
+    for shape in (shape for part in _parts(thing) for shape in part.thing.shapes):
         if (picture := _picture(thing, shape, scene)) is not None:
             path, mesh = f"meshes/{shape.name}_drawn.obj", drawn_mesh(scene.model, shape)
             pictures[shape.name] = path, picture
@@ -59,21 +59,33 @@ def _picture(thing: Thing, shape: Shape, scene: Scene) -> str | None:
     return texture_file(scene, shape.material) if pictured else None
 
 
+def _parts(thing: Thing) -> list[Placed]:
+    """A thing and what hangs on it, in the frame of the thing."""
+    return list(with_hung(thing, np.zeros(3), np.eye(3)))
+
+
 def model_sdf(thing: Thing, name: str, pictures: Pictures) -> str:
-    """Returns a model as SDF text: one link, static unless the object moves, and its joint."""
+    """Returns a model as SDF text: static unless it moves, a link and a joint for it and for each that hangs on it."""
     root = ET.Element("sdf", version=SDF_VERSION)
     model = ET.SubElement(root, "model", name=name)
     _text(model, "static", "false" if thing.inertia else "true")
-    link = ET.SubElement(model, "link", name="link")
-    if thing.inertia:
-        _inertial(link, thing.inertia)
-    for shape in thing.shapes:
-        for simple in _simple_collisions(shape):
-            _collision(link, simple, name)
-        for simple in _simple_visuals(shape):
-            _visual(link, simple, name, pictures.get(shape.name))
-    if thing.joint:
-        _joint(model, thing.joint)
+    parts = _parts(thing)
+    # Equal models have equal links: their names do not depend on the world.
+    names = {id(part): f"link_{number}" if number else "link" for number, part in enumerate(parts)}
+    for part in parts:
+        link = ET.SubElement(model, "link", name=names[id(part)])
+        _placed(link, part.position, part.rotation)
+        if part.thing.inertia:
+            _inertial(link, part.thing.inertia)
+        for shape in part.thing.shapes:
+            for simple in _simple_collisions(shape):
+                _collision(link, simple, name)
+            for simple in _simple_visuals(shape):
+                _visual(link, simple, name, pictures.get(shape.name))
+    for part in parts:
+        if part.thing.joint:
+            above = "world" if part.above is None else names[id(part.above)]
+            _joint(model, part.thing.joint, above, names[id(part)])
     return xml_text(root)
 
 
@@ -218,11 +230,13 @@ def _inertial(link: ET.Element, inertia: Inertia) -> None:
         _text(moments, tag, f"{inertia.moments[row, column] + 0.0:.6g}")
 
 
-def _joint(model: ET.Element, joint: Joint) -> None:
-    element = ET.SubElement(model, "joint", name="joint", type=joint.kind)
+def _joint(model: ET.Element, joint: Joint, parent: str, child: str) -> None:
+    element = ET.SubElement(model, "joint", name=child.replace("link", "joint"), type=joint.kind)
     _placed(element, joint.position, np.eye(3))
-    _text(element, "parent", "world")
-    _text(element, "child", "link")
+    _text(element, "parent", parent)
+    _text(element, "child", child)
+    if joint.kind == "ball":
+        return
     axis = ET.SubElement(element, "axis")
     _text(axis, "xyz", numbers(joint.axis))
     limit = ET.SubElement(axis, "limit")

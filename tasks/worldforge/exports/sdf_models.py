@@ -28,7 +28,7 @@ class SharedModels:
 
         The name depends on the thing alone: worlds exported at different times share models.
         """
-        square = replace(thing, shapes=tuple(_squared(shape) for shape in thing.shapes))
+        square = _square(thing)
         first = name = f"{slug(thing.label)}_{_digest(square, scene)}"
         number = 1
         while name in self._things:
@@ -44,6 +44,11 @@ class SharedModels:
 def slug(text: str) -> str:
     """Converts a text to a file name: small letters, digits and underscores."""
     return re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower()).strip("_")
+
+
+def _square(thing: Thing) -> Thing:
+    shapes, hung = tuple(_squared(shape) for shape in thing.shapes), tuple(_square(inner) for inner in thing.hung)
+    return replace(thing, shapes=shapes, hung=hung)
 
 
 def _squared(shape: Shape) -> Shape:
@@ -80,10 +85,14 @@ def _digest(thing: Thing, scene: Scene) -> str:
 
     Sizes and places of parts are left out, as rounding differs from piece to piece.
     """
+    text = repr((scene.world.generator_version, thing.label, *_told(thing)))
+    return hashlib.sha256(text.encode()).hexdigest()[:6]
+
+
+def _told(thing: Thing) -> tuple[object, ...]:
     parts = [(shape.name, shape.kind, shape.color, shape.drawn, shape.collides) for shape in thing.shapes]
     joint = thing.joint and (thing.joint.kind, *(round(value, 2) for value in _joint_values(thing.joint)))
-    text = repr((scene.world.generator_version, thing.label, parts, joint))
-    return hashlib.sha256(text.encode()).hexdigest()[:6]
+    return parts, joint, *(_told(inner) for inner in thing.hung)
 
 
 def _joint_values(joint: Joint) -> tuple[float, ...]:
@@ -95,7 +104,17 @@ def _equal(first: Thing, second: Thing) -> bool:
         return False
     if first.inertia and second.inertia and not np.isclose(first.inertia.mass_kg, second.inertia.mass_kg, rtol=1e-3):
         return False
+    if len(first.hung) != len(second.hung) or not all(map(_hang_alike, first.hung, second.hung)):
+        return False
     return all(_equal_shapes(*pair) for pair in zip(first.shapes, second.shapes, strict=True))
+
+
+def _hang_alike(first: Thing, second: Thing) -> bool:
+    """Whether bodies that hang on equal things are equal and hang there in the same way."""
+    joints = [_joint_values(each.joint) if each.joint else () for each in (first, second)]
+    away = max(np.abs(first.position - second.position).max(), np.abs(first.rotation - second.rotation).max())
+    alike = len(joints[0]) == len(joints[1]) and np.allclose(*joints, atol=_SAME_M)
+    return bool(away < _SAME_M) and alike and _equal(first, second)
 
 
 def _equal_shapes(first: Shape, second: Shape) -> bool:

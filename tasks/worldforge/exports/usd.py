@@ -13,7 +13,7 @@ from math import degrees, radians
 import numpy as np
 
 from .export_meshes import drawn_mesh, is_pictured, picture_coordinates
-from .export_scene import UNLIMITED_RAD, Inertia, Joint, Matrix, Scene, Shape, Thing, Vector
+from .export_scene import UNLIMITED_RAD, Inertia, Joint, Matrix, Placed, Scene, Shape, Thing, Vector, with_hung
 from .usd_text import Looks, Prim, PrimNames, integers, number, numbers, quaternion, quoted, vectors
 
 _HEAD = """\
@@ -43,15 +43,24 @@ def scene_usd(scene: Scene) -> str:
     names = PrimNames()
     for taken in ("PhysicsScene", "Sky", "Looks"):
         names.take(taken)
-    things = [_thing(scene, thing, names.take(thing.name), looks) for thing in scene.things]
+    things: list[Prim] = []
+    paths: dict[int, str] = {}
+    for outermost in scene.things:
+        for placed in with_hung(outermost, outermost.position, outermost.rotation):
+            name = names.take(placed.thing.name)
+            paths[id(placed)] = f"/World/{name}"
+            above = "" if placed.above is None else paths[id(placed.above)]
+            things.append(_thing(scene, placed, name, looks, above))
     root.children = [physics, sky, looks.scope, *things]
     return _HEAD + "\n".join([*root.lines(), ""])
 
 
-def _thing(scene: Scene, thing: Thing, name: str, looks: Looks) -> Prim:
+def _thing(scene: Scene, placed: Placed, name: str, looks: Looks, above: str) -> Prim:
+    """A thing beside all others, as rigid bodies do not nest; `above` is the path of the one that it hangs on."""
+    thing = placed.thing
     prim = Prim("Xform", name, metadata=['kind = "component"', *_called(name, thing.name)])
     prim.metadata.append(f"customData = {{ string label = {quoted(thing.label)} }}")
-    _place(prim, thing.position, thing.rotation)
+    _place(prim, placed.position, placed.rotation)
     if thing.inertia:
         prim.schemas += ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
         _weigh(prim, thing.inertia)
@@ -61,7 +70,7 @@ def _thing(scene: Scene, thing: Thing, name: str, looks: Looks) -> Prim:
     for shape in thing.shapes:
         prim.children += _shapes(scene, shape, names, looks)
     if thing.joint:
-        prim.children.append(_joint(thing, thing.joint, names.take("hinge"), f"/World/{name}"))
+        prim.children.append(_joint(thing, thing.joint, names.take("hinge"), f"/World/{name}", above))
     return prim
 
 
@@ -160,17 +169,24 @@ def _mesh(scene: Scene, shape: Shape, name: str) -> Prim:
     return prim
 
 
-def _joint(thing: Thing, joint: Joint, name: str, body: str) -> Prim:
-    """A joint with the world, at 0 where the body stands; its axis is the z axis of its frames."""
+_JOINTS = {"revolute": "PhysicsRevoluteJoint", "prismatic": "PhysicsPrismaticJoint", "ball": "PhysicsSphericalJoint"}
+
+
+def _joint(thing: Thing, joint: Joint, name: str, body: str, above: str) -> Prim:
+    """A joint with the world or with the body above, at 0 where the body stands; its axis is z of its frames."""
     frame = _frame_along(joint.axis)
     turning = joint.kind == "revolute"
-    prim = Prim("PhysicsRevoluteJoint" if turning else "PhysicsPrismaticJoint", name)
+    prim = Prim(_JOINTS[joint.kind], name)
     prim.set("uniform token", "physics:axis", '"Z"')
+    if above:
+        prim.set("rel", "physics:body0", f"<{above}>")
     prim.set("rel", "physics:body1", f"<{body}>")
     prim.set("point3f", "physics:localPos0", numbers(thing.position + thing.rotation @ joint.position))
     prim.set("quatf", "physics:localRot0", quaternion(thing.rotation @ frame))
     prim.set("point3f", "physics:localPos1", numbers(joint.position))
     prim.set("quatf", "physics:localRot1", quaternion(frame))
+    if joint.kind == "ball":
+        return prim
     if joint.upper < UNLIMITED_RAD:
         for side, limit in (("lower", joint.lower), ("upper", joint.upper)):
             prim.set("float", f"physics:{side}Limit", number(degrees(limit) if turning else limit))

@@ -53,6 +53,8 @@ class Start(NamedTuple):
     x: float
     y: float
     yaw: float = 0.0
+    z: float | None = None
+    """Height that the floor is near; absent: near 0, or the lowest floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,8 @@ class Wishes:
 
     model_paths: Sequence[Path] = ()
     start: Start | None = None
+    start_from: str | None = None
+    """Launch file that says the start."""
     loose: Loose = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)
@@ -130,6 +134,7 @@ class _Import:
             origin_m=(round(origin[0], 4) + 0.0, round(origin[1], 4) + 0.0, round(origin[2], 4) + 0.0),
             start_yaw=origin[3],
             is_start_chosen=is_chosen,
+            start_from=self._wishes.start_from,
             models=len(self._sdf.model_types),
             goals={name: _moved_point(point, shift) for name, point in self._wishes.notes.goals.items()},
             held=rest.held,
@@ -269,21 +274,23 @@ class _Import:
                     f"{self._path}: nowhere on its floor, which is at {floor_m:.2f} m, is a place of 1 m that is free; "
                     "name one with --start x,y,yaw"
                 )
-            height = floor_under(model, data, start)
+            height = floor_under(model, data, start, floor_m)
             return (*start, floor_m if height is None or abs(height - floor_m) > 0.05 else height, 0.0), True
-        floor_m = floor_under(model, data, wanted[:2])
+        said = f"of {self._wishes.start_from} " if self._wishes.start_from else ""
+        floor_m = floor_under(model, data, wanted[:2], wanted.z)
         if floor_m is None:
             low, high = world_bounds(model, data)
             raise SdfError(
-                f"{self._path}: there is no floor under the start ({wanted.x:g}, {wanted.y:g}); the world reaches from "
-                f"({low[0]:.1f}, {low[1]:.1f}) to ({high[0]:.1f}, {high[1]:.1f}) m"
+                f"{self._path}: there is no floor under the start {said}({wanted.x:g}, {wanted.y:g}); the world "
+                f"reaches from ({low[0]:.1f}, {low[1]:.1f}) to ({high[0]:.1f}, {high[1]:.1f}) m"
             )
         geoms = in_the_way(ground_at(model, data, floor_m, wanted[:2]), wanted[:2])
         if geoms is not None:
             there = ", ".join(dict.fromkeys(model.geom(geom).name.partition(".")[0] for geom in geoms[:3]))
             raise SdfError(
-                f"{self._path}: the start ({wanted.x:g}, {wanted.y:g}) is not free within 0.5 m, on a floor at "
-                f"{floor_m:.2f} m: {there or 'the floor ends'}"
+                f"{self._path}: the start {said}({wanted.x:g}, {wanted.y:g}) is not free within 0.5 m, on a floor at "
+                f"{floor_m:.2f} m: {there or 'the floor ends'}; "
+                "name another with --start x,y,yaw"
             )
         return (wanted.x, wanted.y, floor_m, wanted.yaw), False
 

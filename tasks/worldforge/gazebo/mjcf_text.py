@@ -212,7 +212,11 @@ def _joint(name: str, body: Body) -> str:
         low, high = -far if joint.lower is None else joint.lower, far if joint.upper is None else joint.upper
         limits = f' range="{numbers(low, high)}"' if low < high else ""
     motion = f' damping="{max(joint.damping, 0.0):g}" frictionloss="{max(joint.friction, 0.0):g}"'
-    return f'      <joint name="{name}" type="{joint.kind}" {place} axis="{numbers(*axis)}"{limits}{motion}/>'
+    # Joints count from where the file has their links, wherever these were saved.
+    reference = f' ref="{numbers(joint.position)}"' if joint.position else ""
+    return (
+        f'      <joint name="{name}" type="{joint.kind}" {place} axis="{numbers(*axis)}"{limits}{reference}{motion}/>'
+    )
 
 
 def _exact(values: Iterable[float]) -> str:

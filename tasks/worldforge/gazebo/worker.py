@@ -3,8 +3,8 @@
 Started as `python -P -m prefect_robomaker.tasks.worldforge.gazebo.worker`; reads one JSON object from standard
 input and answers with one on standard output:
 
-    {"path": "small.world", "model_paths": [], "start": [0, 0, 0], "loose": "free", "allow_missing": false,
-     "notes": "{}", "folder": "/…/bundle"}
+    {"path": "small.world", "model_paths": [], "start": [0, 0, 0, null], "start_from": null, "loose": "free",
+     "allow_missing": false, "notes": "{}", "folder": "/…/bundle"}
     {}   or   {"error": "<why there is no world>"}
 
 It ends when its input does.
@@ -58,6 +58,7 @@ def answer(request: dict[str, Any]) -> dict[str, str]:
     wishes = Wishes(
         model_paths=[Path(each) for each in request["model_paths"]],
         start=None if start is None else Start(*start),
+        start_from=request["start_from"],
         loose=request["loose"],
         allow_missing=request["allow_missing"],
         notes=GazeboNotes.model_validate_json(request["notes"]),

@@ -5,7 +5,7 @@ The up axis of COLLADA files is not looked at, as Gazebo does not either: many s
 
 import io
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +25,7 @@ MOST_MESH_BYTES = 128 * 1024 * 1024
 MOST_TRIANGLES = 1_000_000
 """Triangles of one mesh; the largest public one has 568,000."""
 _MOST_COORDINATE_M = 1e5
+_MOST_NAMED = 12
 _SUFFIXES = (".dae", ".stl", ".obj", ".gltf", ".glb")
 
 Triangles = NDArray[np.float64]
@@ -50,6 +51,8 @@ class MeshPart:
     material: Material
     picture: Image.Image | None = None
     """A picture that is in the file itself."""
+    names: tuple[str, ...] = ()
+    """Names as a submesh, the one that Gazebo goes by first: that of the node, then that of the geometry."""
 
 
 class Meshes:
@@ -73,10 +76,11 @@ class Meshes:
             MeshError: it cannot be read, is empty, or is too large.
         """
         assert geometry.file is not None
-        found = self._read(geometry.file, geometry.submesh)
+        found = self._read(geometry.file, geometry.submesh is not None)
         if not found:
-            said = f"no submesh {geometry.submesh!r}" if geometry.submesh else "no triangles"
-            raise MeshError(geometry.file, f"it has {said}")
+            raise MeshError(geometry.file, "it has no triangles")
+        if geometry.submesh is not None:
+            found = _submesh(found, geometry.submesh, geometry.file)
         scale = np.array(geometry.scale)
         middle = np.zeros(3)
         if geometry.is_centred:
@@ -105,7 +109,7 @@ class Meshes:
         """Returns all triangles of a mesh, without materials."""
         return np.concatenate([part.triangles for part in self.parts(geometry)])
 
-    def _parts(self, path: Path, submesh: str | None) -> tuple[MeshPart, ...]:
+    def _parts(self, path: Path, by_name: bool) -> tuple[MeshPart, ...]:
         reader = _READERS.get(path.suffix.lower())
         if reader is None:
             raise MeshError(path, f"{', '.join(_SUFFIXES)} can be read")
@@ -113,7 +117,7 @@ class Meshes:
             content = read_bytes(path, MOST_MESH_BYTES)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # readers warn of files and of libraries below them
-                found = [_sound(part) for part in reader(content, path, submesh, self._lookup)]
+                found = [_sound(part) for part in reader(content, path, by_name, self._lookup)]
         except (MeshError, ImportError):
             raise
         except SdfError as error:
@@ -128,6 +132,17 @@ class Meshes:
         return tuple(found)
 
 
+def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPart, ...]:
+    """The parts of a submesh; a file without any names, such as STL, is one."""
+    there = [each for part in parts for each in part.names[:1] if each]
+    for named in ([part for part in parts if name in part.names[:1]], [part for part in parts if name in part.names]):
+        if named:
+            return tuple(named)
+    if not there:
+        return parts
+    raise MeshError(path, f"it has no submesh {name!r}; it has {', '.join(dict.fromkeys(there[:_MOST_NAMED]))}")
+
+
 def _sound(part: MeshPart) -> MeshPart:
     """Leaves out triangles with corners that are no places."""
     good = np.isfinite(part.triangles).all(axis=(1, 2)) & (np.abs(part.triangles) < _MOST_COORDINATE_M).all(axis=(1, 2))
@@ -136,7 +151,7 @@ def _sound(part: MeshPart) -> MeshPart:
     return replace(part, triangles=part.triangles[good], places=None if part.places is None else part.places[good])
 
 
-def _read_dae(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -> Iterator[MeshPart]:
+def _read_dae(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> Iterator[MeshPart]:
     if b"\0" in content[:4096] or b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MeshError(path, "it declares a DOCTYPE or is no UTF-8, which meshes do not need")
     try:
@@ -148,10 +163,9 @@ def _read_dae(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -
     unit = float(getattr(document.assetInfo, "unitmeter", None) or 1.0)
     if document.scene is None:
         return
-    for geometry in document.scene.objects("geometry"):
-        original = geometry.original
-        if submesh and submesh not in (original.name, original.id):
-            continue
+    del by_name
+    for node, geometry in _dae_geometries(document.scene.nodes, None, ""):
+        names = node, str(geometry.original.name or ""), str(geometry.original.id or "")
         for primitive in geometry.primitives():
             triangulate = getattr(primitive, "triangleset", None)
             flat = triangulate() if triangulate is not None else primitive
@@ -163,7 +177,20 @@ def _read_dae(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -
             places = None
             if len(flat.texcoordset) and len(flat.texcoord_indexset):
                 places = np.asarray(flat.texcoordset[0], np.float64)[flat.texcoord_indexset[0]][..., :2]
-            yield MeshPart(triangles, places, _dae_material(flat.material, path, lookup))
+            yield MeshPart(triangles, places, _dae_material(flat.material, path, lookup), names=names)
+
+
+def _dae_geometries(nodes: Iterable[Any], matrix: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Placed geometries of a scene, each with the name of the nearest node around it that has one."""
+    from collada.scene import Node
+
+    for node in nodes:
+        if not isinstance(node, Node):
+            yield from ((name, each) for each in node.objects("geometry", matrix))
+            continue
+        inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
+        own = getattr(node, "node", node).xmlnode.get("name")  # an instance of a node has the name of that
+        yield from _dae_geometries(node.children, inner, own or name)
 
 
 def _dae_material(material: Any, path: Path, lookup: Lookup) -> Material:
@@ -184,26 +211,29 @@ def _rgba(values: Any) -> Rgba:
     return red, green, blue, alpha[0] if alpha and alpha[0] > 0 else 1.0
 
 
-def _read_trimesh(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -> Iterator[MeshPart]:
+def _read_trimesh(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> Iterator[MeshPart]:
     import trimesh
 
     kind = path.suffix.lower().lstrip(".")
     resolver = None if kind in ("stl", "glb") else _files_beside(path)
-    loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
-    meshes: list[tuple[str, Any]]
+    # OBJ files are taken apart by materials, unless a part is wanted that they name.
+    apart: dict[str, Any] = {"split_object": True, "group_material": False} if by_name and kind == "obj" else {}
+    loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False, **apart)
+    meshes: list[tuple[tuple[str, ...], Any]]
     if isinstance(loaded, trimesh.Scene):
-        meshes = [(str(each.metadata.get("name", "")), each) for each in loaded.dump(concatenate=False)]
+        meshes = [
+            (tuple(str(each.metadata.get(key, "")) for key in ("node", "name")), each)
+            for each in loaded.dump(concatenate=False)
+        ]
     else:
-        meshes = [("", loaded)]
-    for name, mesh in meshes:
-        if submesh and name and name != submesh:
-            continue
+        meshes = [((), loaded)]
+    for names, mesh in meshes:
         if not hasattr(mesh, "triangles") or not len(mesh.faces):
             continue
         uv = getattr(mesh.visual, "uv", None)
         places = None if uv is None or len(uv) != len(mesh.vertices) else np.asarray(uv, np.float64)[mesh.faces]
         material, picture = _trimesh_material(mesh.visual)
-        yield MeshPart(np.asarray(mesh.triangles, np.float64), places, material, picture)
+        yield MeshPart(np.asarray(mesh.triangles, np.float64), places, material, picture, names)
     del lookup
 
 
@@ -239,7 +269,8 @@ def _trimesh_material(visual: Any) -> tuple[Material, Image.Image | None]:
     return Material(_rgba(values), None, True), picture
 
 
-_Reader = Callable[[bytes, Path, str | None, Lookup], Iterator[MeshPart]]
+_Reader = Callable[[bytes, Path, bool, Lookup], Iterator[MeshPart]]
+"""The third says whether parts are wanted by name."""
 _READERS: dict[str, _Reader] = {
     ".dae": _read_dae, ".stl": _read_trimesh, ".obj": _read_trimesh, ".gltf": _read_trimesh, ".glb": _read_trimesh,
 }  # fmt: skip

@@ -8,21 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from .frames import Scope, own_pose, relative_to
+from .joints import JointPlace, read_joint
 from .lookup import FoundModel, Lookup
 from .saved_state import SavedState, read_saved_state
-from .sdf_types import (
-    Collision,
-    Geometry,
-    Joint,
-    JointKind,
-    Light,
-    Link,
-    Pose,
-    SdfError,
-    SdfWorld,
-    Visual,
-    identity,
-)
+from .sdf_types import Collision, Geometry, Light, Link, Pose, SdfError, SdfWorld, Visual, identity
 from .shapes import MISSING_COLLISION_HEIGHTMAPS, MISSING_COLLISION_MESHES, ShapeReader, cone_half_angle
 from .usual_models import usual_model
 from .xml_files import Element, flag_of, number_of, numbers_of, place, read_xml, text_of
@@ -32,12 +21,6 @@ _MOST_INCLUDES = 20_000
 _MOST_NESTED = 20
 """Models in models; public worlds have three."""
 _VERSIONS = ("1.3", "1.12")
-
-_JOINT_KINDS: dict[str, JointKind] = {
-    "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "ball": "ball", "fixed": "fixed",
-}  # fmt: skip
-_LIMITLESS = 1e6
-"""Limits beyond this mean none: files say 1e16."""
 
 
 @dataclass(slots=True)
@@ -74,6 +57,7 @@ class _WorldReader:
         self._path, self._lookup = path, lookup
         self._roots: dict[Path, Element] = {}
         self._includes = 0
+        self._found_joints: list[JointPlace] = []
 
     def read(self) -> SdfWorld:
         root = self._file(self._path)
@@ -105,7 +89,10 @@ class _WorldReader:
             pose = scope.pose_of(model.scope)
             self._flatten(model, pose, (model.name,), bool(model.is_static), state)
         self._joints(element, scope, identity(), "")
+        links = {link.path: link for link in self._world.links}
+        self._world.joints = [read_joint(each, links, self._world.left_out) for each in self._found_joints]
         self._lights(element, identity(), state)
+        self._note_saved_angles(state)
         self._note_rest(element)
         self._world.files = set(self._roots) | {each.file for each in self._world.geometries() if each.file}
         return self._world
@@ -234,32 +221,10 @@ class _WorldReader:
         self._world.links.append(link)
 
     def _joints(self, element: ET.Element, scope: Scope, pose: Pose, prefix: str) -> None:
-        for joint in element.findall("joint"):
-            name = "::".join(filter(None, (prefix, joint.get("name", "joint"))))
-            kind = _JOINT_KINDS.get(joint.get("type", ""))
-            axis = joint.find("axis")
-            parent, child = (_full(prefix, text_of(joint, tag)) for tag in ("parent", "child"))
-            if kind is None:
-                self._world.left_out.add(f"joints of type {joint.get('type', '')[:40]}, which are held", name)
-                kind = "fixed"
-            placed = pose @ scope.pose_of_part(joint)
-            lower, upper = _limits(axis, joint.get("type", ""))
-            self._world.joints.append(
-                Joint(
-                    path=name,
-                    kind="fixed" if lower is not None and lower == upper else kind,
-                    parent=parent,
-                    child=child,
-                    pose=placed,
-                    axis=_axis(axis, scope, pose, placed, self._version_of(joint)),
-                    lower=lower,
-                    upper=upper,
-                    damping=number_of(dynamics, "damping", 0.0)
-                    if (dynamics := _child(axis, "dynamics")) is not None
-                    else 0.0,
-                    friction=number_of(dynamics, "friction", 0.0) if dynamics is not None else 0.0,
-                )
-            )
+        """Notes the joints of a model or of the world; they are read when all links are known."""
+        self._found_joints += [
+            JointPlace(joint, scope, pose, prefix, self._version_of(joint)) for joint in element.findall("joint")
+        ]
 
     def _version_of(self, element: ET.Element) -> str:
         """Version of the file that an element is in: models that are included have their own."""
@@ -298,6 +263,12 @@ class _WorldReader:
             )
         )
 
+    def _note_saved_angles(self, state: SavedState) -> None:
+        """Lists joints whose angle is saved without the pose of their link, which Gazebo leaves where it is, too."""
+        for joint in self._world.joints:
+            if joint.path in state.joints and joint.child not in state.links and joint.kind != "fixed":
+                self._world.left_out.add("saved angles of joints whose links have no saved pose", joint.path)
+
     def _note_rest(self, world: ET.Element) -> None:
         for child in world:
             name = child.get("name", "") or child.get("filename", "") or child.tag
@@ -315,14 +286,6 @@ class _WorldReader:
 def _short_place(element: ET.Element) -> str:
     """File and line without the folder, which differs from machine to machine."""
     return place(element).rpartition("/")[2]
-
-
-def _child(element: ET.Element | None, tag: str) -> ET.Element | None:
-    return None if element is None else element.find(tag)
-
-
-def _full(prefix: str, name: str) -> str:
-    return name if name == "world" or not prefix else f"{prefix}::{name}"
 
 
 def _inner_pose(element: ET.Element, scope: Scope, link: str) -> Pose:
@@ -348,34 +311,6 @@ def _scaled(geometry: Geometry, scale: tuple[float, float, float]) -> Geometry:
     if geometry.kind == "sphere":
         return replace(geometry, size=(geometry.size[0] * max(scale),))
     return geometry
-
-
-def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | None]:
-    limit = _child(axis, "limit")
-    if limit is None or kind == "continuous":
-        return None, None
-    lower = number_of(limit, "lower", -1e16, is_endless=True)
-    upper = number_of(limit, "upper", 1e16, is_endless=True)
-    if lower > upper:
-        return None, None
-    return (lower if abs(lower) < _LIMITLESS else None), (upper if abs(upper) < _LIMITLESS else None)
-
-
-def _axis(axis: ET.Element | None, scope: Scope, model: Pose, joint: Pose, version: str) -> np.ndarray:
-    """Returns the joint's axis in the world; before SDF 1.5 it was given in the model's frame."""
-    element = _child(axis, "xyz")
-    along = np.array(numbers_of(element, 3, (0.0, 0.0, 1.0)))
-    if not np.linalg.norm(along) > 0:
-        along = np.array((0.0, 0.0, 1.0))
-    expressed = element.get("expressed_in", "") if element is not None else ""
-    if expressed:
-        turned = model.rotation @ scope.resolve(expressed).rotation
-    elif axis is not None and flag_of(axis, "use_parent_model_frame", version in ("1.3", "1.4")):
-        turned = model.rotation
-    else:
-        turned = joint.rotation
-    along = turned @ along
-    return along / np.linalg.norm(along)
 
 
 def missing_parts(world: SdfWorld) -> Iterator[str]:

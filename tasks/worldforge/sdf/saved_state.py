@@ -22,6 +22,8 @@ class SavedState:
 
     models: dict[str, SavedModel] = field(default_factory=dict)
     links: dict[str, Pose] = field(default_factory=dict)
+    joints: set[str] = field(default_factory=set)
+    """Joints with a saved angle, by their paths."""
     lights: dict[str, Pose] = field(default_factory=dict)
     deleted: set[str] = field(default_factory=set)
 
@@ -54,5 +56,6 @@ def _add(model: ET.Element, prefix: str, found: SavedState) -> None:
     for link in model.findall("link"):
         if link.find("pose") is not None:
             found.links[f"{path}::{link.get('name', '')}"] = own_pose(link)
+    found.joints |= {f"{path}::{joint.get('name', '')}" for joint in model.findall("joint")}
     for inner in model.findall("model"):
         _add(inner, f"{path}::", found)

@@ -150,6 +150,8 @@ class Joint:
     upper: float | None
     damping: float
     friction: float
+    position: float = 0.0
+    """Position in the world as it is, radians or metres; not 0 where Gazebo's window saved the links elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)

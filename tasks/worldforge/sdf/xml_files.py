@@ -1,6 +1,8 @@
 """XML of files that somebody else wrote: size, entities and depth are limited, errors name the line."""
 
 import xml.etree.ElementTree as ET
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 from xml.parsers import expat
 
@@ -11,6 +13,8 @@ MOST_XML_BYTES = 20 * 1024 * 1024
 _MOST_DEPTH = 200
 """Levels of elements; includes are files of their own."""
 _MOST_ELEMENTS = 2_000_000
+_MOST_LISTED = 10_000
+"""Files of a folder that are looked at for similar names."""
 
 
 class Element(ET.Element):
@@ -31,13 +35,31 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
         SdfError: it is none, is larger, or cannot be read.
     """
     try:
+        if not path.exists():
+            raise SdfError(f"{path}: it does not exist{_similar_to(path)}")
         if not path.is_file():
-            raise SdfError(f"{path}: it is no regular file")
+            what = "a folder" if path.is_dir() else "no regular file"
+            raise SdfError(f"{path}: it is {what}; a file would be right")
         if (size := path.stat().st_size) > most_bytes:
             raise SdfError(f"{path}: it has {size:,} bytes; at most {most_bytes:,} are read")
         return path.read_bytes()
     except OSError as error:
         raise SdfError(f"{path}: it cannot be read: {error.strerror}") from error
+
+
+def _similar_to(path: Path) -> str:
+    """Says which files with similar names are in the folder of a file that is missing, to end an error with."""
+    try:
+        if not path.parent.is_dir():
+            return f"; there is no folder {path.parent}"
+        names = {each.name.lower(): each.name for each in islice(path.parent.iterdir(), _MOST_LISTED)}
+    except OSError:
+        return ""
+    # 0.6: `hose.world` and `house_2.world` are similar to `house.world`.
+    near = [names[name] for name in get_close_matches(path.name.lower(), names, n=3, cutoff=0.6)]
+    alike = [name for name in names.values() if name not in near and Path(name).suffix == path.suffix]
+    found = [*near, *sorted(alike)][:3]
+    return f"; in its folder there is {', '.join(found)}" if found else f"; its folder has no {path.suffix} file"
 
 
 def read_xml(path: Path) -> Element:

@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRu
 from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.judging.bags import find_recording
 from prefect_robomaker.tasks.runtime.judging.pose_pairs import PosePairs, StampedPose
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 

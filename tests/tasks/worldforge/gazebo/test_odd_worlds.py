@@ -37,6 +37,59 @@ def boxed(x: float, y: float, z: float) -> str:
     return f"<geometry><box><size>{x} {y} {z}</size></box></geometry>"
 
 
+def deck(z: float) -> str:
+    """A floor at a height, on a base, with a roof 3 m above."""
+    return (
+        f'<model name="deck"><static>true</static><pose>3 0 {z} 0 0 0</pose><link name="l">'
+        f'<collision name="c"><pose>0 0 -0.1 0 0 0</pose>{boxed(8, 8, 0.2)}</collision>'
+        f'<collision name="roof"><pose>0 0 3 0 0 0</pose>{boxed(8, 8, 0.2)}</collision></link></model>'
+    )
+
+
+@pytest.mark.parametrize("start", [None, Start(2.0, 0.0)])
+def test_a_floor_may_be_high_up(tmp_path: Path, start: Start | None) -> None:
+    path = tmp_path / "some.world"
+    path.write_text(f'<sdf version="1.7"><world name="w">{deck(2.2)}</world></sdf>')
+    world = import_gazebo_world(path, Wishes(start=start), tmp_path / "bundle")
+    assert isinstance(world.source, GazeboSource)
+    assert world.source.origin_m[2] == pytest.approx(2.2)
+    assert world.checks is not None
+    assert violations(world.checks) == []
+    assert world.checks.reachable_m2 == pytest.approx(7.6**2, abs=2)
+
+
+def test_a_start_says_which_of_two_floors_is_meant(tmp_path: Path) -> None:
+    """Without a height it is the ground below the deck."""
+    found = []
+    for name, z in (("low", None), ("high", 2.25)):
+        (tmp_path / name).mkdir()
+        world, _ = imported(tmp_path / name, deck(2.2), Wishes(start=Start(2.0, 0.0, 0.0, z)))
+        assert isinstance(world.source, GazeboSource)
+        found.append(world.source.origin_m[2])
+    assert found == pytest.approx([0.0, 2.2])
+
+
+def test_a_door_that_was_saved_open_keeps_its_limits(tmp_path: Path) -> None:
+    leaf = '<link name="leaf"><pose>3 0 1.1 0 0 0</pose><inertial><mass>9</mass></inertial>' + (
+        f'<collision name="c"><pose>0.45 0 0 0 0 0</pose>{boxed(0.9, 0.04, 2)}</collision></link>'
+    )
+    _, model = imported(
+        tmp_path,
+        f'<model name="door">{leaf}<joint name="j" type="revolute"><parent>world</parent><child>leaf</child>'
+        "<axis><xyz>0 0 1</xyz><limit><lower>-0.1</lower><upper>1.5</upper></limit></axis></joint></model>"
+        '<state world_name="w"><model name="door"><pose>0 0 0 0 0 0</pose><link name="leaf">'
+        "<pose>3 0 1.1 0 0 1.2</pose></link></model></state>",
+    )
+    assert model.jnt_range[0].tolist() == pytest.approx([-0.1, 1.5])
+    data = mujoco.MjData(model)
+    assert data.qpos.tolist() == pytest.approx([1.2], abs=1e-4)
+    mujoco.mj_kinematics(model, data)
+    assert data.xmat[1][[0, 3]].tolist() == pytest.approx([np.cos(1.2), np.sin(1.2)], abs=1e-4)
+    data.qpos[0] = 0.0
+    mujoco.mj_kinematics(model, data)
+    assert data.xmat[1][[0, 3]].tolist() == pytest.approx([1.0, 0.0], abs=1e-4)
+
+
 def test_terrain_is_as_high_as_in_gazebo(tmp_path: Path) -> None:
     """The brightest spot has the size's height, the others their share of it, also where none is black."""
     shares = np.full((33, 33), 50, np.uint8)

@@ -1,10 +1,15 @@
-"""A world of our own, exported for Gazebo and imported again, has the same map."""
+"""A world that is exported for Gazebo and imported again has the same map and the same joints."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
 
 import zipfile
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+import trimesh
 from helpers.paths import REPOSITORY
 from scipy import ndimage
 
@@ -44,3 +49,62 @@ def test_the_map_of_an_exported_world_comes_back(tmp_path: Path) -> None:
         assert near(other, after, one, before) >= 0.99
     assert world.checks is not None
     assert world.checks.free_bodies == 15  # five doors, and loose things
+
+
+ARM = """<model name="crane"><pose>3 0 0 0 0 0.5</pose>
+<link name="post"><pose>0 0 0.5 0 0 0</pose><inertial><mass>20</mass></inertial>
+<collision name="c"><geometry><box><size>0.3 0.3 1</size></box></geometry></collision>
+<visual name="v"><geometry><box><size>0.3 0.3 1</size></box></geometry></visual></link>
+<link name="jib"><pose>0.4 0 1.1 0 0 0</pose><inertial><mass>2</mass></inertial>
+<collision name="c"><geometry><box><size>1 0.1 0.1</size></box></geometry></collision>
+<visual name="v"><geometry><box><size>1 0.1 0.1</size></box></geometry></visual></link>
+<link name="hook"><pose>0.85 0 0.8 0 0 0</pose><inertial><mass>1</mass></inertial>
+<collision name="c"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision></link>
+<joint name="foot" type="fixed"><parent>world</parent><child>post</child></joint>
+<joint name="turn" type="revolute"><parent>post</parent><child>jib</child><pose>-0.4 0 0 0 0 0</pose>
+<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><upper>2</upper></limit><dynamics><damping>3</damping></dynamics></axis>
+</joint>
+<joint name="rope" type="ball"><parent>jib</parent><child>hook</child><pose>0 0 0.3 0 0 0</pose></joint></model>"""
+
+
+def jointed(path: Path) -> dict[str, tuple[int, list[float], list[float], list[float]]]:
+    """Kind, anchor, axis and limits of each joint of a world, by the place of its body."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return {
+        " ".join(f"{value:.3f}" for value in data.xipos[model.jnt_bodyid[joint]] + 0.0): (
+            int(model.jnt_type[joint]),
+            np.round(data.xanchor[joint], 3).tolist(),
+            np.round(data.xaxis[joint], 3).tolist() if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE else [],
+            np.round(model.jnt_range[joint], 3).tolist(),
+        )
+        for joint in range(model.njnt)
+    }
+
+
+def test_bodies_that_hang_on_bodies_come_back(tmp_path: Path) -> None:
+    """A crane with a jib on its post and a hook on the jib, exported as SDF, USD and GLB."""
+    path = tmp_path / "some.world"
+    path.write_text(
+        f'<sdf version="1.7"><world name="w"><include><uri>model://ground_plane</uri></include>{ARM}</world></sdf>'
+    )
+    start = Wishes(start=Start(0.0, 0.0))
+    import_gazebo_world(path, start, tmp_path / "bundle")
+    before = jointed(tmp_path / "bundle" / "world.xml")
+    assert [each[0] for each in before.values()] == [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL)]
+    write_export_zip({"crane": tmp_path / "bundle"}, tmp_path / "export.zip")
+    with zipfile.ZipFile(tmp_path / "export.zip") as archive:
+        archive.extractall(tmp_path / "export")
+    [exported] = (tmp_path / "export").rglob("crane.world")
+    [models] = (tmp_path / "export").rglob("models")
+    import_gazebo_world(exported, Wishes([models], Start(0.0, 0.0)), tmp_path / "again")
+    assert jointed(tmp_path / "again" / "world.xml") == before
+
+    stage = exported.with_name("crane.usda").read_text()
+    assert "rel physics:body0 = </World/crane_jib>" in stage
+    assert 'def PhysicsSphericalJoint "hinge"' in stage
+    scene = trimesh.load(exported.with_name("crane.glb"))
+    assert isinstance(scene, trimesh.Scene)
+    low, high = scene.bounds  # y points up in GLB
+    assert (round(float(low[1]), 2), round(float(high[1]), 2)) == (0.0, 1.15)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.gazebo_house import model
+from helpers.gazebo_house import dae, model, triangles_of
 
 from prefect_robomaker.tasks.worldforge.sdf.lookup import Lookup
 from prefect_robomaker.tasks.worldforge.sdf.meshes import MeshError, Meshes
@@ -161,3 +161,35 @@ def test_a_header_with_a_thousand_million_faces_is_no_mesh(tmp_path: Path) -> No
     path.write_bytes(b"\0" * 80 + (10**9).to_bytes(4, "little") + b"\0" * 50)
     with pytest.raises(MeshError, match=r"rock\.stl: it has no triangles"):
         meshes_of(path).parts(Geometry("mesh", file=path))
+
+
+def submesh_in(folder: Path, name: str, text: str, submesh: str, is_centred: bool = False) -> np.ndarray:
+    """Corners of a submesh of a file, lowest and highest."""
+    path = folder / name
+    path.write_text(text)
+    meshes = Meshes(Lookup(folder / "some.world", [], {"HOME": str(folder)}))
+    found = meshes.triangles(Geometry("mesh", file=path, submesh=submesh, is_centred=is_centred)).reshape(-1, 3)
+    return np.round(np.array([found.min(axis=0), found.max(axis=0)]), 6)
+
+
+PAIR = f"o near\n{TETRAHEDRON}o far\n" + "v 9 0 0\nv 10 0 0\nv 9 2 0\nv 9 0 3\nf 5 7 6\nf 5 6 8\nf 5 8 7\nf 6 7 8\n"
+
+
+def test_a_submesh_of_an_obj_file_is_the_object_of_that_name(tmp_path: Path) -> None:
+    assert submesh_in(tmp_path, "pair.obj", PAIR, "far").tolist() == [[9, 0, 0], [10, 2, 3]]
+    assert submesh_in(tmp_path, "pair.obj", PAIR, "far", is_centred=True).tolist() == [[-0.5, -1, -1.5], [0.5, 1, 1.5]]
+    with pytest.raises(MeshError, match=r"pair\.obj: it has no submesh 'fur'; it has .*far"):
+        submesh_in(tmp_path, "pair.obj", PAIR, "fur")
+
+
+def test_a_submesh_of_a_dae_file_is_the_node_of_that_name(tmp_path: Path) -> None:
+    """Gazebo calls submeshes by the nearest node with a name; geometries are called otherwise here."""
+    text = dae(triangles_of((0, 0, 0, 1, 1, 1)))
+    placed = text.replace('<node id="n">', '<node name="lid"><translate>0 0 5</translate><node id="n">', 1)
+    twice = text[text.index('<node id="n">') : text.index("</visual_scene>")]
+    other = twice.replace('id="n"', 'id="o" name="box"')
+    both = placed.replace("</visual_scene>", f"</node>{other}</visual_scene>")
+    assert submesh_in(tmp_path, "two.dae", both, "lid").tolist() == [[0, 0, 5], [1, 1, 6]]
+    assert submesh_in(tmp_path, "two.dae", both, "box").tolist() == [[0, 0, 0], [1, 1, 1]]
+    with pytest.raises(MeshError, match="it has no submesh 'cup'; it has lid, box"):
+        submesh_in(tmp_path, "two.dae", both, "cup")

@@ -7,7 +7,7 @@ import pytest
 from helpers.gazebo_house import model, write_house
 
 from prefect_robomaker.tasks.worldforge.sdf.reader import read_world
-from prefect_robomaker.tasks.worldforge.sdf.sdf_types import SdfError, SdfWorld
+from prefect_robomaker.tasks.worldforge.sdf.sdf_types import Pose, SdfError, SdfWorld, euler_matrix
 
 BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
 
@@ -78,6 +78,56 @@ def test_inner_models_give_their_static_to_the_one_around_them_unless_it_has_its
         tmp_path, f'<model name="one">{include}</model><model name="two"><static>false</static>{include}</model>'
     )
     assert {link.path: link.is_static for link in world.links} == {"one::rock::l": True, "two::rock::l": False}
+
+
+SAVED_DOOR = """<model name="m"><pose>5 0 0 0 0 1.5707963</pose><link name="frame"/>
+<link name="leaf"><pose>1 0 0 0 0 0</pose></link>
+<joint name="hinge" type="revolute"><parent>frame</parent><child>leaf</child><pose>-0.5 0 0 0 0 0</pose>
+<axis><xyz>0 0 1</xyz><limit><lower>0</lower><upper>1.5</upper></limit></axis></joint>
+<link name="drawer"/><joint name="slide" type="prismatic"><parent>frame</parent><child>drawer</child>
+<axis><xyz>1 0 0</xyz></axis></joint></model>
+<state world_name="w"><model name="m"><pose>5 0 0 0 0 0.7</pose>
+<link name="frame"><pose>5 0 0 0 0 0.7</pose></link>
+<link name="leaf"><pose>{leaf}</pose></link>
+<link name="drawer"><pose>{drawer}</pose></link>
+<joint name="hinge"><angle axis="0">0.4</angle></joint></model></state>"""
+
+
+def saved(*poses: Pose) -> list[str]:
+    """Poses as Gazebo's window writes them."""
+    return [
+        f"{' '.join(map(str, pose.position))} 0 0 {np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])}"
+        for pose in poses
+    ]
+
+
+def test_a_joint_is_where_its_links_are_saved(tmp_path: Path) -> None:
+    """Gazebo goes by the saved poses of links: the door stands open by 0.4, and the drawer by 0.25 m."""
+    model_pose = Pose(np.array([5.0, 0, 0]), euler_matrix(0, 0, 0.7))
+    open_leaf = (
+        model_pose @ Pose(np.array([0.5, 0, 0]), euler_matrix(0, 0, 0.4)) @ Pose(np.array([0.5, 0, 0]), np.eye(3))
+    )
+    drawer = model_pose @ Pose(np.array([0.25, 0, 0]), np.eye(3))
+    said_leaf, said_drawer = saved(open_leaf, drawer)
+    world = read(tmp_path, SAVED_DOOR.format(leaf=said_leaf, drawer=said_drawer))
+    hinge, slide = world.joints
+    assert hinge.position == pytest.approx(0.4)
+    assert hinge.pose.position.tolist() == pytest.approx(
+        (model_pose.position + 0.5 * model_pose.rotation[:, 0]).tolist()
+    )
+    assert (hinge.lower, hinge.upper) == (0.0, 1.5)
+    assert slide.position == pytest.approx(0.25)
+    assert slide.axis.tolist() == pytest.approx(model_pose.rotation[:, 0].tolist())
+    assert "saved angles of joints whose links have no saved pose" not in world.left_out
+
+
+def test_a_saved_angle_without_a_pose_moves_nothing_as_in_gazebo_and_is_listed(tmp_path: Path) -> None:
+    text = SAVED_DOOR.replace('<link name="leaf"><pose>{leaf}</pose></link>', "").format(
+        leaf="", drawer="5 0 0 0 0 0.7"
+    )
+    world = read(tmp_path, text)
+    assert world.joints[0].position == 0.0
+    assert world.left_out.names("saved angles of joints whose links have no saved pose") == ["m::hinge"]
 
 
 def test_what_is_missing_is_listed_with_the_nearest_names(tmp_path: Path) -> None:

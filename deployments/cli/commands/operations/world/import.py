@@ -5,6 +5,9 @@ coarsely, the map.yaml of an empty flat that a robot mapped. A YAML file of the 
 does not: the scale, types of rooms, wishes for the interior; --notes names another.
 A .world or .sdf file is taken as it is, with the models that it includes; nothing is fetched. Beside it, a YAML file of
 the same name may name rooms and goals.
+A folder of a ROS workspace, or the bundle of a simulation application (.tar.gz, .tar, .zip), may hold several Gazebo
+worlds: they are listed, and --world names the one to import. Its start is x_pos, y_pos and yaw of the launch file that
+starts it, unless --start names another. Launch files are read, never executed.
 Exit code 0: stored, all guarantees hold; 1: stored, some do not hold; 2: the file is none that a world can be made of.
 """
 
@@ -12,12 +15,19 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....arguments import add_output, two_or_three_numbers
+from ....arguments import add_output, finite_numbers
 from ....inputs.options import open_service
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ......schemas.templates.drawing_notes import DrawingNotes
     from ......tasks.worldforge.drawings.drawing_import import Source
+    from ......tasks.worlds.launch_starts import LaunchStart
+    from ......tasks.worlds.workspaces import Workspace
+
+    GazeboStart = tuple[float, float, float, float | None]
+    """x, y, yaw and the height that the floor is near."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +35,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "plan",
         metavar="PLAN",
-        help="plan.svg or plan.dxf, a map for Nav2, map.yaml, or a world for Gazebo, x.world or x.sdf",
+        help="plan.svg or plan.dxf, a map for Nav2, map.yaml, a world for Gazebo, x.world or x.sdf, or a workspace or "
+        "bundle with such worlds",
     )
     parser.add_argument("--notes", metavar="FILE", help="YAML file beside the drawing (default: PLAN with .yaml)")
     parser.add_argument(
@@ -35,6 +46,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--seed", metavar="N", type=int, default=0, help="of materials and furniture; 0 unless told otherwise"
     )
     gazebo = parser.add_argument_group("worlds in Gazebo's format")
+    gazebo.add_argument("--world", metavar="NAME", help="the world to import of a workspace or bundle with several")
     gazebo.add_argument(
         "--model-path",
         metavar="DIR",
@@ -43,7 +55,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="a folder of models, before those beside the world and in GAZEBO_MODEL_PATH; may be repeated",
     )
     gazebo.add_argument(
-        "--start", metavar="X,Y[,YAW]", type=_start, help="where robots start; without, the free place nearest to 0,0"
+        "--start",
+        metavar="X,Y[,YAW[,Z]]",
+        type=_start,
+        help="where robots start, and the height that the floor is near; "
+        "without, the free place nearest to 0,0 on the floor that is near 0, else on the lowest one",
     )
     gazebo.add_argument(
         "--loose", choices=("free", "hold"), help="whether things that can move do (default), or are held"
@@ -53,12 +69,63 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world import`: makes a world of a drawing or map, and reports deviations from it."""
+    """Runs `robomaker world import`: makes a world of a drawing, map or Gazebo world, and prints facts about it."""
+    from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worldforge.gazebo.importing import SUFFIXES
+    from ......tasks.worlds.workspaces import is_workspace
     from ....output.world_facts import print_kept
 
-    keep = _keep_gazebo if Path(arguments.plan).suffix.lower() in SUFFIXES else _keep_drawn
-    return print_kept(keep(arguments), arguments.output)
+    plan = Path(arguments.plan)
+    if is_workspace(plan):
+        arn = _keep_of_workspace(arguments)
+    elif arguments.world is not None:
+        raise ConfigurationError(f"{plan}: --world is for workspaces and bundles with several worlds")
+    elif plan.suffix.lower() in SUFFIXES:
+        arn = _keep_gazebo(arguments, plan, arguments.start)
+    else:
+        arn = _keep_drawn(arguments)
+    return print_kept(arn, arguments.output)
+
+
+def _keep_of_workspace(arguments: argparse.Namespace) -> str:
+    """Imports the world of a workspace or bundle, or lists its worlds and raises the error that one has to be named."""
+    from ......schemas.wire.errors import ConfigurationError
+    from ......tasks.worlds.workspaces import opened_workspace
+
+    with opened_workspace(Path(arguments.plan), open_service()) as workspace:
+        world = workspace.world(arguments.world)
+        if world is None:
+            _print_worlds(workspace, arguments.output)
+            raise ConfigurationError(
+                f"{arguments.plan}: it has {len(workspace.worlds)} Gazebo worlds; name one with --world, such as "
+                f"--world {workspace.worlds[0].name}"
+            )
+        start = arguments.start or (world.start and _start_of(world.start))
+        said = None if arguments.start or world.start is None else world.start.launch_file
+        return _keep_gazebo(arguments, world.path, start, said, workspace.model_paths)
+
+
+def _start_of(start: "LaunchStart") -> "GazeboStart":
+    return start.x_m, start.y_m, start.yaw_rad, start.z_m
+
+
+def _print_worlds(workspace: "Workspace", output: str) -> None:
+    listed = [
+        {
+            "name": world.name,
+            "file": world.path.relative_to(workspace.top).as_posix(),
+            "start": world.start and _start_of(world.start)[:3],
+            "start_from": world.start and world.start.launch_file,
+        }
+        for world in workspace.worlds
+    ]
+    if output == "json":
+        sys.stdout.write(json.dumps({"worlds": listed}, indent=2, ensure_ascii=False) + "\n")
+        return
+    for world in workspace.worlds:
+        start = world.start
+        where = f"start {start.x_m:g},{start.y_m:g},{start.yaw_rad:g} of {start.launch_file}" if start else "no start"
+        sys.stdout.write(f"{world.name}  {world.path.relative_to(workspace.top).as_posix()}  {where}\n")
 
 
 def _keep_drawn(arguments: argparse.Namespace) -> str:
@@ -79,7 +146,13 @@ def _keep_drawn(arguments: argparse.Namespace) -> str:
     return keep_world(world, "import", {}, open_service()).arn
 
 
-def _keep_gazebo(arguments: argparse.Namespace) -> str:
+def _keep_gazebo(
+    arguments: argparse.Namespace,
+    path: Path,
+    start: "GazeboStart | None",
+    start_from: str | None = None,
+    more_models: "Sequence[Path]" = (),
+) -> str:
     """Imports and stores a world in Gazebo's format; returns its ARN."""
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.gazebo_notes import GazeboNotes
@@ -89,12 +162,12 @@ def _keep_gazebo(arguments: argparse.Namespace) -> str:
 
     if arguments.scale or arguments.seed:
         raise ConfigurationError(f"{arguments.plan}: --scale and --seed are for drawings")
-    path = Path(arguments.plan)
     beside = Path(arguments.notes) if arguments.notes else path.with_suffix(".yaml")
     wanted = GazeboImport(
         path=path,
-        model_paths=[_folder(each) for each in arguments.model_path],
-        start=arguments.start,
+        model_paths=[*(_folder(each) for each in arguments.model_path), *more_models],
+        start=start,
+        start_from=start_from,
         loose=arguments.loose or "free",
         allow_missing=arguments.allow_missing,
         notes=read_yaml(beside, GazeboNotes) if arguments.notes or beside.is_file() else GazeboNotes(),
@@ -110,11 +183,13 @@ def _folder(name: str) -> Path:
     return Path(name)
 
 
-def _start(text: str) -> tuple[float, float, float]:
-    if (numbers := two_or_three_numbers(text)) is None:
-        raise argparse.ArgumentTypeError(f"{text!r}: metres and radians, 3.5,1.0 or 3.5,1.0,1.57, would be right")
-    x, y, *yaw = numbers
-    return x, y, yaw[0] if yaw else 0.0
+def _start(text: str) -> "GazeboStart":
+    if (numbers := finite_numbers(text, 2, 3, 4)) is None:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: metres and radians, 3.5,1.0 or 3.5,1.0,1.57 or, with a height, 3.5,1.0,1.57,2.8, would be right"
+        )
+    x, y, yaw = [*numbers, 0.0][:3]
+    return x, y, yaw, numbers[3] if len(numbers) > 3 else None
 
 
 def _seed(number: int) -> int:

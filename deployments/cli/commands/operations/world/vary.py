@@ -8,7 +8,7 @@ Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no su
 import argparse
 from typing import TYPE_CHECKING, get_args
 
-from ....arguments import add_output, add_world, two_or_three_numbers
+from ....arguments import add_output, add_world, finite_numbers
 from ....inputs.options import open_service
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _moved(text: str) -> "tuple[str, Move]":
     from ......tasks.worldforge.generator import Move
 
     name, _, where = text.partition("=")
-    numbers = two_or_three_numbers(where)
+    numbers = finite_numbers(where, 2, 3)
     if not name or numbers is None:
         raise argparse.ArgumentTypeError(
             f"{text!r}: a piece and metres to the east and north, Sofas_1=0.5,-0.2, would be right"

@@ -71,6 +71,8 @@ def test_equal_imports_share_a_bundle_that_goes_with_the_last_of_them(robomaker)
     one, other = (robomaker("world", "import", FLAT).out.splitlines()[0] for _ in range(2))
     assert one != other
     robomaker("call", "BatchDeleteWorlds", "--input", json.dumps({"worlds": [one]}))
+    named = other.rpartition("world/")[2]
+    assert json.loads(robomaker("world", "show", named, "-o", "json").out)["arn"] == other
     described = robomaker("call", "DescribeWorld", "--input", json.dumps({"world": other}))
     assert described.code == 0, described.err
     assert json.loads(json.loads(described.out)["worldDescriptionBody"])["source"]["file"] == "flat.svg"
@@ -117,6 +119,13 @@ def test_notes_beside_a_drawing_are_read_and_their_mistakes_have_places(robomake
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
+        (["import", "hose.world"], "hose.world: it does not exist; its folder has no .world file"),
+        (["import", FLAT.parent / "flat.sdf"], "flat.sdf: it does not exist; in its folder there is flat.svg"),
+        (["import", "nowhere/house.world"], "nowhere/house.world: it does not exist; there is no folder nowhere"),
+        (["import", "bundle.tar.gz"], "bundle.tar.gz: it does not exist"),
+        (["import", FLAT.parent, "--world", "x"], "plans: no file in it is a Gazebo world"),
+        (["import", FLAT, "--world", "x"], "--world is for workspaces and bundles"),
+        (["import", FLAT, "--start", "1,2,3,4,5"], "3.5,1.0 or 3.5,1.0,1.57 or, with a height"),
         (["import", FLAT, "--scale", "wide"], "--scale is 'wide'; metres a unit, such as 0.01"),
         (["import", FLAT, "--seed", "-1"], "--seed is -1; 0 or more would be right"),
         (["import", FLAT, "--scale", "0.01"], "say its scale with --scale"),

@@ -1,0 +1,154 @@
+"""Joints of a world: kind, place, axis and limits, and positions in the state that Gazebo's window saved."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import atan2
+
+import numpy as np
+
+from .frames import Scope
+from .sdf_types import Joint, JointKind, Link, Omissions, Pose, Vector, identity
+from .xml_files import flag_of, number_of, numbers_of, text_of
+
+_KINDS: dict[str, JointKind] = {
+    "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "ball": "ball", "fixed": "fixed",
+}  # fmt: skip
+_LIMITLESS = 1e6
+"""Limits beyond this mean none: files say 1e16."""
+_LEAST_SAVED_M = 1e-9
+"""Entries of poses that differ by less are the same: Gazebo's window saves six digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointPlace:
+    """A joint element, with the model or world that it is in."""
+
+    element: ET.Element
+    scope: Scope
+    pose: Pose
+    """Pose of the model in the world."""
+    prefix: str
+    """Path of the model; empty: the world."""
+    version: str
+    """Version of SDF of the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Moved:
+    """Frames of a joint where its links are, and how far that is from where the model has them."""
+
+    pose: Pose
+    axis: Vector
+    position: float
+
+
+def read_joint(found: JointPlace, links: Mapping[str, Link], left_out: Omissions) -> Joint:
+    """Reads a joint; one of a kind that MuJoCo does not have is fixed, and noted.
+
+    Args:
+        found: the joint.
+        links: all links of the world by path, where they are saved.
+        left_out: gets what was left out.
+
+    Raises:
+        SdfError: a number in it is none.
+    """
+    element, kind_said = found.element, found.element.get("type", "")
+    path = "::".join(filter(None, (found.prefix, element.get("name", "joint"))))
+    kind = _KINDS.get(kind_said)
+    if kind is None:
+        left_out.add(f"joints of type {kind_said[:40]}, which are held", path)
+        kind = "fixed"
+    axis = element.find("axis")
+    lower, upper = _limits(axis, kind_said)
+    kind = "fixed" if lower is not None and lower == upper else kind
+    placed = found.pose @ found.scope.pose_of_part(element)
+    moved = _as_saved(found, links, kind, placed, _axis(axis, found, placed))
+    dynamics = _child(axis, "dynamics")
+    return Joint(
+        path=path,
+        kind=kind,
+        parent=_full(found.prefix, text_of(element, "parent")),
+        child=_full(found.prefix, text_of(element, "child")),
+        pose=moved.pose,
+        axis=moved.axis,
+        lower=lower,
+        upper=upper,
+        damping=0.0 if dynamics is None else number_of(dynamics, "damping", 0.0),
+        friction=0.0 if dynamics is None else number_of(dynamics, "friction", 0.0),
+        position=moved.position,
+    )
+
+
+def _as_saved(found: JointPlace, links: Mapping[str, Link], kind: JointKind, placed: Pose, axis: Vector) -> _Moved:
+    """The joint between its links as they are saved: Gazebo goes by the poses of links, not by saved angles."""
+    ends: list[tuple[Pose, Pose]] = []
+    for tag in ("parent", "child"):
+        name = text_of(found.element, tag)
+        link = links.get(_full(found.prefix, name))
+        if name == "world":
+            ends.append((identity(), identity()))
+        elif link is not None and found.scope.has(name):
+            ends.append((found.pose @ found.scope.resolve(name), link.pose))
+    if len(ends) < 2 or all(_same(stated, saved) for stated, saved in ends):
+        return _Moved(placed, axis, 0.0)
+    (parent, parent_now), (child, child_now) = ends
+    by_parent = parent_now @ parent.inverse() @ placed
+    by_child = child_now @ child.inverse() @ placed
+    along = parent_now.rotation @ parent.rotation.T @ axis
+    position = 0.0
+    if kind == "hinge":
+        position = _angle(by_child.rotation @ by_parent.rotation.T, along)
+    elif kind == "slide":
+        position = float((by_child.position - by_parent.position) @ along)
+    return _Moved(by_child, along, position)
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    away = max(np.abs(one.position - other.position).max(), np.abs(one.rotation - other.rotation).max())
+    return bool(away < _LEAST_SAVED_M)
+
+
+def _angle(rotation: np.ndarray, axis: Vector) -> float:
+    """By how much a rotation turns about an axis, radians between -pi and pi."""
+    sines = np.array([
+        rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
+    ])  # fmt: skip
+    return atan2(float(sines @ axis), float(np.trace(rotation)) - 1.0)
+
+
+def _child(element: ET.Element | None, tag: str) -> ET.Element | None:
+    return None if element is None else element.find(tag)
+
+
+def _full(prefix: str, name: str) -> str:
+    return name if name == "world" or not prefix else f"{prefix}::{name}"
+
+
+def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | None]:
+    limit = _child(axis, "limit")
+    if limit is None or kind == "continuous":
+        return None, None
+    lower = number_of(limit, "lower", -1e16, is_endless=True)
+    upper = number_of(limit, "upper", 1e16, is_endless=True)
+    if lower > upper:
+        return None, None
+    return (lower if abs(lower) < _LIMITLESS else None), (upper if abs(upper) < _LIMITLESS else None)
+
+
+def _axis(axis: ET.Element | None, found: JointPlace, joint: Pose) -> Vector:
+    """Returns the joint's axis in the world; before SDF 1.5 it was given in the model's frame."""
+    element = _child(axis, "xyz")
+    along = np.array(numbers_of(element, 3, (0.0, 0.0, 1.0)))
+    if not np.linalg.norm(along) > 0:
+        along = np.array((0.0, 0.0, 1.0))
+    expressed = element.get("expressed_in", "") if element is not None else ""
+    if expressed:
+        turned = found.pose.rotation @ found.scope.resolve(expressed).rotation
+    elif axis is not None and flag_of(axis, "use_parent_model_frame", found.version in ("1.3", "1.4")):
+        turned = found.pose.rotation
+    else:
+        turned = joint.rotation
+    along = turned @ along
+    return along / np.linalg.norm(along)

@@ -1,0 +1,178 @@
+"""Gazebo worlds in a workspace or bundle of a simulation application, and the starts that launch files give them."""
+
+import os
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from ...schemas.wire.errors import BundleError, ConfigurationError
+from ..bundles.colcon import package_folders
+from ..bundles.launch_files import MANIFEST, name_in
+from ..service.service import Service
+from ..simulations.inputs.bundles import unpack_colcon_bundle
+from ..storage import unpack
+from .launch_starts import LaunchStart, find_start, is_read, read_launch_file
+
+ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
+"""Ends of the names of bundles."""
+
+_NOT_SOURCES = frozenset({"build", "log", "devel", "node_modules", "__pycache__"})
+"""Folders of a workspace that only have what was made of others, or that nobody's worlds are in."""
+_MOST_FILES = 500_000
+_MOST_BYTES = 20 * 1024 * 1024
+"""The largest world file that is read."""
+_WORLD_TAG = re.compile(rb"<world[\s>]")
+_MODEL_PATH = re.compile(r"gazebo_model_path\s*=\s*[\"']([^\"']+)[\"']")
+
+
+@dataclass(frozen=True, slots=True)
+class WorkspaceWorld:
+    """A Gazebo world file in a workspace."""
+
+    name: str
+    """Name of the file without its end; with the folder of its package where several are called so."""
+    path: Path
+    start: LaunchStart | None
+    """Absent: no launch file says one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """Gazebo worlds and folders of models in a workspace or an unpacked bundle."""
+
+    top: Path
+    worlds: Sequence[WorkspaceWorld]
+    model_paths: Sequence[Path]
+
+    def world(self, name: str | None) -> WorkspaceWorld | None:
+        """Returns the world of a name; without a name the only one, or `None` where there are several.
+
+        Raises:
+            ConfigurationError: there is none, or none of this name.
+        """
+        names = [each.name for each in self.worlds]
+        if not names:
+            raise ConfigurationError(
+                f"{self.top.name}: no file in it is a Gazebo world; files that end with .world or .sdf and have a "
+                "<world> would be right"
+            )
+        if name is None:
+            return self.worlds[0] if len(names) == 1 else None
+        wanted = name.removesuffix(".world").removesuffix(".sdf")
+        found = next((each for each in self.worlds if each.name == wanted), None)
+        if found is None:
+            near = get_close_matches(wanted, names, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(names[:12])}"
+            raise ConfigurationError(f"--world {name}: {self.top.name} has no such world; {hint}")
+        return found
+
+
+def is_workspace(path: Path) -> bool:
+    """Whether a path is a folder or has the name of an archive."""
+    return path.is_dir() or path.name.lower().endswith(ARCHIVES)
+
+
+@contextmanager
+def opened_workspace(path: Path, service: Service) -> Iterator[Workspace]:
+    """Reads a workspace's folder, or a bundle that is unpacked for as long as the block lasts.
+
+    Args:
+        path: the folder, or a bundle of `colcon bundle` or another archive.
+        service: where there is room.
+
+    Raises:
+        ConfigurationError: it is not there, or no archive.
+    """
+    if path.is_dir():
+        yield read_workspace(path)
+        return
+    if not path.is_file():
+        raise ConfigurationError(f"{path}: it does not exist")
+    with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+        folder = Path(scratch, path.name)
+        try:
+            unpack(path, folder)
+            unpack_colcon_bundle(folder)
+        except BundleError as error:
+            raise ConfigurationError(f"{path}: {error}") from error
+        yield read_workspace(folder)
+
+
+def read_workspace(top: Path) -> Workspace:
+    """Finds the Gazebo worlds in a folder, with their starts; launch files are read and never executed.
+
+    Args:
+        top: a workspace, a package, or an unpacked bundle; of a colcon bundle only packages are looked at, as the rest
+            is an operating system.
+    """
+    files = list(_files(top))
+    packages = [path.parent for path in files if path.name == MANIFEST]
+    launch_files = [read_launch_file(path) for path in files if is_read(path)]
+    found: dict[tuple[str, str], Path] = {}
+    for path in files:
+        if _is_world(path):
+            found.setdefault(_key(path, packages, top), path)
+    stems = Counter(path.stem for path in found.values())
+    worlds = [
+        WorkspaceWorld(
+            path.stem if stems[path.stem] == 1 else f"{package or Path(inside).parent.as_posix()}/{path.stem}",
+            path,
+            find_start(path.name, launch_files),
+        )
+        for (package, inside), path in found.items()
+    ]
+    paths = dict.fromkeys(path for package in packages for path in _model_paths(package, top))
+    return Workspace(top, sorted(worlds, key=lambda each: each.name), list(paths))
+
+
+def _files(top: Path) -> Iterator[Path]:
+    count = 0
+    for root in package_folders(top):
+        for folder, inner, names in os.walk(root):
+            # Sources come first: what was installed from them may be links.
+            inner[:] = sorted(
+                (each for each in inner if each not in _NOT_SOURCES and not each.startswith(".")),
+                key=lambda each: (each != "src", each),
+            )
+            for name in sorted(names):
+                count += 1
+                if count > _MOST_FILES:
+                    raise ConfigurationError(f"{top}: it has more than {_MOST_FILES:,} files; name a folder in it")
+                yield Path(folder, name)
+
+
+def _is_world(path: Path) -> bool:
+    if path.suffix not in (".world", ".sdf"):
+        return False
+    try:
+        return path.stat().st_size <= _MOST_BYTES and _WORLD_TAG.search(path.read_bytes()) is not None
+    except OSError:
+        return False
+
+
+def _key(path: Path, packages: Sequence[Path], top: Path) -> tuple[str, str]:
+    """A world's package and place in it: the same for sources and for what was installed from them."""
+    around = [package for package in packages if path.is_relative_to(package)]
+    if not around:
+        return "", path.relative_to(top).as_posix()
+    package = max(around, key=lambda each: len(each.parts))
+    return name_in(package / MANIFEST) or package.name, path.relative_to(package).as_posix()
+
+
+def _model_paths(package: Path, top: Path) -> Iterator[Path]:
+    """Folders of models that a package has or names, and the one that it is in; none outside of the workspace."""
+    named = []
+    try:
+        text = (package / MANIFEST).read_bytes()[:_MOST_BYTES].decode(errors="replace")
+        for folders in _MODEL_PATH.findall(text):
+            named += [Path(each.replace("${prefix}", str(package))) for each in folders.split(":") if each]
+    except OSError:
+        pass
+    for path in (package / "models", *named, package.parent):
+        if path.is_dir() and path.resolve().is_relative_to(top.resolve()):
+            yield path
