@@ -33,6 +33,7 @@ MOST_VARIATIONS = 1000
 """Largest number of worlds that one step makes: worlds times variations."""
 
 Percent = Annotated[float, Field(ge=0, le=100)]
+Friction = Annotated[float, Field(ge=0, le=10)]
 MoveBy = Annotated[list[float], Field(min_length=2, max_length=3), AfterValidator(_finite)]
 
 
@@ -48,11 +49,15 @@ class WorldVariation(Shape):
     )
     remove: list[str] = Field(default=[], description="Pieces to take away, with what stands on them.")
     light: Light | None = optional("How cameras see it; absent: as they see the world itself.")
+    friction: dict[str, Friction] = Field(
+        default={},
+        description="Sliding friction of pieces of worlds that were imported from Gazebo, 0 to 10; `*` is all of them.",
+    )
 
     @model_validator(mode="after")
     def _says_something_once(self) -> Self:
-        if not (self.shut or self.open or self.move or self.remove or self.light):
-            raise ValueError("nothing would differ; say one of shut, open, move, remove or light")
+        if not (self.shut or self.open or self.move or self.remove or self.light or self.friction):
+            raise ValueError("nothing would differ; say one of shut, open, move, remove, light or friction")
         if both := sorted({*self.shut} & self.open.keys()):
             raise ValueError(f"{both[0]!r} is to be shut and to be open; leave it out of one of them")
         return self

@@ -341,7 +341,7 @@ Source = Annotated[DrawnSource | GazeboSource, Field(discriminator="form")]
 class Change(Model):
     """One difference between a variation and the world that it was made from."""
 
-    what: Literal["door", "moved", "removed", "light"] = Field(description="Kind of difference.")
+    what: Literal["door", "moved", "removed", "light", "friction"] = Field(description="Kind of difference.")
     thing: str = Field(description="Id of the door or the piece of furniture; `world` for its light.")
     before: str = Field(description="How it was, in words.")
     after: str = Field(description="How it is, in words.")

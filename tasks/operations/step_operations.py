@@ -37,28 +37,30 @@ def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResp
 
 def _varied(arn: str, wanted: WorldVariation, what: str, service: Service) -> VariedWorld:
     # MuJoCo and the generator take long to import.
-    from ..worldforge.bundle.bundle import content_hash, read_world
-    from ..worldforge.generator import Move, Wanted, vary
+    from ..worldforge.bundle.bundle import read_world
+    from ..worldforge.generator import Move, Wanted
     from ..worldforge.proofs.guarantees import violations
-    from ..worlds.keeping import keep_world
+    from ..worlds.keeping import keep_variation
     from ..worlds.reuse import find_by_origin
 
     resource = service.catalog.get(arn, kind="world")
     origin = _origin_of(arn, wanted)
-    try:
-        if kept := find_by_origin(origin, service):  # by this step, before its answer was lost
-            world = read_world(world_bundle(kept, service))
-        else:
-            folder = world_bundle(resource, service)
-            doors = {**dict.fromkeys(wanted.shut, 0.0), **wanted.open}
-            moved = {piece: Move(*by) for piece, by in wanted.move.items()}
-            changes = Wanted(doors, moved, wanted.remove, wanted.light)
-            world = vary(read_world(folder), changes, content_hash(folder), arn)
-    except (ConfigurationError, StorageError, ValueError) as error:
-        raise InvalidParameterException(f"{what}: {error}") from error
+    kept = find_by_origin(origin, service)  # by this step, before its answer was lost
+    if kept is None:
+        doors = {**dict.fromkeys(wanted.shut, 0.0), **wanted.open}
+        moved = {piece: Move(*by) for piece, by in wanted.move.items()}
+        changes = Wanted(doors, moved, wanted.remove, wanted.light, wanted.friction)
+        try:
+            bundle = world_bundle(resource, service)
+        except StorageError as error:
+            raise InvalidParameterException(f"{what}: {error}") from error
+        try:
+            kept = keep_variation(bundle, changes, arn, service, origin=origin)
+        except (ConfigurationError, ValueError) as error:
+            raise InvalidParameterException(f"{what}: {error}") from error
+    world = read_world(world_bundle(kept, service))
     assert world.variation is not None
     assert world.checks is not None
-    kept = kept or keep_world(world, "variation", {}, service, origin=origin)
     return VariedWorld(
         arn=kept.arn,
         world=arn,

@@ -17,7 +17,6 @@ from ...schemas.worlds.world import (
     Change,
     Floorplan,
     Furniture,
-    GazeboSource,
     Light,
     Passage,
     Variation,
@@ -158,13 +157,15 @@ class Move(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """Requested changes for a variation of a world: doors, furniture and light."""
+    """Requested changes for a variation of a world: doors, furniture, light and friction."""
 
     doors: Mapping[str, float] = {}
     """How far doors are open, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
     moved: Mapping[str, Move] = {}
     removed: Sequence[str] = ()
     light: Light | None = None
+    friction: Mapping[str, float] = {}
+    """Sliding friction of pieces of imported worlds; `*`: of all."""
 
 
 def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> World:
@@ -181,10 +182,9 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
     Raises:
         ConfigurationError: there is no such door or piece, nothing differs, or another generator made the world.
     """
-    if isinstance(world.source, GazeboSource):
+    if wanted.friction:
         raise ConfigurationError(
-            f"the world was imported from {world.source.file}, and this varies plans and furniture of our own worlds; "
-            "change the world file and import it again"
+            f"friction of {next(iter(wanted.friction))}: only worlds that were imported from Gazebo are varied in it"
         )
     if world.generator_version != GENERATOR_VERSION:
         raise ConfigurationError(

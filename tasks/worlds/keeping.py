@@ -4,17 +4,21 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.wire.arns import IdPrefix, new_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
-from ...schemas.worlds.world import World
+from ...schemas.worlds.world import GazeboSource, World
 from ..catalog import Resource
 from ..service.patience import at_once, patiently
 from ..service.service import Service
-from ..worldforge.bundle.bundle import content_hash, write_bundle
+from ..worldforge.bundle.bundle import content_hash, read_world, write_bundle
 from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
 from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
+
+if TYPE_CHECKING:
+    from ..worldforge.generator import Wanted
 
 
 def keep_world(
@@ -37,6 +41,35 @@ def keep_world(
         write_bundle(world, folder)
 
     return keep_bundle(write, prefix, tags, service, origin=origin)
+
+
+def keep_variation(
+    bundle: Path, wanted: "Wanted", arn: str | None, service: Service, *, origin: str | None = None
+) -> Resource:
+    """Makes a variation of a world, and stores it, also where it breaks guarantees.
+
+    Args:
+        bundle: the other world's bundle.
+        wanted: what is to differ.
+        arn: the other world's ARN.
+        service: where it is stored.
+        origin: what it is made of, by which it is found again.
+
+    Raises:
+        ConfigurationError: there is no such door or piece, or nothing differs.
+        StorageError: it cannot be stored.
+    """
+    world = read_world(bundle)
+    if isinstance(world.source, GazeboSource):
+        from ..worldforge.gazebo.variations import vary_imported  # brings MuJoCo
+
+        def write(folder: Path) -> None:
+            vary_imported(bundle, wanted, arn, folder)
+
+        return keep_bundle(write, "variation", {}, service, origin=origin)
+    from ..worldforge.generator import vary
+
+    return keep_world(vary(world, wanted, content_hash(bundle), arn), "variation", {}, service, origin=origin)
 
 
 def keep_bundle(

@@ -16,7 +16,7 @@ import numpy as np
 
 from ....schemas.worlds.gazebo_notes import GazeboNotes
 from ....schemas.worlds.world import GazeboSource, Point, World
-from ..bundle.bundle import MODEL_FILE, write_files
+from ..bundle.bundle import write_files
 from ..bundle.survey import (
     floor_under,
     free_start,
@@ -26,9 +26,6 @@ from ..bundle.survey import (
     usual_floor,
     world_bounds,
 )
-from ..geometry.occupancy import OccupancyGrid, map_files
-from ..model.description import description_text
-from ..pictures.plan_svg import floorplan_svg
 from ..sdf.lookup import Lookup
 from ..sdf.meshes import Meshes
 from ..sdf.reader import missing_parts, read_world
@@ -37,7 +34,7 @@ from ..seeds import GENERATOR_VERSION
 from .bodies import Body, make_solids, moved, tie_bodies
 from .holding import Rest, come_to_rest, pieces_around_joints
 from .mjcf_text import Names, Scene, scene_text
-from .outline import Drawn, NamedArea, is_upright, world_of
+from .outline import Drawn, NamedArea, bundle_texts, is_upright, world_of
 from .solids import Solid, SolidMaker
 from .visuals import Heightmaps, SeenGeom, Visuals
 
@@ -151,7 +148,7 @@ class _Import:
             rooms=self._rooms(shift),
         )
         world = world_of(drawn, source, GENERATOR_VERSION)
-        write_files(self._files(world, text, grid), folder)
+        write_files({**bundle_texts(world, text, grid), **self._visuals.files}, folder)
         return world
 
     def _rooms(self, shift: Pose) -> list[NamedArea]:
@@ -166,17 +163,6 @@ class _Import:
                 )
             found.append(NamedArea(name, room.type, corners))
         return found
-
-    def _files(self, world: World, text: str, grid: OccupancyGrid) -> dict[str, bytes]:
-        said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
-        return {
-            "world.json": world.to_text().encode(),
-            MODEL_FILE: text.encode(),
-            "floorplan.svg": floorplan_svg(world).encode(),
-            "world_description.json": description_text(world).encode(),
-            **self._visuals.files,
-            **map_files(grid, said),
-        }
 
     def _digest(self) -> str:
         digest = hashlib.sha256(self._path.read_bytes())

@@ -26,6 +26,11 @@ from .visuals import Heightmaps, SeenGeom, Visuals
 
 Bounds = tuple[Vector, Vector]
 
+DAY_SKY = (
+    '<texture name="sky" type="skybox" builtin="gradient" width="64" height="384" rgb1="0.93 0.95 0.97" '
+    'rgb2="0.74 0.8 0.86"/>'
+)
+"""Sky of a world by day."""
 _HIDDEN = ' group="3"'
 _DRAWN_ONLY = ' contype="0" conaffinity="0" group="2" mass="0"'
 _MOST_LAMPS = 6
@@ -94,14 +99,13 @@ def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps
     lines += _bodies(scene, geoms, visuals is not None)
     if visuals is not None:
         assets += visuals.asset_lines()
-    sky = 'builtin="gradient" width="64" height="384" rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"'
     return "\n".join([
         '<mujoco model="world">',
         '  <compiler angle="radian" autolimits="true"/>',
         '  <option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/>',
         *_visual(bounds),
         "  <asset>",
-        f'    <texture name="sky" type="skybox" {sky}/>',
+        f"    {DAY_SKY}",
         *assets,
         *geoms.assets,
         "  </asset>",

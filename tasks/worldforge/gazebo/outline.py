@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import (
+    WORLD_FILE,
     Floorplan,
     Furniture,
     GazeboSource,
@@ -25,6 +27,7 @@ from ....schemas.worlds.world import (
     WorldChecks,
     contains,
 )
+from ..bundle.bundle import MODEL_FILE
 from ..bundle.robot_map import solid_outlines
 from ..bundle.survey import (
     LOW_M,
@@ -38,7 +41,9 @@ from ..bundle.survey import (
     wall_boxes,
 )
 from ..furniture.catalogue import IMPORTED
-from ..geometry.occupancy import RESOLUTION_M, OccupancyGrid, fill, room_cells
+from ..geometry.occupancy import RESOLUTION_M, OccupancyGrid, fill, map_files, room_cells
+from ..model.description import description_text
+from ..pictures.plan_svg import floorplan_svg
 from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MOST_TOLD
 from ..proofs.overlaps import drift_m, find_overlaps
 from .holding import REST_S
@@ -121,6 +126,24 @@ def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
         source=source,
     )
     return world.model_copy(update={"checks": check_imported(world, drawn.model, drawn.grid, drawn.ground)})
+
+
+def bundle_texts(world: World, mjcf: str, grid: OccupancyGrid) -> dict[str, bytes]:
+    """Returns the files of an imported world's bundle besides meshes and pictures, by their names.
+
+    Args:
+        world: the world.
+        mjcf: its model.
+        grid: its map.
+    """
+    said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
+    return {
+        WORLD_FILE: world.to_text().encode(),
+        MODEL_FILE: mjcf.encode(),
+        "floorplan.svg": floorplan_svg(world).encode(),
+        DESCRIPTION_FILE: description_text(world).encode(),
+        **map_files(grid, said),
+    }
 
 
 def _room(area: NamedArea, grid: OccupancyGrid) -> Room:

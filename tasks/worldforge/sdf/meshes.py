@@ -216,8 +216,11 @@ def _read_trimesh(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> 
 
     kind = path.suffix.lower().lstrip(".")
     resolver = None if kind in ("stl", "glb") else _files_beside(path)
-    # OBJ files are taken apart by materials, unless a part is wanted that they name.
-    apart: dict[str, Any] = {"split_object": True, "group_material": False} if by_name and kind == "obj" else {}
+    # OBJ files are taken apart by materials, unless a part is wanted that they name: an object, or a group.
+    apart: dict[str, Any] = {}
+    if by_name and kind == "obj":
+        is_of_objects = content.startswith(b"o ") or b"\no " in content
+        apart = {"split_objects" if is_of_objects else "split_groups": True, "group_material": False}
     loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False, **apart)
     meshes: list[tuple[tuple[str, ...], Any]]
     if isinstance(loaded, trimesh.Scene):

@@ -175,7 +175,9 @@ def submesh_in(folder: Path, name: str, text: str, submesh: str, is_centred: boo
 PAIR = f"o near\n{TETRAHEDRON}o far\n" + "v 9 0 0\nv 10 0 0\nv 9 2 0\nv 9 0 3\nf 5 7 6\nf 5 6 8\nf 5 8 7\nf 6 7 8\n"
 
 
-def test_a_submesh_of_an_obj_file_is_the_object_of_that_name(tmp_path: Path) -> None:
+def test_a_submesh_of_an_obj_file_is_the_object_or_group_of_that_name(tmp_path: Path) -> None:
+    groups = PAIR.replace("o near", "g near").replace("o far", "g far")
+    assert submesh_in(tmp_path, "groups.obj", groups, "far").tolist() == [[9, 0, 0], [10, 2, 3]]
     assert submesh_in(tmp_path, "pair.obj", PAIR, "far").tolist() == [[9, 0, 0], [10, 2, 3]]
     assert submesh_in(tmp_path, "pair.obj", PAIR, "far", is_centred=True).tolist() == [[-0.5, -1, -1.5], [0.5, 1, 1.5]]
     with pytest.raises(MeshError, match=r"pair\.obj: it has no submesh 'fur'; it has .*far"):

@@ -110,6 +110,9 @@ def _start_of(start: "LaunchStart") -> "GazeboStart":
 
 
 def _print_worlds(workspace: "Workspace", output: str) -> None:
+    import json
+    import sys
+
     listed = [
         {
             "name": world.name,

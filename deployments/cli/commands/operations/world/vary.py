@@ -1,7 +1,8 @@
 """Make a world that differs from another in one thing, for tests of robustness.
 
 The new world is stored beside the other one, says what differs, and is proved anew: it may break guarantees that the
-other one keeps, such as that a robot reaches every room.
+other one keeps, such as that a robot reaches every room. Worlds that were imported from Gazebo are varied in light,
+friction, and loose bodies that are moved or gone.
 Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no such door or piece.
 """
 
@@ -43,23 +44,31 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--remove", metavar="PIECE", action="append", default=[], help="take a piece away, and what stands on it"
     )
     parser.add_argument("--light", choices=get_args(Light), help="how cameras see it; at night no lamp is on")
+    parser.add_argument(
+        "--friction",
+        metavar="[PIECE=]NUMBER",
+        action="append",
+        default=[],
+        type=_rubbed,
+        help="sliding friction of a piece, or of all, of a world that was imported from Gazebo",
+    )
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world vary`: makes and stores a variation of a world."""
-    from ......tasks.worldforge.generator import Wanted, vary
-    from ......tasks.worlds.keeping import keep_world
+    from ......tasks.worldforge.generator import Wanted
+    from ......tasks.worlds.keeping import keep_variation
     from ....inputs.world_lookup import find_world
     from ....output.world_facts import print_kept
 
     doors = [*((door, 0.0) for door in arguments.shut), *arguments.open]
     _check_once("--shut, --open", [name for name, _ in doors])
     _check_once("--move, --remove", [*(name for name, _ in arguments.move), *arguments.remove])
+    _check_once("--friction", [name for name, _ in arguments.friction])
     found = find_world(arguments.world)
-    wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light)
-    world = vary(found.world, wanted, found.content, found.arn)
-    return print_kept(keep_world(world, "variation", {}, open_service()).arn, arguments.output)
+    wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light, dict(arguments.friction))
+    return print_kept(keep_variation(found.folder, wanted, found.arn, open_service()).arn, arguments.output)
 
 
 def _check_once(options: str, names: list[str]) -> None:
@@ -96,3 +105,13 @@ def _moved(text: str) -> "tuple[str, Move]":
             f"{text!r}: a piece and metres to the east and north, Sofas_1=0.5,-0.2, would be right"
         )
     return name, Move(*numbers)
+
+
+def _rubbed(text: str) -> tuple[str, float]:
+    name, _, number = text.rpartition("=")
+    try:
+        return name or "*", float(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a number, 0.3, or a piece and one, crate=0.3, would be right"
+        ) from None
