@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..sdf.sdf_types import Inertia, Joint, Link, Matrix, Pose, SdfWorld, Vector
+from ...sdf.sdf_types import Inertia, Joint, Link, Matrix, Pose, SdfWorld, Vector
 from .solids import Solid, SolidMaker
 
 WORLD = "world"

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from ..sdf.meshes import Triangles
+from ...sdf.meshes import Triangles
 
 THICKNESS_M = 0.03
 """Thickness of prisms: thin enough to leave the form, thick enough that no robot goes through within a step."""

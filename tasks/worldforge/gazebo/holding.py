@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+from ...sdf.sdf_types import Pose
 from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M
 from ..proofs.overlaps import find_overlaps, motion_of_bodies
-from ..sdf.sdf_types import Pose
 
 REST_S = 10.0
 """Simulated seconds for which bodies have to stay."""

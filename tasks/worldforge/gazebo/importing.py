@@ -16,6 +16,10 @@ import numpy as np
 
 from ....schemas.worlds.gazebo_notes import GazeboNotes
 from ....schemas.worlds.world import GazeboSource, Point, World
+from ...sdf.lookup import Lookup
+from ...sdf.meshes import Meshes
+from ...sdf.reader import missing_parts, read_world
+from ...sdf.sdf_types import Joint, Link, Pose, SdfError, SdfWorld, euler_matrix
 from ..bundle.bundle import write_files
 from ..bundle.survey import (
     floor_under,
@@ -26,10 +30,6 @@ from ..bundle.survey import (
     usual_floor,
     world_bounds,
 )
-from ..sdf.lookup import Lookup
-from ..sdf.meshes import Meshes
-from ..sdf.reader import missing_parts, read_world
-from ..sdf.sdf_types import Joint, Link, Pose, SdfError, SdfWorld, euler_matrix
 from ..seeds import GENERATOR_VERSION
 from .bodies import Body, make_solids, moved, tie_bodies
 from .holding import Rest, come_to_rest, pieces_around_joints

@@ -19,7 +19,7 @@ from math import cos, pi, radians, sin, tan
 import numpy as np
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
-from ..sdf.sdf_types import Light, Matrix, Pose, Vector
+from ...sdf.sdf_types import Light, Matrix, Pose, Vector
 from .bodies import Body, body_inertia
 from .solids import Solid
 from .visuals import Heightmaps, SeenGeom, Visuals

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from ..sdf.meshes import MeshError, Meshes, Triangles
-from ..sdf.sdf_types import Collision, Geometry, Link, Pose, SdfWorld
+from ...sdf.meshes import MeshError, Meshes, Triangles
+from ...sdf.sdf_types import Collision, Geometry, Link, Pose, SdfWorld
 from .convex_parts import BoxPart, ConvexPart, HullPart, Points, convex_parts, voxel_boxes
 
 MOST_SOLIDS = 5000

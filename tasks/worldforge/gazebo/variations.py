@@ -16,11 +16,11 @@ from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.appearance import APPEARANCES, DAY, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, Change, GazeboSource, Variation, World
+from ...sdf.sdf_types import Pose, euler_matrix
 from ..bundle.bundle import MODEL_FILE, content_hash, read_world, write_files
 from ..bundle.robot_map import MAP_FILES
 from ..bundle.survey import ground_at, known_map
 from ..generator import Move, Wanted
-from ..sdf.sdf_types import Pose, euler_matrix
 from .mjcf_text import DAY_SKY, numbers, quaternion
 from .outline import AREA, Drawn, NamedArea, bundle_texts, world_of
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..sdf.meshes import MeshError, Meshes, MeshPart
-from ..sdf.sdf_types import GRAY, Geometry, Link, Material, Omissions, Pose, Rgba, SdfError
-from ..sdf.xml_files import read_bytes
+from ...sdf.meshes import MeshError, Meshes, MeshPart
+from ...sdf.sdf_types import GRAY, Geometry, Link, Material, Omissions, Pose, Rgba, SdfError
+from ...sdf.xml_files import read_bytes
 from .solids import primitive, prism_triangles
 
 MOST_PIXELS = 512

@@ -271,7 +271,7 @@ def _check_shapes(model: mujoco.MjModel, where: str) -> None:
         raise invalid(
             where,
             "model: the robot has no shape that collides, so it would go through walls; give a link of a URDF "
-            "<collision>, or a geom of MJCF contype and conaffinity above 0",
+            "or SDF <collision>, or a geom of MJCF contype and conaffinity above 0",
         )
 
 

@@ -1,4 +1,4 @@
-"""The model of a robot that has a `robot.yaml`: its MJCF or URDF, with what the file adds."""
+"""The model of a robot that has a `robot.yaml`: its MJCF, URDF or SDF, with what the file adds."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -16,6 +16,7 @@ from ..robot import add_camera, add_sensors
 from .located_xml import parse_located
 from .mapping import alternatives, invalid
 from .robot_files import check_inside, similar_file
+from .sdf_model import read_sdf
 from .shape import AddedActuator, RobotModel
 from .urdf import UrdfReading, check_expanded, read_urdf, refused
 
@@ -26,10 +27,10 @@ _File = tuple[str, Path]
 
 
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Loads a robot's MJCF or URDF model file.
+    """Loads a robot's MJCF, URDF or SDF model file.
 
     Args:
-        path: the MJCF or URDF.
+        path: the MJCF, URDF or SDF.
         root: folder that it and all files it names have to be in.
         reading: how it is read if it is a URDF.
 
@@ -40,14 +41,18 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
     if not path.is_file():
         near = similar_file(path.parent, path.name, root)
         hint = f"did you mean {near!r}? Give" if near else "give"
-        raise invalid(path, f"there is no such file; {hint} the robot's MJCF or URDF, relative to the mapping file")
+        raise invalid(
+            path, f"there is no such file; {hint} the robot's MJCF, URDF or SDF, relative to the mapping file"
+        )
     element = parse_located(path)
     if element.tag == "robot":
         return read_urdf(element, path, root, reading)
+    if element.tag == "sdf":
+        return read_sdf(path, root, from_geometry=reading is not None and reading.from_geometry)
     if reading is not None and reading.from_geometry:
         raise invalid(
             path,
-            'impossible_inertia: it is for URDF; in MJCF <compiler inertiafromgeom="true"/> or '
+            'impossible_inertia: it is for URDF and SDF; in MJCF <compiler inertiafromgeom="true"/> or '
             '<compiler balanceinertia="true"/> says what to do',
         )
     check_expanded(element, path)
@@ -62,7 +67,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
 def _meant(element: ET.Element, path: Path, root: Path) -> str:
     """Says which files are named similarly to those that an MJCF names and that are not there, to end an error with."""
     hints: list[str] = []
-    for name, file in _files_of(element, path, path.parent) if element.tag != "robot" else ():
+    for name, file in _files_of(element, path, path.parent) if element.tag not in ("robot", "sdf") else ():
         near = None if file.is_file() else similar_file(path.parent, str(file.relative_to(path.parent)), root)
         if near is not None:
             hints.append(f"; there is no file {name!r}, did you mean {near!r} in the folder of {path.name}?")
@@ -116,7 +121,7 @@ class RobotFiles:
     """The mapping file, or what else to name in messages."""
 
     model: Path
-    """Its MJCF or URDF."""
+    """Its MJCF, URDF or SDF."""
 
     root: Path
     """Folder that all its files have to be in."""

@@ -1,4 +1,4 @@
-"""`robot.yaml`: what a robot's MJCF or URDF does not say and a simulation has to know.
+"""`robot.yaml`: what a robot's MJCF, URDF or SDF does not say and a simulation has to know.
 
 The document's form depends on `drive.kind`, so that a mistake in it is told once and about the right members.
 """
@@ -205,7 +205,7 @@ class RobotModelHead(Model):
         "Short name, comes before the names of its parts in a world; absent: the folder's."
     )
     model: Annotated[str, Field(min_length=1)] = Field(
-        description="MJCF or URDF file, relative to this one; `menagerie:<model>/<file>` is one of MuJoCo Menagerie."
+        description="MJCF, URDF or SDF file, relative to this; `menagerie:<model>/<file>` is one of MuJoCo Menagerie."
     )
     base: PartName = Field(description="Body (link) that all others hang on; x points forward, z up.")
     footprint: RobotFootprint = Field(description="The room that it takes on the floor.")
@@ -219,7 +219,7 @@ class RobotModelHead(Model):
     )
     impossible_inertia: Literal["refuse", "from_geometry"] = Field(
         default="refuse",
-        description="Treatment of links of a URDF whose mass or inertia no body can have: `refuse`, or "
+        description="Treatment of links of a URDF or SDF whose mass or inertia no body can have: `refuse`, or "
         "`from_geometry`: they get that of their shapes, with their mass where it is possible, and a warning.",
     )
     joints: list[PartName] | None = optional("Joints to observe and to record; absent: all hinges and slides.")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers.gazebo_house import model, write_house
 
-from prefect_robomaker.tasks.worldforge.sdf.reader import read_world
-from prefect_robomaker.tasks.worldforge.sdf.sdf_types import Pose, SdfError, SdfWorld, euler_matrix
+from prefect_robomaker.tasks.sdf.reader import read_world
+from prefect_robomaker.tasks.sdf.sdf_types import Pose, SdfError, SdfWorld, euler_matrix
 
 BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ....schemas.extras import how_to_install
+from ...schemas.extras import how_to_install
 from .lookup import Lookup
 from .sdf_types import Geometry, Material, Rgba, SdfError
 from .xml_files import read_bytes

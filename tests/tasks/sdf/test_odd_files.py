@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from helpers.gazebo_house import dae, model, triangles_of
 
-from prefect_robomaker.tasks.worldforge.sdf.lookup import Lookup
-from prefect_robomaker.tasks.worldforge.sdf.meshes import MeshError, Meshes
-from prefect_robomaker.tasks.worldforge.sdf.reader import read_world
-from prefect_robomaker.tasks.worldforge.sdf.sdf_types import Geometry, SdfWorld
+from prefect_robomaker.tasks.sdf.lookup import Lookup
+from prefect_robomaker.tasks.sdf.meshes import MeshError, Meshes
+from prefect_robomaker.tasks.sdf.reader import read_world
+from prefect_robomaker.tasks.sdf.sdf_types import Geometry, SdfWorld
 
 BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import LeftOut
+from ...schemas.wire.errors import ConfigurationError
+from ...schemas.worlds.world import LeftOut
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -1,0 +1,226 @@
+"""Robots in SDF, Gazebo's format: links become bodies, read by the reader of worlds."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ....sdf.lookup import Lookup
+from ....sdf.meshes import MeshError, Meshes
+from ....sdf.reader import missing_parts, read_world
+from ....sdf.sdf_types import Collision, Geometry, Joint, Link, Pose, SdfError, SdfWorld, Visual, identity
+from .mapping import invalid
+from .robot_files import check_inside, folders_between
+
+_logger = logging.getLogger(__name__)
+
+MENDED = "inertias that were mended"
+_USUAL_MASS_KG = 1.0
+"""Mass of a link that names none: Gazebo's own."""
+_DRAWN_GROUP, _SOLID_GROUP = 2, 3
+"""Groups of geoms that are drawn, and of those that only collide."""
+_KINDS = {
+    "hinge": mujoco.mjtJoint.mjJNT_HINGE,
+    "slide": mujoco.mjtJoint.mjJNT_SLIDE,
+    "ball": mujoco.mjtJoint.mjJNT_BALL,
+}
+_SHAPES = {
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+}
+_NO_HOME = {"HOME": "/nonexistent"}
+"""Environment without search paths: a robot's files lie in its own folder on every machine."""
+
+
+def read_sdf(path: Path, root: Path, *, from_geometry: bool = False) -> mujoco.MjSpec:
+    """Makes a MuJoCo model of a robot in SDF.
+
+    Args:
+        path: the file, with a `<model>`.
+        root: folder that all files have to be in.
+        from_geometry: whether impossible inertias are replaced by those of the shapes.
+
+    Raises:
+        LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or its
+            joints are no tree.
+    """
+    folders = folders_between(path.parent, root)
+    try:
+        world = read_world(path, folders, _NO_HOME)
+    except SdfError as error:
+        raise invalid(path, str(error).removeprefix(f"{path}").lstrip(": ")) from error
+    for file in sorted(world.files):
+        check_inside(path, file, root, file.name)
+    if missing := list(missing_parts(world)):
+        raise invalid(path, f"there is no {missing[0]}; files of a robot are in its own folder, {root}")
+    for left in world.left_out.as_list():
+        if left.what != MENDED:
+            _logger.warning("%s: %d %s are left out: %s", path.name, left.count, left.what, ", ".join(left.names))
+    if (mended := world.left_out.names(MENDED)) and not from_geometry:
+        raise invalid(
+            path,
+            f"no body can have the inertia of {', '.join(mended[:5])}; correct it, or let robot.yaml say "
+            "impossible_inertia: from_geometry",
+        )
+    return _Writer(path, world, Meshes(Lookup(path, folders, _NO_HOME))).spec
+
+
+class _Writer:
+    """Builds the model."""
+
+    def __init__(self, path: Path, world: SdfWorld, meshes: Meshes) -> None:
+        self._path, self._meshes = path, meshes
+        self.spec = mujoco.MjSpec()
+        self.spec.compiler.degree = False
+        self._names: dict[Geometry, str] = {}
+        self._links = {link.path: link for link in world.links}
+        self._joints = {joint.child: joint for joint in self._tree(world.joints)}
+        made: dict[str, Any] = {}
+        for link in self._in_order():
+            joint = self._joints.get(link.path)
+            above = made.get(joint.parent, self.spec.worldbody) if joint else self.spec.worldbody
+            around = self._links[joint.parent].pose if joint and joint.parent in self._links else None
+            made[link.path] = self._body(link, joint, above, around)
+
+    def _tree(self, joints: list[Joint]) -> Iterator[Joint]:
+        """Joints, each of which has a link of its own."""
+        above: dict[str, str] = {}
+        for joint in joints:
+            for name in (joint.parent, joint.child):
+                if name not in self._links and name != "world":
+                    raise invalid(self._path, f"joint {joint.path}: there is no link {name!r}")
+            up = joint.parent
+            while up in above and up != joint.child:
+                up = above[up]
+            if joint.child in above or up == joint.child:
+                raise invalid(
+                    self._path,
+                    f"joint {joint.path}: link {joint.child} hangs on another joint already, or on itself; joints of a "
+                    "robot have to be a tree",
+                )
+            above[joint.child] = joint.parent
+            yield joint
+
+    def _in_order(self) -> Iterator[Link]:
+        """Links, each after the one that it hangs on."""
+        done: set[str] = set()
+        left = list(self._links.values())
+        while left:
+            ready = [
+                each
+                for each in left
+                if (joint := self._joints.get(each.path)) is None or joint.parent in done or joint.parent == "world"
+            ]
+            yield from ready
+            done |= {each.path for each in ready}
+            left = [each for each in left if each.path not in done]
+
+    def _body(self, link: Link, joint: Joint | None, above: Any, around: Pose | None) -> Any:
+        # The outermost link stands at the origin, as that of a URDF: robot.yaml says how high it is.
+        pose = identity() if around is None else around.inverse() @ link.pose
+        body = above.add_body(name=_own(link.path), pos=pose.position, quat=_quaternion(pose.rotation))
+        inside = link.pose.inverse()
+        if joint is not None and joint.kind != "fixed":
+            self._joint(body, joint, inside)
+        geoms = [geom for each in link.collisions if (geom := self._geom(body, each, inside, link)) is not None]
+        for visual in link.visuals:
+            self._geom(body, visual, inside, link)
+        inertia = link.inertia
+        if inertia is not None and inertia.moments is not None:
+            at = inside @ inertia.pose
+            turned = at.rotation @ inertia.moments @ at.rotation.T
+            body.explicitinertial, body.mass, body.ipos = True, inertia.mass_kg, at.position
+            body.fullinertia = [turned[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        else:
+            for geom in geoms:
+                geom.mass = (inertia.mass_kg if inertia is not None else _USUAL_MASS_KG) / len(geoms)
+        return body
+
+    def _joint(self, body: Any, joint: Joint, inside: Pose) -> None:
+        made = body.add_joint(name=_own(joint.path), type=_KINDS[joint.kind], pos=(inside @ joint.pose).position)
+        made.damping = [max(joint.damping, 0.0), 0.0, 0.0]  # linear in the speed, as Gazebo has it
+        made.frictionloss = max(joint.friction, 0.0)
+        if joint.kind == "ball":
+            return
+        made.axis = inside.rotation @ joint.axis
+        if joint.lower is not None or joint.upper is not None:
+            far = 1e3 if joint.kind == "slide" else 100 * np.pi  # MuJoCo knows two limits or none
+            made.limited = True
+            made.range = [-far if joint.lower is None else joint.lower, far if joint.upper is None else joint.upper]
+
+    def _geom(self, body: Any, part: Collision | Visual, inside: Pose, link: Link) -> Any | None:
+        """A shape that collides, which has all of the mass, or one that is only drawn."""
+        collides, geometry, pose = isinstance(part, Collision), part.geometry, inside @ part.pose
+        if geometry.kind != "mesh" and geometry.kind not in _SHAPES:
+            if collides:
+                raise invalid(self._path, f"{part.name}: robots collide with {', '.join(_SHAPES)} and meshes")
+            return None
+        if geometry.kind == "mesh":
+            mesh = self._mesh(geometry, part.name, collides)
+            if mesh is None:
+                return None
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh)
+        else:
+            geom = body.add_geom(type=_SHAPES[geometry.kind], size=_size(geometry))
+        geom.pos, geom.quat, geom.name = pose.position, _quaternion(pose.rotation), _own(part.name)
+        if isinstance(part, Collision):
+            geom.friction = [part.friction, 0.005, 0.0001]
+            geom.group = _SOLID_GROUP if link.visuals else _DRAWN_GROUP
+        else:
+            geom.contype = geom.conaffinity = 0
+            geom.mass, geom.group, geom.rgba = 0.0, _DRAWN_GROUP, part.material.color
+            geom.name = f"{_own(part.name)}_drawn"
+        return geom
+
+    def _mesh(self, geometry: Geometry, where: str, collides: bool) -> str | None:
+        """The name of a mesh; MuJoCo collides with its hull. None: it is only drawn and cannot be read."""
+        if geometry in self._names:
+            return self._names[geometry]
+        try:
+            triangles = self._meshes.triangles(geometry)
+        except MeshError as error:
+            if collides:
+                raise invalid(self._path, f"{where}: {error.short}") from error
+            _logger.warning("%s: %s is not shown: %s", self._path.name, where, error.short)
+            return None
+        points, faces = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        assert geometry.file is not None
+        name = f"{geometry.file.stem.replace('.', '_')}_{len(self._names)}"
+        mesh = self.spec.add_mesh(name=name, uservert=points.ravel(), userface=faces.ravel().astype(np.int32))
+        if not collides:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is only drawn may have no volume
+        self._names[geometry] = name
+        return name
+
+
+def _own(path: str) -> str:
+    """A name inside of the model: without that of the model itself."""
+    return path.partition("::")[2] or path
+
+
+def _quaternion(rotation: np.ndarray) -> np.ndarray:
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, rotation.ravel())
+    return quat
+
+
+def _size(geometry: Geometry) -> list[float]:
+    size = list(geometry.size)
+    match geometry.kind:
+        case "box":
+            return [extent / 2 for extent in size]
+        case "cylinder" | "capsule":
+            return [size[0], size[1] / 2, 0.0]
+        case "sphere":
+            return [size[0], 0.0, 0.0]
+        case _:
+            return size
