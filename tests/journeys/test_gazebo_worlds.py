@@ -2,6 +2,7 @@
 
 import json
 import re
+import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -77,3 +78,42 @@ def test_the_page_imports_a_world_that_scout_drives_through(robomaker_at_server:
     shown = robomaker_at_server("world", "view", facts["arn"], "--html", tmp_path / "view.html")
     assert shown.code == 0, shown.err
     assert "GLTFLoader" in (tmp_path / "view.html").read_text()
+
+
+LAUNCH = """<launch><arg name="x_pos" default="0.5"/><arg name="y_pos" default="-0.3"/>
+<include file="$(find flat_world)/launch/flat.launch"/></launch>"""
+INCLUDED = '<launch><arg name="world" default="$(find flat_world)/worlds/flat.world"/></launch>'
+
+
+def test_a_world_of_a_bundle_starts_where_its_launch_file_says(robomaker_at_server: Command, tmp_path: Path) -> None:
+    """A bundle with two worlds: they are listed, and Scout drives in the named one and in a variation of it."""
+    package = tmp_path / "bundle" / "flat_world"
+    written_page(package)
+    (package / "package.xml").write_text("<package><name>flat_world</name></package>")
+    (package / "launch").mkdir()
+    (package / "launch" / "robot.launch").write_text(LAUNCH)
+    (package / "launch" / "flat.launch").write_text(INCLUDED)
+    (package / "worlds" / "empty.world").write_text('<sdf version="1.6"><world name="w"/></sdf>')
+    with tarfile.open(tmp_path / "bundle.tar.gz", "w:gz") as archive:
+        archive.add(package.parent, ".")
+
+    listed = robomaker_at_server("world", "import", tmp_path / "bundle.tar.gz")
+    assert listed.code == 2
+    assert [line.split()[0] for line in listed.out.splitlines()] == ["empty", "flat"]
+    assert "start 0.5,-0.3,0 of robot.launch" in listed.out
+    assert "it has 2 Gazebo worlds; name one with --world, such as --world empty" in listed.err
+
+    imported = robomaker_at_server("world", "import", tmp_path / "bundle.tar.gz", "--world", "flat", "-o", "json")
+    assert imported.code == 0, imported.err
+    facts = json.loads(imported.out)
+    assert (facts["source"]["start_from"], facts["source"]["origin_m"][:2]) == ("robot.launch", [0.5, -0.3])
+    assert "the start of robot.launch" in robomaker_at_server("world", "show", facts["name"]).out
+
+    varied = robomaker_at_server("world", "vary", facts["name"], "--light", "night", "--friction", "0.6", "-o", "json")
+    assert varied.code == 0, varied.err
+    spec = package / "drive.yaml"
+    worlds = [facts["arn"], json.loads(varied.out)["arn"]]
+    for arn in worlds:
+        spec.write_text(re.sub(r"(?<=world: )\"[^\"]+\"", f'"{arn}"', spec.read_text()))
+        record = RunRecord.model_validate_json(robomaker_at_server("run", spec, "-o", "json").out)
+        assert [(job.status, job.verdict) for job in record.jobs] == [("Completed", "PASS")]

@@ -48,7 +48,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
     if element.tag == "robot":
         return read_urdf(element, path, root, reading)
     if element.tag == "sdf":
-        return read_sdf(path, root, from_geometry=reading is not None and reading.from_geometry)
+        return read_sdf(path, root, reading or UrdfReading())
     if reading is not None and reading.from_geometry:
         raise invalid(
             path,

@@ -3,7 +3,6 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,7 @@ from ....sdf.reader import missing_parts, read_world
 from ....sdf.sdf_types import Collision, Geometry, Joint, Link, Pose, SdfError, SdfWorld, Visual, identity
 from .mapping import invalid
 from .robot_files import check_inside, folders_between
-
-_logger = logging.getLogger(__name__)
+from .urdf import UrdfReading
 
 MENDED = "inertias that were mended"
 _USUAL_MASS_KG = 1.0
@@ -41,13 +39,13 @@ _NO_HOME = {"HOME": "/nonexistent"}
 """Environment without search paths: a robot's files lie in its own folder on every machine."""
 
 
-def read_sdf(path: Path, root: Path, *, from_geometry: bool = False) -> mujoco.MjSpec:
+def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
     """Makes a MuJoCo model of a robot in SDF.
 
     Args:
         path: the file, with a `<model>`.
         root: folder that all files have to be in.
-        from_geometry: whether impossible inertias are replaced by those of the shapes.
+        reading: how it is read.
 
     Raises:
         LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or its
@@ -64,21 +62,21 @@ def read_sdf(path: Path, root: Path, *, from_geometry: bool = False) -> mujoco.M
         raise invalid(path, f"there is no {missing[0]}; files of a robot are in its own folder, {root}")
     for left in world.left_out.as_list():
         if left.what != MENDED:
-            _logger.warning("%s: %d %s are left out: %s", path.name, left.count, left.what, ", ".join(left.names))
-    if (mended := world.left_out.names(MENDED)) and not from_geometry:
+            reading.warn(f"{path.name}: {left.count} {left.what}: {', '.join(left.names)}")
+    if (mended := world.left_out.names(MENDED)) and not reading.from_geometry:
         raise invalid(
             path,
             f"no body can have the inertia of {', '.join(mended[:5])}; correct it, or let robot.yaml say "
             "impossible_inertia: from_geometry",
         )
-    return _Writer(path, world, Meshes(Lookup(path, folders, _NO_HOME))).spec
+    return _Writer(path, world, Meshes(Lookup(path, folders, _NO_HOME)), reading).spec
 
 
 class _Writer:
     """Builds the model."""
 
-    def __init__(self, path: Path, world: SdfWorld, meshes: Meshes) -> None:
-        self._path, self._meshes = path, meshes
+    def __init__(self, path: Path, world: SdfWorld, meshes: Meshes, reading: UrdfReading) -> None:
+        self._path, self._meshes, self._reading = path, meshes, reading
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
         self._names: dict[Geometry, str] = {}
@@ -190,7 +188,7 @@ class _Writer:
         except MeshError as error:
             if collides:
                 raise invalid(self._path, f"{where}: {error.short}") from error
-            _logger.warning("%s: %s is not shown: %s", self._path.name, where, error.short)
+            self._reading.warn(f"{self._path.name}: {where} is not shown: {error.short}")
             return None
         points, faces = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
         assert geometry.file is not None

@@ -66,7 +66,7 @@ class MeshUse:
 
 @dataclass
 class UrdfReading:
-    """State of reading a robot's URDF: options, and problems found, shared by all readings."""
+    """State of reading a robot's URDF or SDF: options, and problems found, shared by all readings."""
 
     from_geometry: bool = False
     """Whether impossible inertias are taken from the geometry."""

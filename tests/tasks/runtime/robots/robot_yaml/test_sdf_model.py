@@ -9,7 +9,7 @@ import pytest
 from helpers.robot_stands import Stand, write_robot
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 
 from .test_urdf import MAPPING, robot_urdf
 
