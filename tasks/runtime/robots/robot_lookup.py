@@ -10,6 +10,7 @@ In this order:
 """
 
 import importlib.util
+import logging
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,7 @@ from ....schemas.runs.policies import parse_policy
 from ....schemas.wire.errors import LaunchError
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
+from .robot_yaml.derived import said_of
 from .robot_yaml.mapping import MAPPING_FILE, alternatives, invalid, placed, read_mapping
 from .robot_yaml.menagerie import MENAGERIE, menagerie_file, menagerie_mapping
 from .robot_yaml.model import RobotFiles
@@ -31,6 +33,7 @@ ROBOT_VARIABLE = "ROBOMAKER_ROBOT"
 
 BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
 
+_logger = logging.getLogger(__name__)
 _PACKAGE = f"{__name__.rsplit('.', 2)[0]}.applications"
 _MAX_NAME = 60
 
@@ -106,8 +109,12 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
     if named in BUILT_IN:
         return BUILT_IN[named]
     if named.startswith(MENAGERIE):
-        mapping = menagerie_mapping(named, variables)
-        return _from_file(mapping.path, mapping.root, variables, default_name=named.removeprefix(MENAGERIE))
+        file, derived = menagerie_mapping(named, variables)
+        name = named.removeprefix(MENAGERIE)
+        if derived is None:
+            return _from_file(file.path, file.root, variables, default_name=name)
+        _logger.info("%s: %s", named, said_of(derived))
+        return make_robot(derived, _files(derived, file.path, file.root, variables), _short_name(name))
     if not named.endswith((".yaml", ".yml")):
         known = [*BUILT_IN, f"{MENAGERIE}<model>"]
         hint = alternatives(named, BUILT_IN, "robots")

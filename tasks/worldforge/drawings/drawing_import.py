@@ -12,11 +12,10 @@ from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import DrawingForm, DrawnSource, World
 from ..generator import furnish_and_prove
-from .drawn_floorplan import MadePlan, make_plan
+from .drawn_floorplan import ApartError, MadePlan, make_plan
 from .drawn_shapes import Drawing
 from .dxf import read_dxf
 from .nav2_map import map_files, read_nav2_map
-from .drawn_floorplan import ApartError, MadePlan, make_plan
 from .room_finding import metres_per_unit, read_plan
 from .squaring import outline_area
 from .svg import read_svg

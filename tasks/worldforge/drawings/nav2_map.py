@@ -17,7 +17,6 @@ from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns
 from .coarse_rooms import coarse_rooms
-from .drawn_shapes import Drawing, Shape
 from .drawn_shapes import MOST_ROOMS, Drawing, Shape
 from .squaring import outline_of, room_units
 

@@ -3,14 +3,15 @@
 Nothing is fetched here: `mujoco-menagerie prefetch <name>` does that, once, when a person asks for it.
 """
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from .....schemas.extras import how_to_install
 from .....schemas.wire.errors import LaunchError
+from .derived import derive_mapping
 from .mapping import MAPPING_FILE, alternatives
+from .shape import RobotModel
 
 MENAGERIE = "menagerie:"
 ROOT_VARIABLE = "MENAGERIE_ROOT"
@@ -18,7 +19,6 @@ CACHE_VARIABLE = "MENAGERIE_CACHE_DIR"
 
 _EXTRA = "menagerie"
 _CLONE = "git clone https://github.com/google-deepmind/mujoco_menagerie"
-_FREE_JOINT_NUMBERS = 7
 _MB = 1e6
 
 
@@ -49,29 +49,35 @@ def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFil
     return MenagerieFile(folder.path / file, folder.root)
 
 
-def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """Finds the `robot.yaml` of `menagerie:<model>`.
+def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[MenagerieFile, RobotModel | None]:
+    """Finds the `robot.yaml` of `menagerie:<model>`, or derives it from the model where it has none.
 
     Args:
         reference: the text.
         variables: environment variables of the launch configurations, and of the process.
 
+    Returns:
+        The file, and the mapping where it is derived; then the file is where one would be.
+
     Raises:
-        LaunchError: there is no such model, it has not been fetched, or has no mapping; then the message has one to
-            begin with.
+        LaunchError: there is no such model, it has not been fetched, or it does not say enough for a mapping; then the
+            message says what to write.
     """
     name = reference.removeprefix(MENAGERIE)
     folder = _folder(name, variables)
-    mapping = folder.path / MAPPING_FILE
+    mapping, models = folder.path / MAPPING_FILE, _model_files(folder.path)
     if mapping.is_file():
-        return MenagerieFile(mapping, folder.root)
-    models = _model_files(folder.path)
+        return MenagerieFile(mapping, folder.root), None
+    usual = f"{folder.path.name.split('_')[-1]}.xml"
+    model = usual if usual in models or not models else models[0]
+    derived = derive_mapping(folder.path / model) if models else "it has no model"
+    if not isinstance(derived, str):
+        return MenagerieFile(mapping, folder.root), derived
     there = "" if folder.root == folder.path else "there, or "  # the package replaces its own folders
     raise LaunchError(
-        f"{reference}: {folder.path} has no {MAPPING_FILE}, which says how the robot stands and is driven (Menagerie "
-        f"has none of its own). Write it {there}into a robot application with `model: {MENAGERIE}{name}/"
-        f"{models[0] if models else 'file.xml'}`; docs/robots.md has all members. To begin with:\n"
-        + _template(folder.path, models),
+        f"{reference}: {folder.path} has no {MAPPING_FILE}, which says how the robot stands and is driven, and {model} "
+        f"does not tell: {derived}. Write it {there}into a robot application, with `model: {MENAGERIE}{name}/{model}`, "
+        "base, footprint.radius_m, spawn.height_m and drive; docs/robots.md has all members"
     )
 
 
@@ -121,34 +127,3 @@ def _model_files(folder: Path) -> list[str]:
     """The models in a folder of Menagerie; `scene….xml` puts one on a floor."""
     names = sorted(each.name for each in folder.glob("*.xml"))
     return [name for name in names if not name.startswith("scene")]
-
-
-def _template(folder: Path, models: list[str]) -> str:
-    model = f"{folder.name.split('_')[-1]}.xml"
-    model = model if model in models or not models else models[0]
-    base, height_m, keyframe = _first_body(folder / model)
-    return "\n".join(
-        (
-            "version: 1",
-            f"model: {model}",
-            f"base: {base}",
-            "footprint: {radius_m: 0.4}  # measure it",
-            f"spawn: {{height_m: {height_m:g}{f', keyframe: {keyframe}' if keyframe else ''}}}",
-            "drive: {kind: actuators}  # or differential, or velocity",
-            "sensors: {lidar: {height_m: 0.3}}",
-        )
-    )
-
-
-def _first_body(path: Path) -> tuple[str, float, str]:
-    """Name and height of a model's first body, and its first keyframe, as far as they can be read off."""
-    try:
-        root = ET.parse(path).getroot()  # noqa: S314 the robot's model is loaded next
-        body, key = root.find("./worldbody/body"), root.find("./keyframe/key")
-        name = body.get("name", "base") if body is not None else "base"
-        place = body.get("pos", "0 0 0") if body is not None else "0 0 0"
-        if key is not None and len(key.get("qpos", "").split()) >= _FREE_JOINT_NUMBERS:
-            place = key.get("qpos", "")  # the first joint of what moves freely is the free one
-        return name, float(place.split()[2]), key.get("name", "") if key is not None else ""
-    except (ET.ParseError, OSError, ValueError, IndexError):
-        return "base", 0.3, ""

@@ -1,4 +1,5 @@
 import hashlib
+import logging
 import sys
 import tarfile
 from pathlib import Path
@@ -175,14 +176,40 @@ def test_a_bundles_mapping_may_take_its_model_from_menagerie(menagerie: dict[str
         find_robot(wrong, variables)
 
 
-def test_a_model_of_menagerie_without_a_mapping_says_what_to_write(menagerie: dict[str, str], tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match=r"acme_cart has no robot\.yaml") as error:
+def test_a_model_of_menagerie_without_a_mapping_stands_as_its_model_says(
+    menagerie: dict[str, str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its base moves freely and it has actuators: these are the action, and a policy's matter."""
+    with caplog.at_level(logging.INFO):
+        robot = find_robot(None, menagerie).robot
+    assert robot.name == "acme_cart"
+    assert robot.home["lift"] == 0.5, "its keyframe"
+    assert robot.spawn_height_m == pytest.approx(0.05)
+    assert (
+        "the base is 'chassis', 0.05 m over the floor, 0.16 m around, and its actuators are the action" in caplog.text
+    )
+    stand = Stand(robot)
+    stand.drive((3.0, 1.5, 0.0), 1.0)
+    assert abs(stand.base.read().linear) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('<freejoint name="root"/>', "", "its first body, 'chassis', has no free joint"),
+        (CART[CART.index("<actuator>") : CART.index("<sensor>")], "", "it has no actuators"),
+        ("<geom ", '<geom contype="0" conaffinity="0" ', "it has no shape that collides"),
+    ],
+)
+def test_a_model_of_menagerie_that_says_too_little_says_what_to_write(
+    menagerie: dict[str, str], tmp_path: Path, old: str, new: str, why: str
+) -> None:
+    without_keyframe = CART[: CART.index("<keyframe>")] + "</mujoco>"
+    (tmp_path / "menagerie" / "acme_cart" / "cart.xml").write_text(without_keyframe.replace(old, new))
+    with pytest.raises(LaunchError, match=rf"acme_cart has no robot\.yaml, .*: {why}") as error:
         find_robot(None, menagerie)
-    begin = str(error.value).partition("To begin with:\n")[2]
-    assert "spawn: {height_m: 0.05, keyframe: up}" in begin
-    assert begin.startswith("version: 1\nmodel: cart.xml\nbase: chassis\n")
-    (tmp_path / "menagerie" / "acme_cart" / "robot.yaml").write_text(begin)
-    assert find_robot(None, menagerie).robot.home["lift"] == 0.5  # what it says is right
+    assert "\n" not in str(error.value)
+    assert "with `model: menagerie:acme_cart/cart.xml`, base, footprint.radius_m" in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from scipy import ndimage
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, RobomakerError
 from prefect_robomaker.schemas.worlds.world import DrawnSource, Furniture, World
-from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world, planned
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid, write_map
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations

@@ -1,0 +1,82 @@
+"""A `robot.yaml` of a model that comes without one, where the model says enough: its base moves freely, and it acts."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from .mapping import MAPPING_FILE, invalid
+from .shape import RobotModel, robot_model_type
+
+_LIDAR_ABOVE_M = 0.02
+"""Height of the lidar over the robot's highest part, so that it does not see the robot itself."""
+_ROUNDED_M = 0.01
+"""Sizes are told in whole centimetres, away from zero."""
+
+
+def derive_mapping(path: Path) -> RobotModel | str:
+    """Derives a robot's mapping from its model: how it stands, how wide it is, and that its actuators drive it.
+
+    Args:
+        path: The model, MJCF.
+
+    Returns:
+        The mapping, or in words why the model does not say enough.
+
+    Raises:
+        LaunchError: MuJoCo cannot read the model.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as cause:
+        raise invalid(path, f"MuJoCo cannot read it: {' '.join(str(cause).split())}") from cause
+    base = int(model.jnt_bodyid[0]) if model.njnt else 0
+    if not model.njnt or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
+        name = model.body(1).name if model.nbody > 1 else "none"
+        return f"its first body, {name!r}, has no free joint, so the model does not say how the robot moves about"
+    if not model.nu:
+        return "it has no actuators, so that nothing drives it"
+    data = mujoco.MjData(model)
+    keyframe = model.key(0).name if model.nkey else ""
+    if keyframe:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    radius_m, top_m = _extent(model, data, base)
+    if radius_m <= 0 or data.xpos[base][2] < 0:
+        return "it has no shape that collides with anything, so its size is not known"
+    document = {
+        "version": 1,
+        "model": path.name,
+        "base": model.body(base).name,
+        "footprint": {"radius_m": radius_m},
+        "spawn": {"height_m": round(float(data.xpos[base][2]), 4), **({"keyframe": keyframe} if keyframe else {})},
+        "drive": {"kind": "actuators"},
+        "sensors": {"lidar": {"height_m": round(top_m + _LIDAR_ABOVE_M, 4)}},
+    }
+    return robot_model_type(document).model_validate(document)
+
+
+def said_of(mapping: RobotModel) -> str:
+    """Returns what was derived, as a line of a log."""
+    return (
+        f"there is no {MAPPING_FILE}: the base is {mapping.base!r}, {mapping.spawn.height_m:g} m over the floor, "
+        f"{mapping.footprint.radius_m:g} m around, and its actuators are the action; write one for anything else"
+    )
+
+
+def _extent(model: mujoco.MjModel, data: mujoco.MjData, base: int) -> tuple[float, float]:
+    """Radius around the base and greatest height of all that collides, in metres."""
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    collides &= model.body_rootid[model.geom_bodyid] == base
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    radius_m = top_m = 0.0
+    for geom in np.flatnonzero(collides):
+        centre, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
+        points = (centre + corners * half) @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        away = np.hypot(*(points[:, :2] - data.xpos[base][:2]).T)
+        radius_m, top_m = max(radius_m, float(away.max())), max(top_m, float(points[:, 2].max()))
+    return math.ceil(radius_m / _ROUNDED_M - 1e-9) * _ROUNDED_M, top_m
