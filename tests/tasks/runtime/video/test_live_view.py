@@ -234,9 +234,9 @@ def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, mak
 
 
 @pytest.mark.deep
-def test_the_screen_of_a_program_is_refused_in_the_log(launcher: Launcher, make_plan: Any) -> None:
+def test_the_screen_of_a_program_is_refused_in_the_log(launcher: Launcher, make_plan: Any, tmp_path: Path) -> None:
     program = ProgramPlan(
-        name="robot", role="robot", kind="application", argv=["/bin/sh", "-c", "echo hello"], folder=Path("/")
+        name="robot", role="robot", kind="application", argv=["/bin/sh", "-c", "echo hello"], folder=tmp_path
     )
     plan = make_plan(
         simulation_application=None,
