@@ -302,7 +302,10 @@ class DrawnSource(Model):
         "metres: a point (x, y) there is at (x - origin_m[0], y - origin_m[1]) in the world, give or take what the "
         "walls were moved by; absent in worlds of generators before 3.2.0."
     )
-    left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
+    left_out: list[str] = Field(
+        default=[],
+        description="Everything that was taken for neither room, door, window nor name: a count and a kind each.",
+    )
 
 
 class LeftOut(Model):

@@ -34,23 +34,27 @@ class Viewer {
     this.fit(this.bounds.low, this.bounds.high);
   }
 
-  /** Share of the canvas, at its lower edge, that the buttons cover. */
+  /** Shares of the canvas, at its edges, that the panels cover; what lies beside the upper one is free, or what lies below it. */
   covered() {
-    return Math.min(0.4, (this.canvas.clientHeight - $("bar").offsetTop) / this.canvas.clientHeight);
+    const { clientWidth: width, clientHeight: height } = this.canvas, panel = $("panel");
+    const share = (pixels, whole) => Math.min(0.4, Math.max(0, pixels / Math.max(1, whole)));
+    const bottom = share(height - $("bar").offsetTop, height);
+    const left = share(panel.offsetLeft + panel.offsetWidth, width), top = share(panel.offsetTop + panel.offsetHeight, height);
+    return (1 - left) * (1 - bottom) > 1 - top - bottom ? { left, top: 0, bottom } : { left: 0, top, bottom };
   }
 
-  /** Goes so far away that a box is seen whole. */
-  fit(low, high) {
+  /** Goes so far away that a box is seen whole, and no nearer than it is said. */
+  fit(low, high, nearest = 1) {
     const { camera } = this, aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
-    const free = 1 - this.covered(), half = Math.tan(FOV / 2);
+    const { left, top, bottom } = this.covered(), half = Math.tan(FOV / 2);
     this.painter.look({ eye: this.eye({ ...camera, distance: 1 }), target: camera.target });
     let distance = 1;
     for (let corner = 0; corner < 8; corner++) {
       const place = [0, 1, 2].map((axis) => ((corner >> axis) & 1 ? high : low)[axis]);
       const { x, y, z } = new THREE.Vector3(...place).applyMatrix4(this.painter.camera.matrixWorldInverse);
-      distance = Math.max(distance, 1 + z + Math.max(Math.abs(y) / (half * free), Math.abs(x) / (half * aspect)));
+      distance = Math.max(distance, 1 + z + Math.max(Math.abs(y) / (half * (1 - top - bottom)), Math.abs(x) / (half * aspect * (1 - left))));
     }
-    camera.distance = distance * 1.06;
+    camera.distance = Math.max(distance * 1.06, nearest);
     this.fitted = [low, high];
     this.redraw();
   }
@@ -61,10 +65,11 @@ class Viewer {
   }
 
   turn(yaw, pitch) {
-    this.fitted = null;
     this.camera.yaw += yaw;
     this.camera.pitch = Math.min(Math.PI / 2 - 0.001, Math.max(-0.15, this.camera.pitch + pitch));
-    this.redraw();
+    // Whatever was seen whole stays so; from the side it may be wider.
+    if (this.fitted) this.fit(...this.fitted, this.camera.distance);
+    else this.redraw();
   }
 
   zoom(factor) {

@@ -69,13 +69,14 @@ class Painter {
     this.renderer.shadowMap.needsUpdate = true;
   }
 
-  /** Turns the camera; the lower share of the picture that is covered counts as outside. */
-  look({ eye, target, near = 0.05, far = 100, covered = 0 }) {
+  /** Turns the camera; the shares of the picture that are covered count as outside. */
+  look({ eye, target, near = 0.05, far = 100, covered = { left: 0, top: 0, bottom: 0 } }) {
     const { camera, canvas } = this;
     camera.aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
     Object.assign(camera, { near: Math.max(0.05, near), far });
     camera.updateProjectionMatrix();
-    camera.projectionMatrix.elements[9] -= covered;
+    camera.projectionMatrix.elements[8] -= covered.left;
+    camera.projectionMatrix.elements[9] -= covered.bottom - covered.top;
     camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
     camera.position.set(...eye);
     // Straight down, north is up the picture.

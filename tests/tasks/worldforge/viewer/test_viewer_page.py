@@ -5,8 +5,10 @@ import re
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.browser import NEEDS_BROWSER, Page, browsing
+from numpy.typing import NDArray
 from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import World
@@ -87,6 +89,46 @@ def test_a_browser_draws_the_world_turns_it_and_says_when_it_cannot(html: str, t
             page.wait(lambda page: state(page) == "failed", "the problem")
             problem = page.evaluate("document.querySelector('section#problem[role=alert]').innerText")
             assert "WebGL 2 is missing" in problem
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.parametrize(("width", "height"), [(400, 800), (1280, 720)])
+def test_no_panel_covers_the_building(html: str, width: int, height: int, tmp_path: Path) -> None:
+    file = tmp_path / "page.html"
+    file.write_text(html, encoding="utf-8")
+    light = "--blink-settings=preferredColorScheme=1"
+    with browsing(tmp_path / "profile", *SOFTWARE_GL, light) as browser, browser.page() as page:
+        page.load(file.as_uri(), width, height)
+        page.wait(lambda page: state(page) == "drawn", "the world")
+        page.evaluate(key("n"))
+        for pressed in ("0", "ArrowLeft", "ArrowLeft", "ArrowDown", "t", "ArrowRight"):
+            page.evaluate(key(pressed))
+            panels = page.evaluate(PANELS)
+            building = built(page, tmp_path)
+            assert building.any(), "the building is in the picture"
+            for left, top, right, bottom in panels:
+                assert not building[top:bottom, left:right].any(), (pressed, left, top, right, bottom)
+            # The free part is used: the building is not far away.
+            rows, columns = np.nonzero(building)
+            assert np.ptp(columns) > 0.3 * width or np.ptp(rows) > 0.3 * height
+
+
+PANELS = """[...document.querySelectorAll('header, nav')].map((panel) => panel.getBoundingClientRect())
+    .map((box) => [box.left, box.top, box.right, box.bottom].map(Math.round))"""
+HIDE = "document.querySelectorAll('header, nav').forEach((panel) => (panel.style.visibility = '{}'))"
+
+
+def key(name: str) -> str:
+    return f"document.dispatchEvent(new KeyboardEvent('keydown', {{key: '{name}', bubbles: true}}))"
+
+
+def built(page: Page, folder: Path) -> NDArray[np.bool_]:
+    """Pixels of the building, also those below the panels: all that has not the colour of the ground."""
+    page.evaluate(HIDE.format("hidden"))
+    picture = np.asarray(shot(page, folder)).astype(int)
+    page.evaluate(HIDE.format(""))
+    return np.abs(picture - picture[0, -1]).max(axis=2) > 12
 
 
 def names_rooms_and_obeys_its_controls(page: Page) -> None:
