@@ -1,6 +1,6 @@
 """Rooms of ragged maps: outlines along the few lines that most of their walls run near.
 
-A lidar's walls are bumpy, have gaps and stand where nobody built them. The borders of rooms vote for lines; each field
+A lidar's walls are bumpy, and have gaps. The borders of rooms vote for lines; each field
 between lines then belongs to the room that has most of its cells. So neighbours share lines, and nothing overlaps.
 """
 

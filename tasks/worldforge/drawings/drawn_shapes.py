@@ -137,7 +137,7 @@ def kind_of_words(words: Iterable[str]) -> Kind | None:
 
 @lru_cache(maxsize=4096)
 def _meaning(words: str) -> tuple[Kind | None, bool]:
-    """What a name says that a shape is, and whether it is a name of a type of rooms."""
+    """Kind that a name means, and whether it is a name of a type of rooms."""
     found = set(plain_words(words))
     for kind, meaning in _KINDS:
         if not found.isdisjoint(meaning.split()):

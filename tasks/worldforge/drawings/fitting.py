@@ -123,7 +123,7 @@ def fit_way(
 
 
 _Near = tuple[_Place, float, Wall]
-"""Where something drawn lies, how far off a wall, in units, and the wall."""
+"""Place of something drawn, its distance from a wall, in units, and the wall."""
 
 
 def _choose(
