@@ -17,8 +17,8 @@ from PIL import Image
 
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, with_plain_names
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
-from prefect_robomaker.tasks.worldforge.exports.export_key import export_key
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M
+from prefect_robomaker.tasks.worlds.archive_places import export_key
 
 TOP = "aws_robomaker_worldforge_pkgs"
 PACKAGES = ("aws_robomaker_worldforge_shared_models", "aws_robomaker_worldforge_worlds")
