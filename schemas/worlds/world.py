@@ -76,6 +76,33 @@ class StabilityChecks(Model):
     furthest: str | None = Field(description="Id of the one that moved or sank furthest; absent if nothing is loose.")
 
 
+Guarantee = Literal["reach", "ways", "overlaps", "rest", "parts", "doors", "map", "lidar", "description", "files"]
+"""Guarantees that name the place where they are broken."""
+
+
+class Fault(Model):
+    """A place in a world where a guarantee is broken, or where two of its files do not agree."""
+
+    guarantee: Guarantee = Field(description="The guarantee that is broken.")
+    said: str = Field(description="How it is broken, as a sentence without its place.")
+    room: str | None = optional("Name of the room it is in; absent outside of all rooms, and of whole files.")
+    at: tuple[float, float] | None = optional("Place in the world, x and y in metres; absent of whole files.")
+
+    @classmethod
+    def placed(
+        cls, guarantee: Guarantee, said: str, place: Sequence[float] | None = None, room: str | None = None
+    ) -> "Fault":
+        """Makes a fault at a place (x and y, metres), which is rounded to millimetres."""
+        at = None if place is None else (round(float(place[0]), 3) + 0.0, round(float(place[1]), 3) + 0.0)
+        return cls(guarantee=guarantee, said=said, room=room, at=at)
+
+    @property
+    def sentence(self) -> str:
+        """The whole sentence: how the guarantee is broken, and where."""
+        place = "" if self.at is None else f", at ({self.at[0]:.2f}, {self.at[1]:.2f}) m"
+        return self.said + place + (f" in {self.room}" if self.room and self.at else "")
+
+
 class WorldChecks(Model):
     """Measurements that a generated world has to pass to be accepted."""
 
@@ -93,7 +120,7 @@ class WorldChecks(Model):
         "Names of the geoms of those pairs, the deepest first, at most ten; absent in worlds of generators "
         "before 3.0.0, which looked only at parts that can move."
     )
-    geoms: int = Field(description="Geoms in the model that was measured. `world.xml` has more, which decorate it.")
+    geoms: int = Field(description="Geoms that collide. `world.xml` has more, which decorate it.")
     closed_off_rooms: list[str] = Field(
         default=[], description="Rooms the disc reaches only when it pushes a door further open than it is at first."
     )
@@ -119,6 +146,17 @@ class WorldChecks(Model):
     reachable_m2: float | None = optional(
         "Area in square metres that the disc's middle reaches; only in worlds that were imported from Gazebo."
     )
+    faults: list[Fault] | None = optional(
+        "Places where guarantees are broken or where the world's files do not agree; only in the answer of "
+        "`robomaker world prove`, which holds them against each other."
+    )
+    not_compared: dict[Guarantee, str] | None = optional(
+        "Reasons why guarantees about files were not looked at, by guarantee; only beside `faults`."
+    )
+
+    def absent(self) -> set[str]:
+        """Returns the members that are written only where they are measured."""
+        return {name for name in ("reachable_m2", "faults", "not_compared") if getattr(self, name) is None}
 
 
 Point = tuple[float, float]
@@ -386,8 +424,8 @@ class World(Model):
         absent: dict[str, Any] = {name: True for name in ("source", "variation") if getattr(self, name) is None}
         if self.appearance == "day":
             absent["appearance"] = True
-        if self.checks is not None and self.checks.reachable_m2 is None:
-            absent["checks"] = {"reachable_m2"}
+        if self.checks is not None:
+            absent["checks"] = self.checks.absent()
         if isinstance(self.source, GazeboSource) and self.source.start_from is None:
             absent["source"] = {"start_from"}
         return self.model_dump_json(indent=1, exclude=absent) + "\n"

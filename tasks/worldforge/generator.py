@@ -3,12 +3,16 @@
 The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from math import cos, degrees, radians, sin
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from ...schemas.templates.body import WorldTemplateBody
@@ -24,15 +28,13 @@ from ...schemas.worlds.world import (
     contains,
 )
 from .doors.bath_windows import with_bath_windows
-from .doors.door_parts import leaf_outlines
 from .doors.initial_states import dress_doors
 from .floorplans.floorplan import generate_floorplan
 from .furniture.catalogue import parts_of
 from .furniture.placed_parts import height_at, turn
-from .geometry.occupancy import occupancy_grid
 from .interiors.interior import furnish
 from .model.mjcf import proof_mjcf
-from .proofs.checks import check_world
+from .proofs.checks import check_world, planned_site
 from .proofs.guarantees import SETTLE_S, violations
 from .seeds import GENERATOR_VERSION, seeds_for
 
@@ -136,9 +138,8 @@ def measured(world: World, *, settle: bool = True) -> World:
         world: the world.
         settle: whether physics runs for two seconds.
     """
-    # A robot can push doors open: what it reaches then is what counts.
-    grid = occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan, fully_open=True))
-    checks = check_world(world, proof_mjcf(world), grid, settle_s=SETTLE_S if settle else None)
+    site = planned_site(world, mujoco.MjModel.from_xml_string(proof_mjcf(world)))
+    checks = check_world(world, site, settle_s=SETTLE_S if settle else None)
     return world.model_copy(update={"checks": checks})
 
 

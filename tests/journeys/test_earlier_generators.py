@@ -24,9 +24,9 @@ from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
+from prefect_robomaker.tasks.worldforge.bundle.proving import prove
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION
-from prefect_robomaker.tasks.worldforge.proofs.checks import prove
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import MAX_PENETRATION_M, violations
 
 VERSION = "2.1.0"
@@ -56,10 +56,10 @@ def test_show_tells_what_its_generator_did_not_look_for(earlier: Path) -> None:
 
 
 def test_it_is_proven_anew_as_new_worlds_are(earlier: Path) -> None:
-    checks = prove(read_world(earlier), earlier / "world.xml", pushed=False)
+    checks = prove(read_world(earlier), earlier)
     assert checks.settled_share == 1.0
     (broken,) = violations(checks)
-    assert broken.startswith("parts overlap by 0.008 m")
+    assert broken.startswith("DiningTables_1.leg-front-left and DiningChairs_2.seat overlap by 0.008 m")
 
 
 def test_scout_drives_through_it(earlier: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument
+from ....schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
 from ....schemas.settings import Settings
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import (
@@ -50,6 +50,8 @@ class FoundWorld:
     """Address of the bundle in the object store."""
     stored_content: str | None = None
     """The hash it was stored under."""
+    stored: StoredPlace | None = None
+    """Where the bundle was stored, with its manifest."""
 
 
 def find_world(wanted: str) -> FoundWorld:
@@ -107,7 +109,36 @@ def _of_arn(arn: str) -> FoundWorld:
         job_seed=WorldGenerationJobDocument.of(job).seed if job else None,
         stored_at=document.bundle and service.store.uri(document.bundle.bucket, document.bundle.prefix),
         stored_content=document.bundle and document.bundle.last_part,
+        stored=document.bundle,
     )
+
+
+def stored_digests(found: FoundWorld) -> dict[str, str] | None:
+    """Returns the SHA-256 of a world's files by their paths, from the manifest that it was stored with.
+
+    Args:
+        found: the world; a folder may have a copy of its manifest.
+
+    Returns:
+        None where there is no manifest.
+
+    Raises:
+        StorageError: the manifest is gone, or is none.
+    """
+    from ....schemas.runs.provenance import Manifest
+    from ....tasks.storage.publication import MANIFEST_NAME, read_manifest
+
+    copy = found.folder / MANIFEST_NAME
+    if found.stored is not None:
+        manifest = read_manifest(open_service().store, found.stored.bucket, found.stored.prefix)
+    elif copy.is_file():
+        try:
+            manifest = Manifest.model_validate_json(copy.read_bytes())
+        except ValueError as error:
+            raise StorageError(f"{copy} is no manifest: {_first(error)}") from error
+    else:
+        return None
+    return {file.path: file.sha256 for file in manifest.files}
 
 
 def _fetched(resource: "Resource", service: "Service") -> Path:
@@ -127,7 +158,7 @@ def _named(arn: str | None, service: "Service") -> "Resource | None":
         return None
 
 
-def _found(folder: Path, name: str | None = None, **origin: str | int | None) -> FoundWorld:
+def _found(folder: Path, name: str | None = None, **origin: str | int | StoredPlace | None) -> FoundWorld:
     from ....tasks.worldforge.bundle.bundle import content_hash, read_world
 
     try:

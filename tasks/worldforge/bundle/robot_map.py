@@ -14,7 +14,7 @@ import mujoco
 
 from ....schemas.worlds.world import GazeboSource, Point, World
 from ..geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, OccupancyGrid, occupancy_grid, write_map
-from .slices import solid_outlines
+from ..geometry.slices import solid_outlines
 from .survey import survey
 
 MAP_FILES = ("map.pgm", "map.yaml")

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from ....schemas.worlds.world import Point
 from ..geometry.occupancy import RESOLUTION_M, ROBOT_HIGH_M, OccupancyGrid, connected, fill, fitting
-from .slices import solid_outlines
+from ..geometry.slices import solid_outlines
 
 LOW_M = 0.03
 """Bottom of the slice that a map is of: floors of meshes and thresholds are not level to the centimetre."""
@@ -136,7 +136,7 @@ def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns the lowest and highest corner of all finite solid geometry."""
-    solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
     half = _BARE_SIDE_M / 2
     if not len(geoms):

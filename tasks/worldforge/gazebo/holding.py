@@ -10,11 +10,9 @@ import mujoco
 import numpy as np
 
 from ...sdf.sdf_types import Pose
-from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M
+from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, REST_S
 from ..proofs.overlaps import find_overlaps, motion_of_bodies
 
-REST_S = 10.0
-"""Simulated seconds for which bodies have to stay."""
 _SETTLED_M = 0.05
 """Way that a body may go until it rests; what goes further has no place there."""
 _MOST_ROUNDS = 12

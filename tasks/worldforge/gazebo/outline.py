@@ -5,7 +5,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
@@ -24,17 +23,13 @@ from ....schemas.worlds.world import (
     RoomType,
     Wall,
     World,
-    WorldChecks,
     contains,
 )
 from ..bundle.bundle import MODEL_FILE
-from ..bundle.robot_map import solid_outlines
 from ..bundle.survey import (
     LOW_M,
     Ground,
-    ground_at,
     in_the_way,
-    known_map,
     nearest_cell,
     on_map,
     reached_cells,
@@ -42,11 +37,11 @@ from ..bundle.survey import (
 )
 from ..furniture.catalogue import IMPORTED
 from ..geometry.occupancy import RESOLUTION_M, OccupancyGrid, fill, map_files, room_cells
+from ..geometry.slices import solid_outlines
 from ..model.description import description_text
 from ..pictures.plan_svg import floorplan_svg
-from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MOST_TOLD
-from ..proofs.overlaps import drift_m, find_overlaps
-from .holding import REST_S
+from ..proofs.checks import Site, awake_scan, check_world
+from ..proofs.guarantees import REST_S
 
 AREA = "Area"
 """Name of the room that an imported world is."""
@@ -125,7 +120,10 @@ def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
         wishes=[],
         source=source,
     )
-    return world.model_copy(update={"checks": check_imported(world, drawn.model, drawn.grid, drawn.ground)})
+    is_clear = in_the_way(drawn.ground, (0.0, 0.0)) is None
+    site = Site(awake_scan(world, drawn.model), drawn.grid, drawn.grid, is_clear, is_planned=False)
+    checks = check_world(world, site, robot_radius_m=ROBOT_RADIUS_M, settle_s=REST_S)
+    return world.model_copy(update={"checks": checks})
 
 
 def bundle_texts(world: World, mjcf: str, grid: OccupancyGrid) -> dict[str, bytes]:
@@ -179,66 +177,6 @@ def _squared(polygon: Sequence[Point]) -> list[Point]:
     axis = 0 if abs(last[0] - first[0]) < abs(last[1] - first[1]) else 1
     last[axis] = first[axis]
     return [(x, y) for x, y in found]
-
-
-def check_imported(world: World, model: mujoco.MjModel, grid: OccupancyGrid, ground: Ground) -> WorldChecks:
-    """Measures whether an imported world is stable, and whether robots can start and reach their goals.
-
-    Args:
-        world: the world.
-        model: its compiled model.
-        grid: its map.
-        ground: the same from above, in which the start is looked at.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    can_move = {int(body) for body in model.jnt_bodyid}
-    deep = [
-        overlap
-        for overlap in find_overlaps(model, data)
-        if overlap.depth_m > MAX_PENETRATION_M
-        and any(int(model.geom(part).bodyid[0]) in can_move for part in overlap.parts)
-        and _collide(model, *overlap.parts)
-    ]
-    drift = drift_m(model, REST_S) if model.njnt else np.zeros(0)
-    reached, fits = reached_cells(grid, ROBOT_RADIUS_M)
-    count, fitting_cells = int(np.count_nonzero(reached)), int(np.count_nonzero(fits))
-    share = round(count / fitting_cells, 4) if fitting_cells else 0.0
-    rooms = world.floorplan.rooms
-    cells = {room.name: room_cells(grid, room) for room in rooms}
-    source = world.source
-    goals = source.goals if isinstance(source, GazeboSource) else {}
-    return WorldChecks(
-        robot_radius_m=ROBOT_RADIUS_M,
-        reachable_share=share,
-        reachable_cells={room.name: int(np.count_nonzero(reached & cells[room.name])) for room in rooms},
-        origin_clear=in_the_way(ground, (0.0, 0.0)) is None,
-        max_penetration_m=round(deep[0].depth_m, 6) if deep else 0.0,
-        penetrations=len(deep),
-        penetrating=[overlap.parts for overlap in deep[:MOST_TOLD]],
-        geoms=int(model.ngeom),
-        unreachable_goals=[
-            *(room.name for room in rooms if not _is_reached(reached, grid, room.goal)),
-            *(name for name, goal in goals.items() if not _is_reached(reached, grid, goal)),
-        ],
-        rooms=[],
-        free_bodies=int(model.njnt),
-        settle_s=REST_S,
-        settled_share=round(float(np.mean(drift < MAX_DRIFT_M)), 4) if len(drift) else 1.0,
-        max_drift_m=round(float(drift.max(initial=0.0)), 6),
-        reachable_m2=round(count * RESOLUTION_M**2, 3),
-    )
-
-
-def _collide(model: mujoco.MjModel, one: str, other: str) -> bool:
-    first, second = model.geom(one), model.geom(other)
-    bits = (int(first.contype[0]) & int(second.conaffinity[0])) | (int(second.contype[0]) & int(first.conaffinity[0]))
-    return bool(bits)
-
-
-def _is_reached(reached: NDArray[np.bool_], grid: OccupancyGrid, goal: Point) -> bool:
-    row, column = grid.cell(goal)
-    return 0 <= row < reached.shape[0] and 0 <= column < reached.shape[1] and bool(reached[row, column])
 
 
 def _goal(grid: OccupancyGrid, inside: NDArray[np.bool_], middle: Point) -> Point:
@@ -356,20 +294,3 @@ def _cells(grid: OccupancyGrid, low: NDArray[np.float64], high: NDArray[np.float
     x = grid.origin[0] + (np.arange(columns) + 0.5) * grid.resolution_m
     y = grid.origin[1] + (np.arange(rows) + 0.5) * grid.resolution_m
     return ((y >= low[1]) & (y <= high[1]))[:, None] & ((x >= low[0]) & (x <= high[0]))[None, :]
-
-
-def prove_imported(world: World, model_file: Path) -> WorldChecks:
-    """Measures a stored imported world again.
-
-    Args:
-        world: the world.
-        model_file: its MJCF, in the bundle.
-
-    Raises:
-        ValueError: MuJoCo does not accept the model.
-    """
-    model = mujoco.MjModel.from_xml_path(str(model_file))
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    ground = ground_at(model, data)
-    return check_imported(world, model, known_map(ground, (0.0, 0.0)), ground)

@@ -128,21 +128,24 @@ def furniture_corners(item: Furniture) -> list[Point]:
     ]
 
 
-def fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
+def fill(
+    grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point], touching_m: float = _TOUCHING_M
+) -> None:
     """Marks every grid cell that a convex polygon touches.
 
     Args:
         grid: where the cells are.
         cells: the cells, shape (rows, columns), which are changed.
         corners: the polygon, counter-clockwise.
+        touching_m: how far it has to enter a cell; below 0, cells count that are as near to it.
     """
     size = grid.resolution_m
     xs, ys = zip(*corners, strict=True)
     rows, columns = cells.shape
-    west = max(0, floor((min(xs) - grid.origin[0] + _TOUCHING_M) / size))
-    east = min(columns, ceil((max(xs) - grid.origin[0] - _TOUCHING_M) / size))
-    south = max(0, floor((min(ys) - grid.origin[1] + _TOUCHING_M) / size))
-    north = min(rows, ceil((max(ys) - grid.origin[1] - _TOUCHING_M) / size))
+    west = max(0, floor((min(xs) - grid.origin[0] + touching_m) / size))
+    east = min(columns, ceil((max(xs) - grid.origin[0] - touching_m) / size))
+    south = max(0, floor((min(ys) - grid.origin[1] + touching_m) / size))
+    north = min(rows, ceil((max(ys) - grid.origin[1] - touching_m) / size))
     if west >= east or south >= north:
         return
     if _is_upright(corners):
@@ -159,7 +162,7 @@ def fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]
         # The outward normal of an edge of a counter-clockwise polygon.
         u, v = (y1 - y0) / length, (x0 - x1) / length
         reach = (abs(u) + abs(v)) * size / 2
-        entered &= (x - x0) * u + (y - y0) * v < reach - _TOUCHING_M
+        entered &= (x - x0) * u + (y - y0) * v < reach - touching_m
     cells[south:north, west:east] |= entered
 
 

@@ -1,189 +1,218 @@
-"""Measures a world for its guarantees; `guarantees` decides which limits it breaks."""
+"""Measures the compiled model of a world for its guarantees; `guarantees` decides which limits it breaks."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
 from collections import Counter
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ....schemas.worlds.world import (
+    Fault,
     Floorplan,
-    Passage,
+    GazeboSource,
+    Guarantee,
+    Point,
     PreferenceCount,
     Room,
     RoomMeasures,
-    RoomWay,
     World,
     WorldChecks,
     bounds,
 )
-from ..doors.door_parts import FULLY_OPEN_PERCENT, leaf_outlines
-from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
-from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M, SETTLE_S
-from .overlaps import drift_m, find_overlaps, measure_stability
-
-_WALL_FLOOR_M = 0.4
-"""A wall that begins above this leaves a way below it."""
-
-_JUNCTION_M = 0.051
-"""Half an inner wall, where a wall across ends when the wall it meets has been taken away for an opening."""
+from ..geometry.occupancy import OccupancyGrid, connected, fitting, reachable, room_cells
+from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M
+from .overlaps import THROWN_M, Overlap, drift_m, find_overlaps, measure_stability
+from .parts import room_at
+from .reach import ground_of, measure_ways, share, with_leaves
+from .scan import Scan
 
 _ORIGIN = (0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Site:
+    """The compiled model of a world, and the maps of it that are measured."""
+
+    scan: Scan
+    first: OccupancyGrid
+    """Map as all stands at first."""
+    opened: OccupancyGrid
+    """Map with the doors as far open as they go, since a robot can push them; the very same if they are so at first."""
+    origin_clear: bool
+    """Whether the start is free."""
+    is_planned: bool
+    """Whether the world has a plan of rooms and ways; imported ones have none."""
+
+
+def planned_site(world: World, model: mujoco.MjModel) -> Site:
+    """Prepares the model of a generated world for its checks.
+
+    Args:
+        world: the world.
+        model: its model, from `proof_mjcf` or the file in its bundle; its loose objects are awake from now on.
+    """
+    scan = awake_scan(world, model)
+    ground = ground_of(world, scan)
+    first = with_leaves(ground, scan.leaves)
+    opened = first if scan.open_leaves is scan.leaves else with_leaves(ground, scan.open_leaves)
+    return Site(scan, first, opened, _origin_clear(opened), is_planned=True)
+
+
+def awake_scan(world: World, model: mujoco.MjModel) -> Scan:
+    """Returns the solid parts of a model, whose loose objects are awake from now on.
+
+    Args:
+        world: the world.
+        model: its model.
+    """
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
+    return Scan(model, {passage.door.id for passage in world.floorplan.passages if passage.door})
+
+
 def check_world(
     world: World,
-    mjcf: str | Path,
-    grid: OccupancyGrid,
+    site: Site,
     *,
     robot_radius_m: float = 0.2,
     settle_s: float | None = None,
     pushed: bool = False,
+    placed: bool = False,
 ) -> WorldChecks:
-    """Measures everything that a world's guarantees need: overlaps, reachability, stability.
+    """Measures on a world's model all that its guarantees need: overlaps, reach, ways, stability.
 
     Args:
-        world: the world.
-        mjcf: its model, from `proof_mjcf`, or the file in its bundle.
-        grid: its map, from `occupancy_grid`, with all doors fully open, since a robot can push them.
+        world: the world; it says where rooms, passages and goals are.
+        site: its model.
         robot_radius_m: radius of the disc that has to reach every room from the origin.
         settle_s: how long to let physics run, with every body awake at first; None leaves that out.
         pushed: whether loose objects are pushed, too, which takes twenty times longer.
-
-    Raises:
-        ValueError: when MuJoCo does not accept the model.
+        placed: whether the places are listed where a guarantee is broken.
     """
-    plan = world.floorplan
-    load = mujoco.MjModel.from_xml_path if isinstance(mjcf, Path) else mujoco.MjModel.from_xml_string
-    model = load(str(mjcf))
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    overlaps = find_overlaps(model, data)
+    plan, scan = world.floorplan, site.scan
+    reach = _Reach.of(site.opened, robot_radius_m)
+    cells = {room.name: room_cells(site.opened, room) for room in plan.rooms}
+    ways, narrow = measure_ways(world, scan)
+    overlaps = find_overlaps(scan.model, scan.data)
+    if not site.is_planned:  # its fixed parts overlap as its author built them
+        overlaps = [each for each in overlaps if _matters(scan.model, each) and each.depth_m > MAX_PENETRATION_M]
     deep = [overlap for overlap in overlaps if overlap.depth_m > MAX_PENETRATION_M]
-    ways = [_way(passage, plan) for passage in plan.passages]
-    drift = drift_m(model, settle_s) if settle_s is not None else None
+    drift = drift_m(scan.model, settle_s) if settle_s is not None else None
+    faults = [*_unreached(world, reach), *narrow, *_overlapping(world, scan, deep), *_restless(world, scan, drift)]
     return WorldChecks(
         robot_radius_m=robot_radius_m,
-        **_reach(plan.rooms, grid, robot_radius_m),
-        closed_off_rooms=_closed_off(world, robot_radius_m),
-        origin_clear=_origin_clear(grid),
+        reachable_share=share(reach.reached, reach.fits),
+        reachable_cells={name: int(np.count_nonzero(reach.reached & inside)) for name, inside in cells.items()},
+        unreachable_goals=[name for name, goal in goals_of(world) if not reach.has(goal)],
+        rooms=[_measures(room, reach, cells[room.name]) for room in plan.rooms] if site.is_planned else [],
+        closed_off_rooms=_closed_off(site, cells, robot_radius_m),
+        origin_clear=site.origin_clear,
         max_penetration_m=round(overlaps[0].depth_m, 6) if overlaps else 0.0,
         penetrations=len(deep),
         penetrating=[overlap.parts for overlap in deep[:MOST_TOLD]],
-        geoms=int(model.ngeom),
+        geoms=int(np.count_nonzero(scan.model.geom_contype | scan.model.geom_conaffinity)),
         narrowest_passage_m=min((way.clear_width_m for way in ways), default=None),
         room_graph=ways,
-        footprint_aspect_ratio=_aspect(plan),
-        wishes=_preferences(world),
-        free_bodies=int(model.njnt),
+        footprint_aspect_ratio=_aspect(plan) if site.is_planned else None,
+        wishes=_preferences(world) if site.is_planned else None,
+        free_bodies=int(scan.model.njnt),
         settle_s=settle_s,
         settled_share=None if drift is None else round(float(np.mean(drift < MAX_DRIFT_M)) if len(drift) else 1.0, 4),
         max_drift_m=None if drift is None else round(float(drift.max(initial=0.0)), 6),
-        stability=measure_stability(model, world.interior_seed) if pushed else None,
+        stability=measure_stability(scan.model, world.interior_seed) if pushed else None,
+        reachable_m2=None if site.is_planned else reach.area_m2,
+        faults=faults if placed else None,
     )
 
 
-def prove(world: World, model_file: Path, *, pushed: bool) -> WorldChecks:
-    """Measures a stored world again, whichever generator version made it.
-
-    Args:
-        world: the world.
-        model_file: its MJCF, in the bundle.
-        pushed: whether loose objects are pushed, too.
-
-    Raises:
-        ValueError: when MuJoCo does not accept the model.
-    """
-    # A robot can push doors open: what it reaches then is what counts.
-    grid = occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan, fully_open=True))
-    return check_world(world, model_file, grid, settle_s=SETTLE_S, pushed=pushed)
+def _fault(world: World, guarantee: Guarantee, said: str, place: Sequence[float]) -> Fault:
+    return Fault.placed(guarantee, said, place, room_at(world, place))
 
 
-def _reach(rooms: Sequence[Room], grid: OccupancyGrid, radius_m: float) -> dict[str, Any]:
-    """Cells and goals that a robot reaches, in all and room by room."""
-    fits = fitting(grid, radius_m)
-    reached = connected(fits, grid.cell(_ORIGIN))
-    measures: list[RoomMeasures] = []
-    cells: dict[str, int] = {}
-    for room in rooms:
-        inside = room_cells(grid, room)
-        cells[room.name] = int(np.count_nonzero(reached & inside))
-        measures.append(_measures(room, int(np.count_nonzero(fits & inside)), cells[room.name]))
-    return {
-        "reachable_share": _share(int(np.count_nonzero(reached)), int(np.count_nonzero(fits))),
-        "reachable_cells": cells,
-        "unreachable_goals": [room.name for room in rooms if not reached[grid.cell(room.goal)]],
-        "rooms": measures,
-    }
+def _unreached(world: World, reach: "_Reach") -> Iterator[Fault]:
+    for name, goal in goals_of(world):
+        if not reach.has(goal):
+            yield _fault(world, "reach", f"{name}: its goal is out of a robot's reach", goal)
 
 
-def _closed_off(world: World, radius_m: float) -> list[str]:
+def _overlapping(world: World, scan: Scan, deep: Sequence[Overlap]) -> Iterator[Fault]:
+    for overlap in deep[:MOST_TOLD]:
+        one, other = (scan.names.index(part) for part in overlap.parts)
+        # The middle of what their boxes share.
+        low, high = np.maximum(scan.low[one], scan.low[other]), np.minimum(scan.high[one], scan.high[other])
+        said = f"{' and '.join(overlap.parts)} overlap by {overlap.depth_m:.3f} m, more than {MAX_PENETRATION_M} m"
+        yield _fault(world, "overlaps", said, (low + high) / 2)
+
+
+def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> Iterator[Fault]:
+    """Bodies that move by themselves, those that move furthest first."""
+    if drift is None:
+        return
+    for joint in np.argsort(-drift)[:MOST_TOLD].tolist():
+        if not drift[joint] < MAX_DRIFT_M:
+            body = int(scan.model.jnt_bodyid[joint])
+            way = "flies away" if drift[joint] >= THROWN_M else f"moves {drift[joint]:.2f} m by itself"
+            yield _fault(world, "rest", f"{scan.model.body(body).name} {way}", scan.data.xpos[body])
+
+
+class _Reach(NamedTuple):
+    """Cells that a disc reaches from the origin."""
+
+    grid: OccupancyGrid
+    fits: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid, radius_m: float) -> "_Reach":
+        fits = fitting(grid, radius_m)
+        return cls(grid, fits, connected(fits, grid.cell(_ORIGIN)))
+
+    @property
+    def area_m2(self) -> float:
+        return round(int(np.count_nonzero(self.reached)) * self.grid.resolution_m**2, 3)
+
+    def has(self, goal: Point) -> bool:
+        row, column = self.grid.cell(goal)
+        rows, columns = self.reached.shape
+        return 0 <= row < rows and 0 <= column < columns and bool(self.reached[row, column])
+
+
+def goals_of(world: World) -> list[tuple[str, Point]]:
+    """Returns the goals of rooms, and those that the notes of an imported world name."""
+    named = world.source.goals if isinstance(world.source, GazeboSource) else {}
+    return [*((room.name, room.goal) for room in world.floorplan.rooms), *named.items()]
+
+
+def _matters(model: mujoco.MjModel, overlap: Overlap) -> bool:
+    """Whether one of two parts can move, and they collide."""
+    one, other = (model.geom(part) for part in overlap.parts)
+    bits = (int(one.contype[0]) & int(other.conaffinity[0])) | (int(other.contype[0]) & int(one.conaffinity[0]))
+    return bool(bits) and any(int(geom.bodyid[0]) in model.jnt_bodyid for geom in (one, other))
+
+
+def _closed_off(site: Site, cells: Mapping[str, NDArray[np.bool_]], radius_m: float) -> list[str]:
     """Rooms that a robot reaches only when it pushes a door."""
-    plan = world.floorplan
-    if all(passage.door is None or passage.door.open_percent == FULLY_OPEN_PERCENT for passage in plan.passages):
+    if site.opened is site.first:
         return []
-    grid = occupancy_grid(plan, world.furniture, leaf_outlines(plan))
-    reached = reachable(grid, _ORIGIN, radius_m)
-    return [room.name for room in plan.rooms if np.count_nonzero(reached & room_cells(grid, room)) < MIN_CELLS]
+    reached = reachable(site.first, _ORIGIN, radius_m)
+    return [name for name, inside in cells.items() if np.count_nonzero(reached & inside) < MIN_CELLS]
 
 
-def _measures(room: Room, fitting_cells: int, reached: int) -> RoomMeasures:
+def _measures(room: Room, reach: _Reach, inside: NDArray[np.bool_]) -> RoomMeasures:
     ratio = room.aspect_ratio or 1.0
     return RoomMeasures(
         name=room.name,
         area_error=round(room.floor_m2 / room.desired_area_m2 - 1, 4) + 0.0,
         aspect_ratio=ratio,
         aspect_error=round(ratio / room.desired_aspect_ratio - 1, 4) + 0.0,
-        fitting_cells=fitting_cells,
-        reachable_share=_share(reached, fitting_cells),
+        fitting_cells=int(np.count_nonzero(reach.fits & inside)),
+        reachable_share=share(reach.reached & inside, reach.fits & inside),
     )
-
-
-def _share(part: int, whole: int) -> float:
-    return round(part / whole, 4) if whole else 0.0
-
-
-def _way(passage: Passage, plan: Floorplan) -> RoomWay:
-    width = _gap(passage, plan)
-    door = passage.door
-    if door is not None:
-        width -= max(0.0, passage.width_m - door.clear_width_m)
-    return RoomWay(
-        rooms=passage.rooms, kind=passage.kind, clear_width_m=round(width, 4), door=None if door is None else door.id
-    )
-
-
-def _gap(passage: Passage, plan: Floorplan) -> float:
-    """Distance along a passage's line between what stands at its two sides: a wall's end, or a wall across."""
-    along = 0 if passage.start[1] == passage.end[1] else 1
-    line = passage.start[1 - along]
-    middle = (passage.start[along] + passage.end[along]) / 2
-    low, high = -np.inf, np.inf
-    for wall in plan.walls:
-        if wall.bottom_m >= _WALL_FLOOR_M:
-            continue
-        half = wall.thickness_m / 2
-        first, last = sorted((wall.start[along], wall.end[along]))
-        side, other = sorted((wall.start[1 - along], wall.end[1 - along]))
-        if first == last:  # it crosses the line, or ends at it
-            first, last = first - half, last + half
-        else:
-            side, other = side - half, other + half
-        if not side - _JUNCTION_M <= line <= other + _JUNCTION_M:
-            continue
-        if last <= middle:
-            low = max(low, last)
-        elif first >= middle:
-            high = min(high, first)
-        else:
-            return 0.0
-    return float(high - low)
 
 
 def _aspect(plan: Floorplan) -> float:

@@ -6,7 +6,7 @@ Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from ....schemas.worlds.world import RoomMeasures, StabilityChecks, World, WorldChecks
+from ....schemas.worlds.world import Guarantee, RoomMeasures, StabilityChecks, World, WorldChecks
 
 MAX_PENETRATION_M = 0.005
 MIN_CELLS = 5
@@ -14,6 +14,8 @@ MIN_PASSAGE_M = 0.8
 MAX_DRIFT_M = 0.01
 ORIGIN_RADIUS_M = 0.5
 SETTLE_S = 2.0
+REST_S = 10.0
+"""Simulated seconds for which bodies of imported worlds have to stay."""
 MAX_MOVED_M = 0.02
 """After a push."""
 MAX_SUNK_M = 0.01
@@ -35,14 +37,17 @@ class ProofLine(NamedTuple):
 
 def violations(checks: WorldChecks) -> list[str]:
     """Lists the guarantees that a world breaks, one sentence each; empty for a valid world."""
+    faults = checks.faults or []
+    placed = {fault.guarantee for fault in faults}
     found: list[str] = []
     for name, cells in checks.reachable_cells.items():
         if cells < MIN_CELLS:
             found.append(f"{name}: a robot of {checks.robot_radius_m} m radius reaches {cells} cells, not {MIN_CELLS}")
-    found += [f"{name}: its goal is out of a robot's reach" for name in checks.unreachable_goals]
+    if "reach" not in placed:
+        found += [f"{name}: its goal is out of a robot's reach" for name in checks.unreachable_goals]
     if not checks.origin_clear:
         found.append(f"the cylinder of {2 * ORIGIN_RADIUS_M:g} m diameter at the origin is not clear")
-    if checks.max_penetration_m > MAX_PENETRATION_M:
+    if checks.max_penetration_m > MAX_PENETRATION_M and "overlaps" not in placed:
         parts = f": {' and '.join(checks.penetrating[0])}" if checks.penetrating else ""
         found.append(f"parts overlap by {checks.max_penetration_m} m, more than {MAX_PENETRATION_M} m{parts}")
     if checks.narrowest_passage_m is not None and checks.narrowest_passage_m < MIN_PASSAGE_M:
@@ -53,7 +58,7 @@ def violations(checks: WorldChecks) -> list[str]:
         found.append(f"only {checks.settled_share:.0%} of the free bodies stay within {MAX_DRIFT_M} m")
     if checks.stability is not None and not _is_stable(checks.stability):
         found.append(f"{checks.stability.furthest}, pushed a little, {_pushed_way(checks.stability)}")
-    return found
+    return [*found, *(fault.sentence for fault in faults)]
 
 
 def _is_stable(stability: StabilityChecks) -> bool:
@@ -79,7 +84,11 @@ def rooms_apart(checks: WorldChecks) -> list[str]:
 def proof_lines(world: World) -> list[ProofLine]:
     """Lists the measurements of a world, as lines for people."""
     checks = world.checks
-    measured = [] if checks is None else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks)]
+    measured = (
+        []
+        if checks is None
+        else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks), *_file_lines(checks)]
+    )
     return [*measured, *_origin_lines(world)]
 
 
@@ -141,6 +150,32 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         granted = f"{count.satisfied} granted, {count.missed} missed, {count.contradictory} contradictory"
         yield ProofLine("Wishes of the template", granted, "")
     yield ProofLine("Geoms", str(checks.geoms), "")
+
+
+_COMPARED: dict[Guarantee, tuple[str, str]] = {
+    "parts": ("Model and world.json", "the same floors, walls and pieces"),
+    "doors": ("Doors and world.json", "hung and open as described"),
+    "map": ("Map and model", "each cell as it is"),
+    "lidar": ("Lidar and map", "rays end at what the map shows, and that collides"),
+    "description": ("world_description.json", "as world.json"),
+    "files": ("Files and manifest", "as they were stored"),
+}
+"""Names of the guarantees that files agree, and the words for that."""
+
+
+def _file_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+    """Guarantees that the model and the files of a bundle agree; only `robomaker world prove` looks."""
+    if checks.faults is None:
+        return
+    for guarantee, (name, agrees) in _COMPARED.items():
+        faults = [fault for fault in checks.faults if fault.guarantee == guarantee]
+        more = f"; and {len(faults) - 1} more" if len(faults) > 1 else ""
+        if faults:
+            yield ProofLine(name, faults[0].sentence + more, "broken")
+        elif checks.not_compared and guarantee in checks.not_compared:
+            yield ProofLine(name, checks.not_compared[guarantee], "not measured")
+        else:
+            yield ProofLine(name, agrees, "holds")
 
 
 def _origin_lines(world: World) -> Iterator[ProofLine]:

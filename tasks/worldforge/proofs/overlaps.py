@@ -33,7 +33,7 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
         model: a world.
         data: where everything is; needs what `mj_kinematics` computes.
     """
-    solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
     found: list[Overlap] = []
     for one, other in geoms[_near(model, data, geoms)].tolist():
@@ -147,7 +147,7 @@ def motion_of_bodies(
     way = np.linalg.norm(data.xipos[bodies] - before, axis=1)
     if (thrown := _thrown(model, data)) >= 0:
         way[bodies.index(thrown)] = np.inf
-    free = {int(model.jnt_bodyid[joint]) for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)}
+    free = {int(model.jnt_bodyid[joint]) for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))}
     names = [model.body(body).name for body in bodies]
     poses = {
         name: (data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy())
@@ -165,7 +165,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
         seed: of the pushes.
     """
     dice = np.random.default_rng(seed)
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
     bodies, dofs = model.jnt_bodyid[free], model.jnt_dofadr[free][:, None] + np.arange(_DOFS)
     # A ball rolls away, as balls do; it only must not fall.
     stays = model.geom_type[model.body_geomadr[bodies]] != mujoco.mjtGeom.mjGEOM_SPHERE

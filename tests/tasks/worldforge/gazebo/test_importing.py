@@ -18,9 +18,9 @@ from prefect_robomaker.schemas.worlds.gazebo_notes import GazeboNotes
 from prefect_robomaker.schemas.worlds.world import GazeboSource, World
 from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap, read_map
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
+from prefect_robomaker.tasks.worldforge.bundle.proving import prove
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
-from prefect_robomaker.tasks.worldforge.gazebo.outline import prove_imported
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 from prefect_robomaker.tasks.worldforge.viewer.viewer_page import viewer_page, write_pictures
 from prefect_robomaker.tasks.worlds.gazebo_imports import GazeboImport, write_gazebo_bundle
@@ -134,7 +134,7 @@ def test_pictures_are_small_and_png(house: Path) -> None:
 def test_it_can_be_looked_at_proved_and_exported(house: Path, world: World, tmp_path: Path) -> None:
     assert b"<html" in viewer_page(house, "house").encode().lower()
     assert len(write_pictures(world, house, tmp_path / "pictures")) == 4
-    checks = prove_imported(world, house / "world.xml")
+    checks = prove(world, house)
     assert violations(checks) == []
     write_export_zip({"house": house}, tmp_path / "export.zip")
     with zipfile.ZipFile(tmp_path / "export.zip") as export:

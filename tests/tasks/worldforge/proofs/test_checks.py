@@ -1,20 +1,26 @@
 """Checks find what is wrong with a world, and nothing in a good one."""
 
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
 from typing import Any
 
+import mujoco
 import pytest
 
 from prefect_robomaker.schemas.worlds.world import Furniture, Room, World, WorldChecks
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
-from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
 from prefect_robomaker.tasks.worldforge.model.mjcf import proof_mjcf, world_mjcf
-from prefect_robomaker.tasks.worldforge.proofs.checks import check_world
+from prefect_robomaker.tasks.worldforge.proofs.checks import Site, check_world, planned_site
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import SETTLE_S, proof_lines, violations
 
 
 def checked(world: World, settle_s: float | None = SETTLE_S) -> WorldChecks:
-    grid = occupancy_grid(world.floorplan, world.furniture)
-    return check_world(world, proof_mjcf(world), grid, settle_s=settle_s)
+    return check_world(world, site_of(world, proof_mjcf(world)), settle_s=settle_s)
+
+
+def site_of(world: World, mjcf: str) -> Site:
+    return planned_site(world, mujoco.MjModel.from_xml_string(mjcf))
 
 
 def with_piece(world: World, kind: str, x: float, y: float, **more: Any) -> World:
@@ -135,7 +141,7 @@ def test_a_door_that_swings_by_itself_is_found(flat: World) -> None:
         '<geom size=".3 .02 .3" pos="0 0.3 0.3" type="box" mass="9"/></body>'
     )
     mjcf = world_mjcf(flat).replace("</worldbody>", f"{leaf}</worldbody>")
-    checks = check_world(flat, mjcf, occupancy_grid(flat.floorplan, flat.furniture), settle_s=SETTLE_S)
+    checks = check_world(flat, site_of(flat, mjcf), settle_s=SETTLE_S)
     assert checks.max_drift_m is not None
     assert checks.max_drift_m > 0.1
     assert any("free bodies stay within" in problem for problem in violations(checks))

@@ -12,9 +12,8 @@ from prefect_robomaker.schemas.wire.errors import WorldGenerationError
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture, World
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES, styles_of
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
-from prefect_robomaker.tasks.worldforge.proofs.checks import check_world
+from prefect_robomaker.tasks.worldforge.proofs.checks import check_world, planned_site
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import MAX_PENETRATION_M, proof_lines, violations
 from prefect_robomaker.tasks.worldforge.proofs.overlaps import find_overlaps
 
@@ -48,7 +47,7 @@ def test_a_chair_in_the_leg_of_its_table_is_found(flat: World) -> None:
     # The table's front is 0.4 m off its middle, and its left leg begins 0.535 m to the side.
     chair = piece("chair", "DiningChairs", "upright oak", x + 0.4 + 0.235 - 0.13, y + 0.535 - 0.22 + 0.012, yaw=np.pi)
     world = with_pieces(bare, table, chair)
-    checks = check_world(world, world_mjcf(world), occupancy_grid(world.floorplan, world.furniture))
+    checks = check_world(world, planned_site(world, mujoco.MjModel.from_xml_string(world_mjcf(world))))
     assert checks.max_penetration_m == pytest.approx(0.012, abs=1e-4)
     assert checks.penetrations == len(checks.penetrating or [])
     assert ("chair.seat", "table.leg-front-left") in [tuple(sorted(pair)) for pair in checks.penetrating or []]

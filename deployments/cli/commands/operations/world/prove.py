@@ -1,6 +1,7 @@
-"""Measure a world anew, and say which guarantees hold.
+"""Measure a world anew from its files, and say which guarantees hold.
 
-Worlds of any generator are measured as new ones are. Nothing is changed, neither the world nor what it says of itself.
+Worlds of any generator, and imported ones, are measured as new ones are: on the model, the map and the other files of
+the bundle, which are held against each other. What is wrong is named with its place. Nothing is changed.
 Exit code 0: all guarantees hold; 1: some do not.
 """
 
@@ -28,9 +29,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.world import GazeboSource
     from ......tasks.worldforge.bundle.bundle import NAMES_FILE
-    from ......tasks.worldforge.gazebo.outline import prove_imported
-    from ......tasks.worldforge.proofs.checks import prove
-    from ....inputs.world_lookup import find_world
+    from ......tasks.worldforge.bundle.proving import prove
+    from ....inputs.world_lookup import find_world, stored_digests
     from ....output.world_facts import print_world, proof_lines_of, world_facts
 
     found = find_world(arguments.world)
@@ -39,19 +39,14 @@ def execute(arguments: argparse.Namespace) -> int:
             f"{found.folder} is a world of an export, in whose world.xml names do not tell what is a part of what; "
             "the world's ARN or its bundle would be right"
         )
+    if arguments.pushed and isinstance(found.world.source, GazeboSource):
+        raise ConfigurationError("--pushed: worlds that were imported from Gazebo are not pushed")
     try:
-        if isinstance(found.world.source, GazeboSource):
-            if arguments.pushed:
-                raise ConfigurationError("--pushed: worlds that were imported from Gazebo are not pushed")
-            checks = prove_imported(found.world, found.folder / "world.xml")
-        else:
-            checks = prove(found.world, found.folder / "world.xml", pushed=arguments.pushed)
+        checks = prove(found.world, found.folder, digests=stored_digests(found), pushed=arguments.pushed)
     except ValueError as error:
         raise ConfigurationError(f"{found.folder / 'world.xml'} is no model that MuJoCo accepts: {error}") from error
     facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))
     proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
-    # As in `world.json`: only of imported Gazebo worlds this area is measured.
-    absent = {"reachable_m2"} if checks.reachable_m2 is None else set[str]()
-    checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=absent)}
+    checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=checks.absent())}
     print_world(arguments.output, checked, proof_lines_of(facts))
     return OK if facts["proven"] else VERDICT_FAILED

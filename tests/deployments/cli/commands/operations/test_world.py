@@ -1,5 +1,6 @@
 """`robomaker world`: what it says of worlds, and of what is none."""
 
+import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -89,8 +90,9 @@ def test_prove_measures_anew_and_changes_nothing(robomaker, bundle: Path, tmp_pa
     assert (proven.code, proven.err) == (0, "")
     said = json.loads(proven.out)
     kept = json.loads((bundle / "world.json").read_text())["checks"]
-    as_kept = {"stability": None, "geoms": kept["geoms"]}  # `world.xml` also has what only decorates
-    assert said["checks"] | as_kept == kept
+    assert said["checks"].pop("faults") == []
+    assert said["checks"].pop("not_compared") == {"files": "the folder has no manifest with digests"}
+    assert said["checks"] | {"stability": None} == kept
     assert said["checks"]["stability"]["pushes"] == 8
     assert content_hash(bundle) == before
 
@@ -103,6 +105,34 @@ def test_prove_measures_anew_and_changes_nothing(robomaker, bundle: Path, tmp_pa
     assert proven.code == 1
     assert proven.out.startswith("moved: guarantees are broken\n")
     assert "✗ Free bodies that move less than 10 mm" in proven.out
+    assert "✗ Model and world.json" in proven.out
+    assert "by itself, at (0.00, 0.00) m in " in proven.out
+
+
+def test_prove_finds_a_file_that_is_not_what_the_manifest_says(robomaker, bundle: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(bundle, tmp_path / "world")
+    files = [
+        {"path": path.relative_to(folder).as_posix(), "size_bytes": 1, "sha256": digest_of(path)}
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    ]
+    manifest = {"created_at": "2026-01-01T00:00:00Z", "about": {}, "files": files}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert "✓ Files and manifest" in robomaker("world", "prove", folder).out
+
+    picture = next((folder / "textures").iterdir())
+    picture.write_bytes(next(path for path in (folder / "textures").iterdir() if path != picture).read_bytes())
+    proven = robomaker("world", "prove", folder)
+    assert proven.code == 1
+    assert f"textures/{picture.name} is another file than the manifest has" in proven.out
+
+    (folder / "manifest.json").write_text("{}")
+    refused = robomaker("world", "prove", folder)
+    assert (refused.code != 0, "is no manifest: created_at: Field required" in refused.err) == (True, True)
+
+
+def digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize("action", ["show", "view", "prove"])

@@ -1,0 +1,189 @@
+"""Solid parts of a compiled world as a robot meets them: their outlines, floors, pieces, and what a lidar meets."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.worlds.world import Point
+from ..geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, OccupancyGrid, fill
+from ..geometry.slices import extents, solid_outlines
+
+GRACE_M = 1e-3
+"""What enters a cell by less than this only touches it: numbers of MJCF are rounded to a tenth of a millimetre."""
+
+_TOUCHING_M = 1e-4
+"""Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
+
+_FLOOR_BAND_M = (-0.05, -0.001)
+"""Heights that a floor is looked for in: its top is at 0, walls begin there, and the plane below is deeper."""
+
+_HALF_CELL = 0.5 + 1e-3
+"""Share of a cell that a floor covers where it has the cell's middle."""
+
+Points = NDArray[np.float64]
+Outlines = list[tuple[int, list[Point]]]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A compiled world at time 0, and with the doors as far open as they go."""
+
+    model: mujoco.MjModel
+    doors: Collection[str]
+    """Bodies that are doors, which a robot pushes open."""
+
+    data: mujoco.MjData = field(init=False)
+    names: list[str] = field(init=False)
+    """Name of each geom."""
+    pieces: list[str] = field(init=False)
+    """Name of what each geom is a part of: a body, a piece of furniture, a wall with its two halves, a room's floor."""
+    solid: NDArray[np.bool_] = field(init=False)
+    """Whether each geom collides with a robot, whose own parts have MuJoCo's usual bits."""
+    low: Points = field(init=False)
+    high: Points = field(init=False)
+    """Corners of the box around each geom."""
+
+    def __post_init__(self) -> None:
+        """Computes where everything is."""
+        model, data = self.model, mujoco.MjData(self.model)
+        mujoco.mj_kinematics(model, data)
+        names = names_of(model, model.name_geomadr)
+        bodies = names_of(model, model.name_bodyadr)
+        low, high = extents(model, data)
+        found = {
+            "data": data,
+            "names": names,
+            "pieces": [
+                bodies[body] if body else _piece(name)
+                for name, body in zip(names, model.geom_bodyid.tolist(), strict=True)
+            ],
+            "solid": ((model.geom_contype | model.geom_conaffinity) & 1).astype(np.bool_),
+            "low": low,
+            "high": high,
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def slices(self) -> Outlines:
+        """Outlines of the solid parts at the height of a robot, as all stands at first."""
+        return self._outlines(self.data, self.solid)
+
+    @cached_property
+    def leaves(self) -> Outlines:
+        """The leaves of doors among them."""
+        return [(geom, outline) for geom, outline in self.slices if self.pieces[geom] in self.doors]
+
+    @cached_property
+    def standing(self) -> Outlines:
+        """All of them but the leaves of doors."""
+        return [(geom, outline) for geom, outline in self.slices if self.pieces[geom] not in self.doors]
+
+    @cached_property
+    def open_leaves(self) -> Outlines:
+        """Outlines of the leaves of doors as far open as they go; the very same if they are so at first."""
+        model, data = self.model, mujoco.MjData(self.model)
+        for joint in self._door_joints():
+            data.qpos[model.jnt_qposadr[joint]] = model.jnt_range[joint, 1]
+        if np.array_equal(data.qpos, self.data.qpos):
+            return self.leaves
+        mujoco.mj_kinematics(model, data)
+        return self._outlines(data, self.solid & np.array([piece in self.doors for piece in self.pieces]))
+
+    def _outlines(self, data: mujoco.MjData, among: NDArray[np.bool_]) -> Outlines:
+        return list(solid_outlines(self.model, data, ROBOT_LOW_M + _TOUCHING_M, ROBOT_HIGH_M - _TOUCHING_M, among))
+
+    def floor(self, grid: OccupancyGrid) -> NDArray[np.bool_]:
+        """Returns a mask of the cells whose middle is on a floor.
+
+        Args:
+            grid: where the cells are.
+        """
+        cells = np.zeros_like(grid.known)
+        for _, outline in self.floors:
+            fill(grid, cells, outline, _HALF_CELL * grid.resolution_m)
+        return cells
+
+    @cached_property
+    def floors(self) -> Outlines:
+        """Outlines of what a robot stands on."""
+        level = self.solid & (np.abs(self.high[:, 2]) < GRACE_M)
+        return list(solid_outlines(self.model, self.data, *_FLOOR_BAND_M, level))
+
+    @cached_property
+    def parts_of(self) -> dict[str, list[int]]:
+        """Geoms of each piece, in the model's order."""
+        found: dict[str, list[int]] = {}
+        for geom, piece in enumerate(self.pieces):
+            found.setdefault(piece, []).append(geom)
+        return found
+
+    def _door_joints(self) -> list[int]:
+        bodies = names_of(self.model, self.model.name_bodyadr)
+        hinges = np.flatnonzero(self.model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+        return [joint for joint in hinges if bodies[self.model.jnt_bodyid[joint]] in self.doors]
+
+
+def names_of(model: mujoco.MjModel, begins: NDArray[np.int32]) -> list[str]:
+    """Returns all names of a kind; `model.geom` is twenty times slower.
+
+    Args:
+        model: a world.
+        begins: where the names begin, such as `model.name_geomadr`.
+    """
+    names = model.names
+    return [names[begin : names.index(b"\0", begin)].decode() for begin in begins.tolist()]
+
+
+def _piece(name: str) -> str:
+    """What a geom of the world body is a part of, by its name."""
+    piece, dot, _ = name.partition(".")
+    if dot:
+        return piece
+    kind, _, rest = name.partition("_")
+    number = rest.partition("_")[0]
+    return f"{kind}_{number}" if kind in ("wall", "floor") and number.isdecimal() else name
+
+
+_LIDAR_M = 0.2
+"""Height of the rays: lidars of robots for rooms are at 10 to 35 cm."""
+_RAYS = 120
+_SOLID_GROUPS = np.array([1, 1, 0, 1, 0, 0], np.uint8)
+"""Groups of geoms that stand for solid things; those of 2 and 4 are for the eye only, and simulated lidars leave them
+out."""
+
+
+@dataclass(frozen=True, slots=True)
+class LidarScan:
+    """A lidar's rays around a place, and where they end."""
+
+    ends: Points
+    """One for each ray, on the surface that it meets; not a number where it meets nothing."""
+    geoms: NDArray[np.int32]
+    """What each meets; -1: nothing."""
+
+
+def lidar_scan(scan: Scan, place: Point) -> LidarScan:
+    """Casts rays around a place, as a lidar 0.2 m above the floor would.
+
+    Args:
+        scan: the world.
+        place: the lidar's.
+    """
+    angles = np.arange(_RAYS) * (2 * np.pi / _RAYS) + 1e-3  # none runs along a wall
+    ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(_RAYS)], axis=1)
+    start = np.array([*place, _LIDAR_M])
+    geoms, distances = np.zeros(_RAYS, np.int32), np.zeros(_RAYS)
+    mujoco.mj_multiRay(
+        scan.model, scan.data, start, ways.ravel(), _SOLID_GROUPS, True, -1, geoms, distances, None, _RAYS,
+        mujoco.mjMAXVAL,
+    )  # fmt: skip
+    ends = start[:2] + np.where(distances >= 0, distances, np.nan)[:, None] * ways[:, :2]
+    return LidarScan(ends, geoms)
