@@ -51,7 +51,7 @@ class FoundWorld:
     stored_content: str | None = None
     """The hash it was stored under."""
     stored: StoredPlace | None = None
-    """Where the bundle was stored, with its manifest."""
+    """Place of the stored bundle and its manifest."""
 
 
 def find_world(wanted: str) -> FoundWorld:

@@ -233,6 +233,9 @@ def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
         if source["origin_m"]:
             (x, y), where = source["origin_m"], "map" if source["form"] == "nav2-map" else "drawing"
             yield "origin", f"at ({x:.2f}, {y:.2f}) m of the {where}"
+        for room in facts["rooms"]:
+            if room["original_name"] is not None:
+                yield "named", f"{room['name']} for {room['original_name']!r}, as names of rooms have plain letters"
         if source["left_out"]:
             yield "left out", ", ".join(source["left_out"])
     if variation:
@@ -261,8 +264,9 @@ def _gazebo_origin(source: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def _rooms(facts: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for room in facts["rooms"]:
         aspect = room["aspect_ratio"]
+        original = "" if room["original_name"] is None else f" ({room['original_name']})"
         yield (
-            room["name"],
+            room["name"] + original,
             room["type"],
             f"{room['floor_area_m2']:.1f} m²",
             f"{room['desired_area_m2']:.1f} m²",

@@ -1,1 +1,1 @@
-"""World bundles: writing, reading, and the processes that build and draw them."""
+"""World bundles: writing, reading, proving, and the processes that build and draw them."""

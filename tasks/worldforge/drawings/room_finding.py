@@ -1,6 +1,7 @@
 """Finds rooms, doors and windows among the shapes of a drawing."""
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 
@@ -120,6 +121,8 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
             (without_kinds(word) for word in shape.words if room_type(word)), ""
         )
         what = f"{file}: room {label!r}" if label else f"{file}: {shape.place}"
+        if any(unicodedata.category(letter) == "Cc" for letter in label):
+            raise ConfigurationError(f"{what}: its name has control characters; remove them")
         if not shape.closed or shape.curved:
             flaw = "has curves" if shape.curved else "is not closed"
             raise ConfigurationError(

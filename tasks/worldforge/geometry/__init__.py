@@ -1,1 +1,1 @@
-"""Geometry that all of WorldForge uses: boxes, poses, primitive parts, the occupancy grid."""
+"""Geometry that all of WorldForge uses: boxes, poses, primitive parts, slices, the occupancy grid."""

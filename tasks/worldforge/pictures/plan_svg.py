@@ -65,11 +65,12 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
     room_box = widest_box(room)
     across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale
     area = f"{room.floor_m2:.1f} m²"
-    wanted = max(len(room.name) * NAME_PX, len(area) * AREA_PX) * _GLYPH_WIDTH + 2 * _PADDING_PX
+    called = room.original_name or room.name
+    wanted = max(len(called) * NAME_PX, len(area) * AREA_PX) * _GLYPH_WIDTH + 2 * _PADDING_PX
     upwards = wanted > across and up > across
     length = min(wanted, up if upwards else across)
     letters = max(4, round((length - 2 * _PADDING_PX) / (NAME_PX * _GLYPH_WIDTH)))
-    name = room.name if len(room.name) <= letters else room.name[: letters - 1].rstrip() + "…"
+    name = called if len(called) <= letters else called[: letters - 1].rstrip() + "…"
     width, height = (_HEIGHT_PX, length) if upwards else (length, _HEIGHT_PX)
     obstacles = [_ORIGIN_MARK, *(_bounds(item) for item in furniture)]
     x, y = _clearest(room_box, width / scale, height / scale, obstacles)

@@ -30,7 +30,7 @@ class _Expected(NamedTuple):
 
     must_occupy: Cells
     may_occupy: Cells
-    """Where something may be shown: outlines of furniture, for one, are filled."""
+    """Cells that may show something: outlines of furniture, for one, are filled."""
     must_know: Cells
     may_know: Cells
 

@@ -33,7 +33,7 @@ from ..seeds import GENERATOR_VERSION
 from .scan import Scan, names_of
 
 _SAME_M = 1e-3
-"""What MJCF's rounding to a tenth of a millimetre moves is a fifth of it."""
+"""Five times the rounding of MJCF to a tenth of a millimetre, which moves both faces of a box."""
 _OUTLINE_M = 0.03
 """How far parts of a piece may reach over the extents that are described of it: handles of cups and of doors do."""
 _SAME_RAD = 1e-3

@@ -119,7 +119,7 @@ def _span(outline: Sequence[Point], along: int, low: float, high: float) -> tupl
 
 
 def _cuts(outline: Sequence[Point], along: int, levels: tuple[float, float]) -> Iterator[float]:
-    """Where the edges of an outline cross two lines."""
+    """Places along an axis at which the edges of an outline cross two lines."""
     for index, end in enumerate(outline):
         begin = outline[index - 1]
         for level in levels:

@@ -16,7 +16,7 @@ from ..geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, OccupancyGrid, fill
 from ..geometry.slices import extents, solid_outlines
 
 GRACE_M = 1e-3
-"""What enters a cell by less than this only touches it: numbers of MJCF are rounded to a tenth of a millimetre."""
+"""Depth below which a part only touches a cell: numbers of MJCF are rounded to a tenth of a millimetre."""
 
 _TOUCHING_M = 1e-4
 """Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
@@ -143,7 +143,7 @@ def names_of(model: mujoco.MjModel, begins: NDArray[np.int32]) -> list[str]:
 
 
 def _piece(name: str) -> str:
-    """What a geom of the world body is a part of, by its name."""
+    """The piece that a geom of the world body is a part of, by its name."""
     piece, dot, _ = name.partition(".")
     if dot:
         return piece
@@ -167,7 +167,7 @@ class LidarScan:
     ends: Points
     """One for each ray, on the surface that it meets; not a number where it meets nothing."""
     geoms: NDArray[np.int32]
-    """What each meets; -1: nothing."""
+    """The geom that each meets; -1: none."""
 
 
 def lidar_scan(scan: Scan, place: Point) -> LidarScan:

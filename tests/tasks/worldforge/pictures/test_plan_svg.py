@@ -185,3 +185,12 @@ def test_numbers_are_short_and_never_in_exponents(value: float, text: str) -> No
 
 def test_the_same_world_gives_the_same_drawing() -> None:
     assert floorplan_svg(world(plan(5), [desk()])) == floorplan_svg(world(plan(5), [desk()]))
+
+
+def test_a_room_is_called_what_its_user_called_it(flat: World) -> None:
+    rooms = [
+        room.model_copy(update={"name": "Kuche", "original_name": "Küche"}) if room.name == "Kitchen" else room
+        for room in flat.floorplan.rooms
+    ]
+    plan = flat.floorplan.model_copy(update={"rooms": rooms})
+    assert ">Küche<" in floorplan_svg(flat.model_copy(update={"floorplan": plan}))
