@@ -22,6 +22,7 @@ class WorldDocument(Document):
     """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
     template: str | None = optional("ARN of the template it was generated from.")
+    plan: str | None = optional("Key of its plan; equal for equal plans. Absent in worlds of early releases.")
     bundle: StoredPlace | None = optional("Place of its bundle.")
     reused_from: str | None = optional("ARN of the world whose bundle it shares; absent: it was generated.")
     description_key: str | None = optional(
@@ -63,6 +64,7 @@ class WorldGenerationRequest(Part):
     world_count: StoredWorldCount = Field(description="How many worlds.")
     world_tags: dict[str, str] | None = optional("Tags for every world.")
     client_request_token: str | None = optional("The request's token.")
+    diversity: int = Field(default=1, description="0: all floor plans are the best one; 1: they differ.")
 
 
 class WorldFailureCount(Part):
@@ -88,6 +90,7 @@ class WorldGenerationProgress(FailureChanges):
         default=0, description="How many worlds there were when a job worker last took it over."
     )
     succeeded_worlds: list[str] | None = optional("ARNs of the worlds it made; absent until it ends.")
+    plan_count: int | None = optional("Number of different plans among them; absent until it ends.")
 
 
 class WorldGenerationJobDocument(WorldGenerationProgress, Document):

@@ -35,6 +35,7 @@ WorldGenerationJobErrorCode = Annotated[
     ],
     ShapeName("WorldGenerationJobErrorCode"),
 ]
+Diversity = Annotated[int, ShapeName("Diversity"), Field(ge=0, le=1)]
 FloorplanCount = Annotated[int, ShapeName("FloorplanCount"), Field(ge=1)]
 InteriorCountPerFloorplan = Annotated[int, ShapeName("InteriorCountPerFloorplan"), Field(ge=1)]
 _MAX_COUNT = 2**31 - 1  # what the wire's whole numbers hold
@@ -91,6 +92,10 @@ class CreateWorldGenerationJobRequest(Shape):
     tags: TagMap | None = optional("Tags for the job.")
     worldTags: TagMap | None = optional("Tags for every world it generates.")
     seed: Seed | None = optional("Extension: the same seed, template and generator give the same worlds.")
+    diversity: Diversity | None = optional(
+        "Extension: 1, the default: floor plans differ as long as there are others, each missing one wish at most that "
+        "the best one grants; 0: each is the best one, its rooms a little longer or shorter."
+    )
 
 
 class CreateWorldGenerationJobResponse(Shape):
@@ -135,6 +140,10 @@ class FinishedWorldsSummary(Shape):
     finishedCount: int | None = optional("Succeeded and failed worlds together.")
     succeededWorlds: AnsweredArns | None = optional("ARNs of the worlds that can be used.")
     failureSummary: FailureSummary | None = optional("The others.")
+    planCount: int | None = optional(
+        "Extension: number of different plans among the worlds made: rooms that touch on other sides, other doors, or "
+        "an outline with more or fewer corners, however they are turned and mirrored."
+    )
 
 
 class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):

@@ -156,7 +156,7 @@ def _plan_worlds(step: str, request: CreateWorldGenerationJobRequest, plan: _Pla
             problem = str(error)
     parts, arns = [], []
     for index in range(plans * interiors):
-        seeds = world_seeds_of(seed or 0, interiors, index)
+        seeds = world_seeds_of(seed or 0, interiors, index, diversity=request.diversity)
         world = find_world_again(body, seeds, plan.service) if body else None
         if world is None:
             arns.append(plan.service.arn("world", f"{step}/world-{index + 1}"))

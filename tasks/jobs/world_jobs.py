@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from ...schemas.documents.worlds import (
+    WorldDocument,
     WorldExportJobDocument,
     WorldExportProgress,
     WorldFailureCount,
@@ -232,7 +233,8 @@ class GenerationRun:
     def _settle(self) -> None:
         """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
-        made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds)
+        plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
+        made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)
         if len(self._made) + len(self._failures) < self._total:
             end_canceled(self._lease, made)
         elif not self._failures:
@@ -260,6 +262,12 @@ def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
             for code, count in counts.most_common()
         ],
     )
+
+
+def plan_count(worlds: Iterable[Resource]) -> int | None:
+    """Counts the different plans of worlds; `None` if worlds of early releases are among them."""
+    plans = {WorldDocument.of(world).plan for world in worlds}
+    return None if None in plans else len(plans)
 
 
 def in_order(arns: Iterable[str]) -> list[str]:

@@ -12,7 +12,7 @@ from ...schemas.operations.world_generation_jobs import (
 )
 from ..catalog import ClientToken, Resource
 from ..execution.job_leases import run_under_lease
-from ..jobs.world_jobs import NO_FAILURES, cancel_world_job, in_order, run_generation
+from ..jobs.world_jobs import NO_FAILURES, cancel_world_job, in_order, plan_count, run_generation
 from ..service.service import Service
 from .registry import Answer, operation, page_of
 
@@ -55,9 +55,10 @@ def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, se
     """Handles `DescribeWorldGenerationJob`: returns the job with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
     document = WorldGenerationJobDocument.of(job)
-    worlds = document.succeeded_worlds
+    worlds, plans = document.succeeded_worlds, document.plan_count
     if worlds is None:
-        worlds = in_order(world.arn for world in service.catalog.children(job.arn, kind="world"))
+        made = service.catalog.children(job.arn, kind="world")
+        worlds, plans = in_order(world.arn for world in made), plan_count(made)
     failures = document.failures or NO_FAILURES
     response = _described(job)
     response["failureReason"] = document.failure_reason
@@ -65,6 +66,7 @@ def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, se
         "finishedCount": len(worlds) + failures.total_failure_count,
         "succeededWorlds": worlds,
         "failureSummary": failures.to_json(),
+        "planCount": plans,
     }
     return response
 

@@ -72,7 +72,7 @@ def generate_world(
             what the last one broke.
     """
     begun = clock()
-    plan = with_bath_windows(generate_floorplan(body, np.random.default_rng(floorplan_seed)))
+    plan = with_bath_windows(generate_floorplan(body, floorplan_seed))
     return furnish_and_prove(body, plan, (floorplan_seed, interior_seed), settle=settle, clock=clock, begun=begun)
 
 

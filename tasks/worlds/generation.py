@@ -77,7 +77,8 @@ def _store(service: Service, job: Resource, index: int, world_arn: str, folder: 
     with bundle_held(bundle, service):
         # Stores nothing, unless the last world with this content was deleted just now.
         publish_bundle(service, prefix, folder, service.clock())
-        add_world(service, job, index, world_arn, bundle)
+        plan = json.loads((folder / DESCRIPTION_FILE).read_bytes())["plan"]
+        add_world(service, job, index, world_arn, WorldDocument(bundle=bundle, plan=plan))
 
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
@@ -95,12 +96,13 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
 
 def world_seeds(job: WorldGenerationJobDocument, index: int) -> tuple[int, int]:
     """Returns floor plan seed and interior seed of one world of a generation job."""
-    return world_seeds_of(job.seed, job.request.world_count.interior_count_per_floorplan, index)
+    interiors = job.request.world_count.interior_count_per_floorplan
+    return world_seeds_of(job.seed, interiors, index, diversity=job.request.diversity)
 
 
-def world_seeds_of(job_seed: int, interiors: int, index: int) -> tuple[int, int]:
+def world_seeds_of(job_seed: int, interiors: int, index: int, *, diversity: int | None) -> tuple[int, int]:
     """Returns floor plan seed and interior seed of a world, from the job's seed and the world's index."""
-    return seeds_for(job_seed, index // interiors, index % interiors)
+    return seeds_for(job_seed, index // interiors, index % interiors, diverse=diversity != 0)
 
 
 def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
@@ -114,10 +116,18 @@ def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
     return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
 
 
-def add_world(
-    service: Service, job: Resource, index: int, arn: str, bundle: StoredPlace, reused_from: str | None = None
-) -> None:
-    """Adds a generated world to the catalog, unless it exists."""
+def add_world(service: Service, job: Resource, index: int, arn: str, made: WorldDocument) -> None:
+    """Adds a generated world to the catalog, unless it exists.
+
+    Args:
+        service: where it is stored.
+        job: the generation job.
+        index: which of the job's worlds, from 0.
+        arn: ARN the world gets.
+        made: its bundle and its plan, and the world that it shares them with, if there is one.
+    """
+    bundle = made.bundle
+    assert bundle is not None
     document = WorldGenerationJobDocument.of(job)
     request, origin = document.request, origin_of(document.template_body, world_seeds(document, index))
     world = Resource.new(
@@ -133,11 +143,8 @@ def add_world(
             BUNDLE_LABEL: [bundle_label(bundle)],
             ORIGIN_LABEL: [origin],
         },
-        document=WorldDocument(
-            template=request.template,
-            bundle=bundle,
-            description_key=f"{bundle.prefix}/{DESCRIPTION_FILE}",
-            reused_from=reused_from,
+        document=made.model_copy(
+            update={"template": request.template, "description_key": f"{bundle.prefix}/{DESCRIPTION_FILE}"}
         ),
     )
     with suppress(ResourceAlreadyExistsException):  # made by the job worker that took over from one that was held up

@@ -48,15 +48,17 @@ def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
     """
     document = WorldGenerationJobDocument.of(job)
     found = find_world_again(document.template_body, world_seeds(document, index), service)
-    bundle = WorldDocument.of(found).bundle if found is not None else None
-    if found is None or bundle is None:
+    known = WorldDocument.of(found) if found is not None else None
+    bundle = known.bundle if known is not None else None
+    if found is None or known is None or bundle is None:
         return False
     with bundle_held(bundle, service):  # and not for as long as a store is away
         if not _is_stored(
             bundle, replace(service, store=at_once(service.store))
         ):  # its last world was deleted just now
             return False
-        add_world(service, job, index, arn, bundle, WorldDocument.of(found).reused_from or found.arn)
+        shared = WorldDocument(bundle=bundle, plan=known.plan, reused_from=known.reused_from or found.arn)
+        add_world(service, job, index, arn, shared)
     return True
 
 

@@ -102,10 +102,10 @@ class Meter:
 def test_what_a_world_costs(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     body = WorldTemplateBody.model_validate(template(kind))
     worlds = [generate_world(body, *seeds_for(7, index, 0)) for index in range(WORLDS + 1)]
-    plans = [generate_floorplan(body, np.random.default_rng(world.floorplan_seed)) for world in worlds]
+    plans = [generate_floorplan(body, world.floorplan_seed) for world in worlds]
     meter = Meter()
     figures = {
-        "floor plan": meter(lambda i: generate_floorplan(body, np.random.default_rng(i))),
+        "floor plan": meter(lambda i: generate_floorplan(body, i)),
         "interior": meter(lambda i: furnish(body, plans[i], np.random.default_rng(i))),
         "writing MJCF": meter(lambda i: world_mjcf(worlds[i])),
         "compiling it": meter(lambda i: mujoco.MjModel.from_xml_string(world_mjcf(worlds[i]))),

@@ -16,9 +16,10 @@ from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns
+from ..floorplans.walls import room_units
 from .coarse_rooms import coarse_rooms
 from .drawn_shapes import MOST_ROOMS, Drawing, Shape
-from .squaring import outline_of, room_units
+from .squaring import outline_of
 
 Cells = NDArray[np.bool_]
 

@@ -9,13 +9,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point
 from ..floorplans.brief import EXTERIOR_WALL
 from ..floorplans.partition import UNITS_PER_M, Corners, area, extent, turns
-from ..floorplans.walls import Piece
+from ..floorplans.walls import room_units
 
 THICKEST_M = 0.5
 """Gaps up to this between rooms are walls."""
@@ -206,28 +205,6 @@ def units_area(corners: Corners) -> float:
 
 Node = tuple[int, int]
 Step = tuple[Node, Node]
-
-
-def room_units(corners: Corners) -> NDArray[np.bool_]:
-    """Returns a mask of the grid cells inside a room, rows from south to north."""
-    box = extent(corners)
-    inside = np.zeros((box.y1 - box.y0, box.x1 - box.x0), np.bool_)
-    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        if x0 == x1:  # only upright edges cross an eastward ray
-            inside[min(y0, y1) - box.y0 : max(y0, y1) - box.y0, x0 - box.x0 :] ^= True
-    return inside
-
-
-def floor_cells(corners: Corners, pieces: Sequence[Piece]) -> NDArray[np.bool_]:
-    """Returns a mask of a room's grid cells that no wall covers."""
-    box, cells = extent(corners), room_units(corners)
-    for piece in pieces:
-        if not piece.lintel:
-            half = piece.thickness // 2
-            along, across = (piece.start, piece.end), (piece.at - half, piece.at + half)
-            (x0, x1), (y0, y1) = (along, across) if piece.horizontal else (across, along)
-            cells[max(0, y0 - box.y0) : max(0, y1 - box.y0), max(0, x0 - box.x0) : max(0, x1 - box.x0)] = False
-    return cells
 
 
 def overlap(rooms: Sequence[Corners]) -> tuple[int, int, float] | None:

@@ -102,6 +102,8 @@ class Brief(NamedTuple):
     """Extent along x over extent along y."""
     requests: tuple[tuple[tuple[int, int], PassageKind, int], ...]
     """Pairs of rooms, lower number first, what should join them, and how many."""
+    diverse: bool = True
+    """Whether a plan may miss a ratio that the best plan grants, so that plans differ."""
 
     @property
     def min_sides(self) -> list[int]:
@@ -109,8 +111,13 @@ class Brief(NamedTuple):
         return [round(MIN_SIDES_M[kind] * UNITS_PER_M) for kind in self.types]
 
 
-def brief(preferences: TemplateFloorplan) -> Brief:
-    """Converts a template's floor plan preferences to numbers."""
+def brief(preferences: TemplateFloorplan, *, diverse: bool = True) -> Brief:
+    """Converts a template's floor plan preferences to numbers.
+
+    Args:
+        preferences: the floor plan that is wished for.
+        diverse: whether plans are to differ.
+    """
     numbers = {room.Name: number for number, room in enumerate(preferences.Rooms)}
     counts: Counter[tuple[int, int]] = Counter()
     kinds: dict[tuple[int, int], PassageKind] = {}
@@ -125,6 +132,7 @@ def brief(preferences: TemplateFloorplan) -> Brief:
         ratios=tuple(length_over_width(room.DesiredShape.AspectRatio) for room in preferences.Rooms),
         footprint_ratio=preferences.Footprint.DesiredAspectRatio.x / preferences.Footprint.DesiredAspectRatio.y,
         requests=tuple((pair, kinds[pair], count) for pair, count in counts.items()),
+        diverse=diverse,
     )
 
 
@@ -141,9 +149,20 @@ def deviation(actual: float, desired: float) -> float:
 def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
     """Returns the part of a shared wall that is free for doors, in grid units."""
     limit = plan.width if contact.horizontal else plan.height
-    start = contact.start + (EXTERIOR_WALL if contact.start == 0 else INTERIOR_WALL) // 2
-    end = contact.end - (EXTERIOR_WALL if contact.end == limit else INTERIOR_WALL) // 2
-    return start, end
+    ends = []
+    for at, beyond, inward in ((contact.start, contact.start - 0.5, 1), (contact.end, contact.end + 0.5, -1)):
+        spots = [
+            (beyond, contact.at + side) if contact.horizontal else (contact.at + side, beyond) for side in (-0.5, 0.5)
+        ]
+        # An outer wall stands at the end, on one side of it at least.
+        is_outer = at in (0, limit) or (not plan.is_full and not all(_has_room(plan, *spot) for spot in spots))
+        ends.append(at + inward * (EXTERIOR_WALL if is_outer else INTERIOR_WALL) // 2)
+    return ends[0], ends[1]
+
+
+def _has_room(plan: Partition, x: float, y: float) -> bool:
+    """Whether a place is inside of a room; of a plan of rectangles."""
+    return any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for box in map(extent, plan.rooms))
 
 
 def doors_in(span: int) -> int:

@@ -168,18 +168,21 @@ def inside_walls(plan: Partition) -> Partition:
     """Returns the floor plan with room corners moved to the faces of the walls.
 
     Where a wall is taken away for an opening, the strip below it belongs to no room.
+
+    Args:
+        plan: a plan that fills its rectangle.
     """
     rooms = tuple(_inset(plan, corners) for corners in plan.rooms)
     return plan._replace(rooms=rooms, arms=tuple(map(_arm, rooms)))
 
 
 def floor_areas(plan: Partition) -> list[float]:
-    """Returns the floor area of each room, in square grid units."""
+    """Returns the floor area of each room of a plan that fills its rectangle, in square grid units."""
     return [area(corners) for corners in inside_walls(plan).rooms]
 
 
 def floor_ratios(plan: Partition) -> list[float]:
-    """Returns length over width of each room's floor."""
+    """Returns length over width of each room's floor, in a plan that fills its rectangle."""
     inside = inside_walls(plan)
     return [slenderness(inside, room) for room in range(len(inside.rooms))]
 

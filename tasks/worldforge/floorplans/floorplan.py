@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from ....schemas.templates.body import TemplateFloorplan, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, RoomType, Wall, Window
 from ..doors.doors import hang_doors
+from ..seeds import PlanSeed
 from .brief import EXTERIOR_WALL, brief, length_over_width
-from .connections import Way, connect, floor_areas, floor_ratios
+from .connections import Way, connect
 from .partition import UNITS_PER_M, Corners, Partition, area, extent, outline
-from .partition_search import find_partition
+from .partition_choice import find_partition
 from .preferences import preference_report
-from .walls import Pane, Piece, build_walls, place_windows
+from .walls import Pane, Piece, build_walls, floor_shapes, place_windows
 
 LINTEL_M = 2.1
 """Height of doorways."""
@@ -36,25 +37,26 @@ class Spots(NamedTuple):
     clearance: NDArray[np.float64]
 
 
-def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Floorplan:
-    """Generates a floor plan from a world template; equal template and random state give the same plan.
+def generate_floorplan(body: WorldTemplateBody, seed: int) -> Floorplan:
+    """Generates a floor plan from a world template; equal template and seed give the same plan.
 
-    Rooms tile the footprint, which is set back from a rectangle where that grants more wishes. Every room is
-    connected. The origin lies inside a room, at least 0.5 m from every wall, and all coordinates are multiples of
-    5 cm.
+    Rooms tile the footprint, which may be set back from a rectangle. Every room is connected. The origin lies inside a
+    room, at least 0.5 m from every wall, and all coordinates are multiples of 5 cm.
 
     Args:
         body: the template.
-        rng: the source of chance.
+        seed: from 0; seeds that follow each other give plans that differ, as long as there are others. `PlanSeed` says
+            what it means.
 
     Raises:
         WorldGenerationError: no valid plan within the bounded number of attempts.
     """
     preferences = body.floorplan
     # The search takes thousands of small draws, for which the standard library's generator is ten times faster.
-    dice = Random(int(rng.integers(2**63)))  # noqa: S311
-    numbers = brief(preferences)
-    plan = find_partition(numbers, dice)
+    dice = Random(int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]))  # noqa: S311
+    plan_seed = PlanSeed.of(seed)
+    numbers = brief(preferences, diverse=plan_seed.diverse)
+    plan = find_partition(numbers, plan_seed, dice)
     ways = connect(plan, numbers, dice)
     panes = place_windows(plan, numbers, dice)
     spots = [spots_in(corners) for corners in plan.rooms]
@@ -163,15 +165,15 @@ def placed_window(pane: Pane, names: Sequence[str], origin: Spot) -> Window:
 
 def _room(preferences: TemplateFloorplan, plan: Partition, number: int, spots: Spots, origin: Spot) -> Room:
     preference, corners = preferences.Rooms[number], plan.rooms[number]
-    middle = int(spots.clearance.argmax())
+    middle, floor = int(spots.clearance.argmax()), floor_shapes(plan)[number]
     return Room(
         name=preference.Name,
         original_name=preference.OriginalName,
         type=preference.Type,
         polygon=placed_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,
-        floor_area_m2=floor_areas(plan)[number] / UNITS_PER_M**2,
-        aspect_ratio=round(floor_ratios(plan)[number], 4),
+        floor_area_m2=floor.area / UNITS_PER_M**2,
+        aspect_ratio=round(floor.ratio, 4),
         desired_area_m2=preference.DesiredShape.Area,
         desired_aspect_ratio=length_over_width(preference.DesiredShape.AspectRatio),
         goal=placed_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],

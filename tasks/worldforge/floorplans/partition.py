@@ -64,6 +64,11 @@ class Partition(NamedTuple):
     arms: tuple[int, ...]
     """Narrowest width of each room."""
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the rooms fill the rectangle; they are rectangles themselves where they do not."""
+        return sum(area(corners) for corners in self.rooms) == self.width * self.height
+
 
 def partition(
     expression: Sequence[int], areas: Sequence[float], ratios: Sequence[float], width: int, height: int
@@ -262,11 +267,6 @@ def border(rooms: Sequence[Corners]) -> list[Side]:
                 forward = horizontal == (own is above)
                 found += [Side(horizontal, at, low, high, room, forward) for low, high in _left(start, end, others)]
     return found
-
-
-def in_rectangle(plan: Partition, side: Side) -> bool:
-    """Whether an outer side is on the footprint's rectangle, and not set back from it."""
-    return side.at in (0, plan.height if side.horizontal else plan.width)
 
 
 def outline(plan: Partition) -> Corners:

@@ -58,6 +58,11 @@ class Trees(NamedTuple):
         """Number of trees."""
         return self.first.shape[1]
 
+    @property
+    def leaves(self) -> int:
+        """Number of leaves: rooms, and notches."""
+        return len(self.first) + 1
+
     def take(self, columns: NDArray[np.intp]) -> "Trees":
         """Returns the selected trees, in the order given."""
         return Trees(self.first[:, columns], self.second[:, columns], self.sideways[:, columns])
@@ -156,6 +161,9 @@ _AREA_WEIGHT = 0.25
 _USUAL_WALLS = 2.6
 """Average units by which a room is wider than its floor: some rooms have outer walls, on some sides."""
 
+_AREA_DOUBT = 0.002
+"""Share by which an area may be off here: corners of walls that are set back are not counted one by one."""
+
 _DARK = 1.0
 _AWAY_FROM_HALLWAY = 0.35
 _BEHIND_PRIVATE = 0.7
@@ -170,6 +178,10 @@ class Cuts(NamedTuple):
     high: Floats
     """Right and upper side."""
 
+    def take(self, columns: NDArray[np.intp]) -> "Cuts":
+        """Returns the selected plans, in the order given."""
+        return Cuts(self.low[:, :, columns], self.high[:, :, columns])
+
 
 class Nature(NamedTuple):
     """Cost, validity and missed preferences of many candidate floor plans, as arrays."""
@@ -181,6 +193,8 @@ class Nature(NamedTuple):
     misses: Flags
     """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
+    togetherness: Floats
+    """The part of the cost that comes from dark rooms, and from rooms that lie beside others than they should."""
 
 
 def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
@@ -216,6 +230,25 @@ def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> 
         along[0][:, first[step]], along[1][:, first[step]] = low, np.where(across, middle, high)
         along[0][:, second[step]], along[1][:, second[step]] = np.where(across, middle, low), high
     return Cuts(sides[0, :, :rooms], sides[1, :, :rooms])
+
+
+def fills_rectangle(cuts: Cuts) -> Flags:
+    """Marks the plans whose rooms leave nothing empty in the rectangle around them."""
+    whole = cuts.high.max(axis=1).prod(axis=0)
+    # Less than a room could be, and more than sums of whole rooms are off.
+    return whole - (cuts.high - cuts.low).prod(axis=0).sum(axis=0) < 1e-6 * whole
+
+
+def exposed(cuts: Cuts) -> Floats:
+    """Measures how long each side of a room is an outer wall: (low or high side, axis across it, room, plan)."""
+    low, high = cuts
+    one, other = (slice(None), slice(None), None), (slice(None), None, slice(None))
+    meet = np.maximum(np.minimum(high[one], high[other]) - np.maximum(low[one], low[other]), 0.0)[::-1]
+    covered = [
+        np.where(np.abs(mine[one] - theirs[other]) < 1e-6, meet, 0.0).sum(axis=2)
+        for mine, theirs in ((low, high), (high, low))
+    ]
+    return np.maximum((high - low)[::-1] - np.array(covered), 0.0)
 
 
 def as_partition(cuts: Cuts, plan: int) -> Partition:
@@ -259,29 +292,41 @@ class BatchEvaluator:
     def _number_of(self, pair: tuple[int, int]) -> int:
         return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)
 
-    def shapes(self, cuts: Cuts) -> Floats:
-        """Returns the cost of the rooms' areas and aspect ratios, for each plan."""
-        off, narrow, areas = self._off(cuts)
+    def shapes(self, cuts: Cuts, *, roughly: bool = False) -> Floats:
+        """Returns the cost of the rooms' areas and aspect ratios, for each plan.
+
+        Args:
+            cuts: where rooms lie.
+            roughly: take sides that are set back from the rectangle for inner walls, which is quicker.
+        """
+        off, narrow, areas = self._off(cuts, roughly=roughly)
         off_footprint = self._off_footprint(cuts)
         cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > RATIO_TOLERANCE))
         cost += (off + OUTLIER * off * off + MISSED_PREFERENCE * (off > RATIO_TOLERANCE)).sum(axis=0)
         cost += (_AREA_WEIGHT * areas + MISSED_PREFERENCE * (areas > AREA_TOLERANCE)).sum(axis=0)
         return cost + (TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
 
-    def floors(self, cuts: Cuts) -> Floats:
-        """Returns the inner sizes of each room: (axis, room, plan)."""
-        limits = cuts.high.max(axis=1)[:, None]
-        outer = (cuts.low == 0).astype(float) + (cuts.high == limits)
-        return np.maximum(cuts.high - cuts.low - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
+    def floors(self, cuts: Cuts, *, roughly: bool = False) -> Floats:
+        """Returns the inner sizes of each room: (axis, room, plan).
+
+        A side of which a part is an outer wall counts as much less as the floor loses there.
+        """
+        sides = cuts.high - cuts.low
+        if roughly or fills_rectangle(cuts).all():
+            limits = cuts.high.max(axis=1)[:, None]
+            outer = (cuts.low == 0).astype(float) + (cuts.high == limits)
+        else:
+            outer = (exposed(cuts) / sides[::-1]).sum(axis=0)
+        return np.maximum(sides - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
 
     def _off_footprint(self, cuts: Cuts) -> Floats:
         """How far outlines are off their ratio."""
         width, height = cuts.high.max(axis=1)
         return np.abs(np.log(width / height) - self.footprint)
 
-    def _off(self, cuts: Cuts) -> tuple[Floats, Floats, Floats]:
+    def _off(self, cuts: Cuts, *, roughly: bool = False) -> tuple[Floats, Floats, Floats]:
         """How far rooms are off their ratios, by how many units too narrow, and how far off their areas."""
-        sides = self.floors(cuts)
+        sides = self.floors(cuts, roughly=roughly)
         off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
         narrow = np.maximum(0.0, self.least - (cuts.high - cuts.low).min(axis=0))
         # A hallway that is longer than preferred is still a good hallway.
@@ -306,13 +351,15 @@ class BatchEvaluator:
         sides = self.floors(cuts)
         ratios = np.abs(np.log(sides[0] / sides[1]))
         areas = np.abs(sides[0] * sides[1] / self.areas - 1)
-        misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE), *(areas > AREA_TOLERANCE)]
+        misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE), *(areas > AREA_TOLERANCE - _AREA_DOUBT)]
         reached = np.all(_closure(ways)[:, 0], axis=1)
         cost = self.shapes(cuts) + MISSED_CONNECTION * missed + NOT_CONNECTED * ~reached
-        cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)
+        together = _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)
+        cost += together
         wide = np.all(self._off(cuts)[1] <= 0, axis=0)
         # Rounded: another machine's last digit has to make no difference.
-        return Nature(np.round(cost, 6), np.logical_and(reached, wide), np.array(misses))
+        valid = np.logical_and(reached, wide)
+        return Nature(np.round(cost, 6), valid, np.array(misses), np.round(together, 6))
 
     def _spans(self, cuts: Cuts) -> Floats:
         """For every pair of rooms the clear length of the wall they share, 0 without one: (pair, plan)."""
@@ -321,17 +368,15 @@ class BatchEvaluator:
         end = np.minimum(cuts.high[:, one], cuts.high[:, other])
         limits = cuts.high.max(axis=1)[:, None]
         overlap = end - start
-        # Walls end at the faces of those they meet.
-        outer = (start == 0).astype(float) + (end == limits)
+        # Walls end at the faces of those they meet; where the outline is set back, that may be outer walls anywhere.
+        outer = np.where(fills_rectangle(cuts), (start == 0).astype(float) + (end == limits), 2.0)
         clear = overlap - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2)
         touching = (overlap[::-1] == 0) & (overlap > 0)
         return np.where(touching, clear, 0.0).max(axis=0)
 
     def _outer(self, cuts: Cuts) -> Floats:
-        """Length of each room's longest side on the outline."""
-        sides = (cuts.high - cuts.low)[::-1]
-        limits = cuts.high.max(axis=1)[:, None]
-        return np.where((cuts.low == 0) | (cuts.high == limits), sides, 0.0).max(axis=0)
+        """Length of outer wall on the side of each room that has most of it."""
+        return exposed(cuts).max(axis=(0, 1))
 
     def _neighbours(self, ways: Flags) -> Floats:
         """Cost of rooms that are joined to others than they should be."""

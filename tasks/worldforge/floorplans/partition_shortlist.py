@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .brief import Brief
 from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, cut
+from .plan_signature import forms_of, has_small_steps, is_plain
 
 AREA_MARGIN = 0.03
 """Largest deviation of the logarithm of a floor's area from its preference; rounding to units comes on top."""
@@ -20,6 +21,9 @@ _REFINED = 240
 """Trees that are refined, the best ones as first cut."""
 
 _STEPS = (0.12, 0.06, 0.03)
+_NOTCH_STEPS = 4
+"""Factor of the steps of a notch's area, which may become anything."""
+
 _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
 """Further outlines to begin with (logarithm of the ratio over the preferred one) where there are few rooms."""
 
@@ -47,16 +51,24 @@ class Plans(Protocol):
         ...
 
 
+LEAST_EDGE = 16
+"""Shortest edge of an outline, in units."""
+
+NOTCH_SHARE = 0.12
+"""Usual area of a notch over that of all floors."""
+
+
 class Variants(NamedTuple):
-    """Candidate floor plans that fill a rectangle: slicing trees with room areas and ratios."""
+    """Candidate floor plans that fill a rectangle, or one with notches: slicing trees with room areas and ratios."""
 
     trees: Trees
+    """The cuts; notches are the leaves after the rooms."""
     areas: Floats
-    """Logarithm of each floor's area over its preferred area."""
+    """Logarithm of each floor's area over its preferred area, and of a notch's over the usual one: (leaf, plan)."""
     footprint: Floats
     """Logarithm of the extent along x over that along y."""
     walls: Floats
-    """Logarithm of each room's area between the centre lines of its walls over that of its floor."""
+    """Logarithm of each leaf's area between the centre lines of its walls over that of its floor."""
 
     def take(self, columns: NDArray[np.intp]) -> "Variants":
         """Returns the selected candidates, in the order given."""
@@ -65,27 +77,34 @@ class Variants(NamedTuple):
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
         """Computes the room rectangles of all candidates."""
-        areas = evaluator.areas * np.exp(self.areas + self.walls)
-        return cut(self.trees, areas, np.exp(self.footprint), exact=exact)
+        rooms = len(evaluator.areas)
+        notch = np.full((len(self.areas) - rooms, 1), NOTCH_SHARE * evaluator.areas.sum())
+        areas = np.vstack([evaluator.areas, notch]) * np.exp(self.areas + self.walls)
+        low, high = cut(self.trees, areas, np.exp(self.footprint), exact=exact)
+        return Cuts(low[:, :rooms], high[:, :rooms])
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
         """Cuts all candidates exactly, and evaluates them."""
         cuts = self.cut(evaluator, exact=True)
-        return cuts, evaluator.evaluate(cuts)
+        nature = evaluator.evaluate(cuts)
+        if self.trees.leaves == len(evaluator.areas):
+            return cuts, nature
+        return cuts, nature._replace(valid=has_long_edges(cuts, nature.valid & is_plain(cuts)))
 
     def varied(self, dice: Random) -> "Variants":
         """Returns the candidates with randomly changed numbers; the last one stays."""
-        rooms = len(self.areas)
-        shifts = gaussian(dice, rooms + 1, len(self.footprint))
-        areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
-        return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[rooms])
+        leaves = len(self.areas)
+        shifts = gaussian(dice, leaves + 1, len(self.footprint))
+        limits = np.maximum(AREA_MARGIN, np.abs(self.areas))
+        areas = np.clip(self.areas + _BENT_AREA * shifts[:leaves], -limits, limits)
+        return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[leaves])
 
     def settled(self, evaluator: BatchEvaluator) -> "Variants":
         """Returns the candidates with the space that walls take corrected for their shapes."""
-        walls = self.walls
+        walls, rooms = self.walls.copy(), len(evaluator.areas)
         for _ in range(SETTLINGS):
             sides = evaluator.floors(self._replace(walls=walls).cut(evaluator))
-            walls = walls + self.areas - np.log(sides[0] * sides[1] / evaluator.areas)
+            walls[:rooms] += self.areas[:rooms] - np.log(sides[0] * sides[1] / evaluator.areas)
         return self._replace(walls=walls)
 
 
@@ -100,6 +119,14 @@ class Shortlist(NamedTuple):
     requested pair."""
     tried: int
     """How many plans were compared."""
+    forms: NDArray[np.int64]
+    """Numbers of the plans' forms; see `plan_signature`."""
+    plain: Flags
+    """Whether the outline is a rectangle or a clean L, T or U."""
+    off: Floats
+    """Largest deviation of the logarithm of a room's ratio from the preferred one."""
+    togetherness: Floats
+    """Cost of dark rooms, and of rooms that lie beside others than they should."""
 
 
 def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
@@ -113,16 +140,52 @@ def shortlist(brief: Brief) -> Shortlist:
     """Finds the best floor plans with rectangular rooms in a rectangle; may be empty."""
     evaluator = BatchEvaluator(brief)
     trees = all_trees(len(brief.types))
-    refined = _refined(evaluator, _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS))
-    return best_first(evaluator, refined, trees.plans)
+    beginnings = _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS)
+    return best_first(evaluator, refined(evaluator, beginnings), trees.plans)
 
 
 def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist:
     """Returns the valid ones of some candidate plans, cheapest first."""
-    _, nature = plans.judged(evaluator)
+    cuts, nature = plans.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
-    return Shortlist(evaluator, plans.take(order), nature.cost[order], nature.misses[:, order], tried)
+    cuts = cuts.take(order)
+    sides = evaluator.floors(cuts)
+    off = np.abs(np.abs(np.log(sides[0] / sides[1])) - evaluator.preferred).max(axis=0)
+    return Shortlist(
+        evaluator,
+        plans.take(order),
+        nature.cost[order],
+        nature.misses[:, order],
+        tried,
+        forms_of(cuts),
+        is_plain(cuts),
+        off,
+        nature.togetherness[order],
+    )
+
+
+def has_long_edges(cuts: Cuts, some: Flags) -> Flags:
+    """Marks those of some plans whose outline has no short edge."""
+    columns = np.flatnonzero(some)
+    found = some.copy()
+    found[columns] = ~has_small_steps(cuts.take(columns), LEAST_EDGE)
+    return found
+
+
+def most_different(cuts: Cuts, cost: Floats, most: int) -> NDArray[np.intp]:
+    """Selects plans to refine: the cheapest of each form first, then others; cheapest first among both.
+
+    Args:
+        cuts: where rooms lie.
+        cost: of each plan.
+        most: how many are selected at most.
+    """
+    order = np.argsort(cost, kind="stable")
+    _, first = np.unique(forms_of(cuts)[order], return_index=True)
+    again = np.ones(len(order), bool)
+    again[first] = False
+    return order[np.argsort(again, kind="stable")][:most]
 
 
 def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:
@@ -140,24 +203,27 @@ def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Varian
     cost = evaluator.shapes(every.cut(evaluator, exact=True))
     best = np.argsort(np.round(cost, 6), kind="stable")[: 4 * _REFINED]
     some = every.take(best).settled(evaluator)
-    nature = evaluator.evaluate(some.cut(evaluator, exact=True))
-    return some.take(np.argsort(nature.cost, kind="stable")[:_REFINED])
+    cuts, nature = some.judged(evaluator)
+    return some.take(most_different(cuts, nature.cost, _REFINED))
 
 
-def _refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
+def refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
     """Bends areas, within their margin, and outlines, one at a time, as long as it makes the shapes better."""
-    rooms, plans = start.areas.shape
+    leaves, plans = start.areas.shape
+    rooms = len(evaluator.areas)
     both = np.tile(np.arange(plans), 2)
     found = start
     for step in _STEPS:
         areas, footprint = found.areas.copy(), found.footprint.copy()
         twice = found.take(both)
         cost = evaluator.shapes(found.cut(evaluator))
-        for number in range(-1, rooms):
+        for number in range(-1, leaves):
             tried_areas, tried_footprint = np.tile(areas, 2), np.tile(footprint, 2)
             shift = np.repeat((step, -step), plans)
             if number < 0:
                 tried_footprint += shift
+            elif number >= rooms:
+                tried_areas[number] += _NOTCH_STEPS * shift
             else:
                 tried_areas[number] = np.clip(tried_areas[number] + shift, -AREA_MARGIN, AREA_MARGIN)
             tried = twice._replace(areas=tried_areas, footprint=tried_footprint)

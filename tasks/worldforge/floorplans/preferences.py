@@ -21,9 +21,10 @@ from .brief import (
     deviation,
     length_over_width,
 )
-from .connections import AREA_TOLERANCE, Pair, Way, floor_areas, floor_ratios, shared_walls
+from .connections import AREA_TOLERANCE, Pair, Way, shared_walls
 from .partition import UNIT_M, UNITS_PER_M, Partition
-from .partition_search import shortlists
+from .partition_choice import shortlists
+from .walls import floor_shapes
 
 _FORBIDDEN = (
     "ab ac ad bc bd cd",
@@ -81,6 +82,8 @@ def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
     names = [name for name, rival in zip(_names(brief), rivals[:, fewest].tolist(), strict=True) if rival]
     if names:
         return f"the best plan that grants it misses {' and '.join(names)}"
+    if brief.diverse:
+        return "a plan that grants it was found, and this one differs from it so that worlds do (`diversity`)"
     return "a plan that grants it was found, and its rooms lie together worse than these"
 
 
@@ -103,8 +106,8 @@ def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     rooms = len(brief.ratios)
-    shapes = zip(brief.ratios, floor_ratios(plan), brief.areas_m2, floor_areas(plan), strict=True)
-    for number, (ratio, actual, square_metres, floor) in enumerate(shapes):
+    shapes = zip(brief.ratios, brief.areas_m2, floor_shapes(plan), strict=True)
+    for number, (ratio, square_metres, (floor, actual)) in enumerate(shapes):
         missed[1 + number] = abs(log(actual / ratio)) > RATIO_TOLERANCE
         missed[1 + rooms + number] = abs(floor / (square_metres * UNITS_PER_M**2) - 1) > AREA_TOLERANCE
     return missed
@@ -155,7 +158,7 @@ def _ceiling(preferences: TemplateFloorplan) -> Preference:
 
 def _area(preferences: TemplateFloorplan, plan: Partition, number: int) -> Preference:
     room = preferences.Rooms[number]
-    actual, desired = floor_areas(plan)[number] * UNIT_M**2, room.DesiredShape.Area
+    actual, desired = floor_shapes(plan)[number].area * UNIT_M**2, room.DesiredShape.Area
     near = abs(actual / desired - 1) <= AREA_TOLERANCE
     reason = "" if near else f"its floor became {actual:.1f} m2 instead of {desired:g} m2"
     path = f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.Area"
@@ -164,7 +167,7 @@ def _area(preferences: TemplateFloorplan, plan: Partition, number: int) -> Prefe
 
 def _ratio(preferences: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Preference:
     room = preferences.Rooms[number]
-    actual, desired = floor_ratios(plan)[number], length_over_width(room.DesiredShape.AspectRatio)
+    actual, desired = floor_shapes(plan)[number].ratio, length_over_width(room.DesiredShape.AspectRatio)
     path = f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.AspectRatio"
     wish = f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}"
     if deviation(actual, desired) <= RATIO_TOLERANCE:

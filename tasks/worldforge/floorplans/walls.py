@@ -5,14 +5,18 @@ corners without overlap and without gap: at each junction the thickest wall owns
 straight through, then the horizontal one, and the others end at its face.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from random import Random
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ....schemas.worlds.world import RoomType
 from .brief import EXTERIOR_WALL, HABITABLE, INTERIOR_WALL, Brief
-from .connections import Way
-from .partition import Contact, Corners, Partition, Side, border, contacts, in_rectangle
+from .connections import Way, floor_areas, floor_ratios
+from .partition import Contact, Corners, Partition, Side, border, contacts, extent
 
 _WINDOW_MARGIN = 10
 _WINDOW_WIDTHS = (24, 28, 32, 36, 40)
@@ -65,7 +69,6 @@ class Walls:
 
     Args:
         rooms: corners of the rooms.
-        is_thin: whether an outer wall is as thin as an inner one; absent: none is.
 
     Attributes:
         contacts: what two rooms share.
@@ -73,13 +76,11 @@ class Walls:
         around: the same from end to end, each with its room to the left.
     """
 
-    def __init__(self, rooms: Sequence[Corners], is_thin: Callable[[Side], bool] = lambda _: False) -> None:
+    def __init__(self, rooms: Sequence[Corners]) -> None:
         self.contacts = contacts(rooms)
-        self.sides = sorted(border(rooms), key=is_thin)
+        self.sides = border(rooms)
         self.around = [_step(side) for side in self.sides]
-        self._runs = [
-            Run(*side[:4], (side.room,), INTERIOR_WALL if is_thin(side) else EXTERIOR_WALL) for side in self.sides
-        ]
+        self._runs = [Run(*side[:4], (side.room,), EXTERIOR_WALL) for side in self.sides]
         self._runs += [Run(*each[2:], (each.low, each.high), INTERIOR_WALL) for each in self.contacts]
         self._arms: dict[Node, dict[tuple[bool, bool], int]] = {}
         for run in self._runs:
@@ -141,7 +142,64 @@ def _step(side: Side) -> tuple[Node, Node]:
 
 def build_walls(plan: Partition, ways: Sequence[Way]) -> list[Piece]:
     """Returns all wall segments of a floor plan."""
-    return Walls(plan.rooms, lambda side: not in_rectangle(plan, side)).pieces(ways)
+    return Walls(plan.rooms).pieces(ways)
+
+
+class FloorShape(NamedTuple):
+    """Size and shape of a room's floor, inside the walls."""
+
+    area: float
+    """Square grid units."""
+    ratio: float
+    """Length over width."""
+
+
+@lru_cache(maxsize=16)
+def floor_shapes(plan: Partition) -> tuple[FloorShape, ...]:
+    """Measures the floors of all rooms."""
+    if plan.is_full:
+        return tuple(map(FloorShape, floor_areas(plan), floor_ratios(plan)))
+    pieces = build_walls(plan, [])
+    areas = [float(floor_cells(corners, pieces).sum()) for corners in plan.rooms]
+    return tuple(
+        FloorShape(area, max(sides) / min(sides)) for area, sides in zip(areas, _floor_sides(plan), strict=True)
+    )
+
+
+def _floor_sides(plan: Partition) -> list[tuple[float, float]]:
+    """Extents of the floors of rectangular rooms along x and y, in grid units.
+
+    A side of which a part is an outer wall counts as much less as the floor loses there, as in the search.
+    """
+    boxes = [extent(corners) for corners in plan.rooms]
+    taken = [[float(INTERIOR_WALL), float(INTERIOR_WALL)] for _ in boxes]
+    for side in border(plan.rooms):
+        box = boxes[side.room]
+        whole = box.x1 - box.x0 if side.horizontal else box.y1 - box.y0
+        taken[side.room][side.horizontal] += (EXTERIOR_WALL - INTERIOR_WALL) / 2 * (side.end - side.start) / whole
+    return [(box.x1 - box.x0 - x, box.y1 - box.y0 - y) for box, (x, y) in zip(boxes, taken, strict=True)]
+
+
+def room_units(corners: Corners) -> NDArray[np.bool_]:
+    """Returns a mask of the grid cells inside a room, rows from south to north."""
+    box = extent(corners)
+    inside = np.zeros((box.y1 - box.y0, box.x1 - box.x0), np.bool_)
+    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if x0 == x1:  # only upright edges cross an eastward ray
+            inside[min(y0, y1) - box.y0 : max(y0, y1) - box.y0, x0 - box.x0 :] ^= True
+    return inside
+
+
+def floor_cells(corners: Corners, pieces: Sequence[Piece]) -> NDArray[np.bool_]:
+    """Returns a mask of a room's grid cells that no wall covers."""
+    box, cells = extent(corners), room_units(corners)
+    for piece in pieces:
+        if not piece.lintel:
+            half = piece.thickness // 2
+            along, across = (piece.start, piece.end), (piece.at - half, piece.at + half)
+            (x0, x1), (y0, y1) = (along, across) if piece.horizontal else (across, along)
+            cells[max(0, y0 - box.y0) : max(0, y1 - box.y0), max(0, x0 - box.x0) : max(0, x1 - box.x0)] = False
+    return cells
 
 
 def place_windows(plan: Partition, brief: Brief, dice: Random) -> list[Pane]:

@@ -14,6 +14,7 @@ from ....schemas.worlds.description import (
     WorldDescription,
 )
 from ....schemas.worlds.world import Door, Furniture, Passage, Room, World
+from ..floorplans.plan_signature import signature_of
 from ..proofs.guarantees import violations
 
 
@@ -26,6 +27,7 @@ def describe(world: World) -> WorldDescription:
         seeds=Seeds(floorplan=world.floorplan_seed, interior=world.interior_seed),
         ceilingHeight=plan.ceiling_height_m,
         footprint=plan.footprint,
+        plan=None if world.source else signature_of(plan).key,
         rooms=[_room(room) for room in plan.rooms],
         passages=[_passage(passage) for passage in plan.passages],
         doors=[_door(passage.door, passage) for passage in plan.passages if passage.door],

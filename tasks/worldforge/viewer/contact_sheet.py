@@ -16,6 +16,7 @@ from markupsafe import Markup
 from PIL import Image, ImageDraw, ImageFont
 
 from ....schemas.worlds.world import World
+from ..floorplans.plan_signature import signature_of
 from ..proofs.guarantees import violations
 
 _FOLDER = Path(__file__).parent
@@ -118,6 +119,8 @@ class SheetWorld:
     area_m2: float = 0.0
     pieces: int = 0
     missed_preferences: int = 0
+    plan: str = ""
+    """Key of its plan; empty if it cannot be read."""
     problems: tuple[str, ...] = ()
     """Broken guarantees, or why it cannot be read."""
     preview: bytes | None = None
@@ -163,6 +166,7 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
         rooms=tuple(room.original_name or room.name for room in plan.rooms),
         area_m2=sum(room.floor_m2 for room in plan.rooms),
         pieces=len(world.furniture),
+        plan=signature_of(plan).key,
         missed_preferences=sum(preference.outcome != "satisfied" for preference in (*plan.wishes, *world.wishes)),
         problems=broken,
         preview=preview,
@@ -170,13 +174,28 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
 
 
 def problems_first(worlds: Sequence[SheetWorld]) -> tuple[SheetWorld, ...]:
-    """Sorts worlds for the contact sheet: unreadable ones first, then invalid ones, then the others."""
-    return tuple(sorted(worlds, key=lambda world: _ORDER.index(world.verdict)))
+    """Sorts worlds for the contact sheet: unreadable ones first, then invalid ones, then the others by plan."""
+    numbers = plan_numbers(worlds)
+    return tuple(sorted(worlds, key=lambda world: (_ORDER.index(world.verdict), numbers.get(world.plan, 0))))
+
+
+def plan_numbers(worlds: Sequence[SheetWorld]) -> dict[str, int]:
+    """Numbers the different plans of worlds from 1, in the order of the worlds' names."""
+    named = sorted(worlds, key=lambda world: (len(world.name), world.name))
+    return {plan: number for number, plan in enumerate(dict.fromkeys(world.plan for world in named if world.plan), 1)}
+
+
+def _plan_line(world: SheetWorld, numbers: dict[str, int]) -> str:
+    return f"plan {numbers[world.plan]} of {len(numbers)}" if world.plan else ""
 
 
 def sheet_page(sheet: Sheet) -> str:
     """Renders the contact sheet as a self-contained HTML page."""
-    worlds = [{"world": world, "picture": _inline(world.preview)} for world in sheet.worlds]
+    numbers = plan_numbers(sheet.worlds)
+    worlds = [
+        {"world": world, "picture": _inline(world.preview), "plan": _plan_line(world, numbers)}
+        for world in sheet.worlds
+    ]
     return page("contact_sheet.html.j2", "contact_sheet.css", sheet=sheet, worlds=worlds)
 
 
@@ -196,15 +215,19 @@ def sheet_png(sheet: Sheet) -> bytes:
     for number, line in enumerate(head):
         ink = _MUTED if number < len(sheet.lines) else _INKS["gone"]
         _write(draw, (_GAP_PX, 54 + 20 * number), line, 14, ink, room)
+    numbers = plan_numbers(sheet.worlds)
     for number, world in enumerate(sheet.worlds):
         row, column = divmod(number, columns)
-        _tile(picture, draw, world, (_GAP_PX + column * card[0], top + row * card[1]))
+        place = (_GAP_PX + column * card[0], top + row * card[1])
+        _tile(picture, draw, world, _plan_line(world, numbers), place)
     buffer = io.BytesIO()
     picture.save(buffer, "PNG")
     return buffer.getvalue()
 
 
-def _tile(picture: Image.Image, draw: ImageDraw.ImageDraw, world: SheetWorld, place: tuple[int, int]) -> None:
+def _tile(
+    picture: Image.Image, draw: ImageDraw.ImageDraw, world: SheetWorld, plan: str, place: tuple[int, int]
+) -> None:
     (x, y), (width, height) = place, _TILE
     draw.rectangle((x, y, x + width - 1, y + height + _CAPTION_PX - 1), fill=_CARD)
     if world.preview:
@@ -216,7 +239,7 @@ def _tile(picture: Image.Image, draw: ImageDraw.ImageDraw, world: SheetWorld, pl
     room = width - 24
     ink = _INKS[world.verdict]
     draw.rectangle((x, y + height, x + width - 1, y + height + 3), fill=ink)
-    _write(draw, (x + 12, y + height + 10), world.name, 15, _INK, room)
+    _write(draw, (x + 12, y + height + 10), f"{world.name}, {plan}" if plan else world.name, 15, _INK, room)
     _write(draw, (x + 12, y + height + 31), _rooms(world), 12, _MUTED, room)
     _write(draw, (x + 12, y + height + 49), _measures(world), 12, _MUTED, room)
     _write(draw, (x + 12, y + height + 67), _verdict_line(world), 13, ink, room)

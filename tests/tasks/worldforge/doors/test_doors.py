@@ -146,7 +146,7 @@ def everything_near_a_door_is_clear(world: World) -> None:
 @examples(25, phases=UNSHRUNK)
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 def test_nearly_every_doorway_gets_a_door_that_closes_it(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate_floorplan(body, np.random.default_rng(seed))
+    plan = generate_floorplan(body, seed)
     hung, reasons = hang_doors(plan)
     assert hung == plan, "hanging doors again changes nothing"
     for index, passage in enumerate(plan.passages):
@@ -172,7 +172,7 @@ def test_nearly_every_doorway_gets_a_door_that_closes_it(body: WorldTemplateBody
 
 def test_the_origin_stays_clear_of_every_swing() -> None:
     for seed in range(40):
-        plan = generate_floorplan(template(), np.random.default_rng(seed))
+        plan = generate_floorplan(template(), seed)
         for door in doors(plan):
             for angle in np.linspace(0, door.max_angle_rad, 30):
                 assert all(hypot(*corner) >= 0.55 for corner in leaf_corners(door, float(angle)))
@@ -180,7 +180,7 @@ def test_the_origin_stays_clear_of_every_swing() -> None:
 
 def test_doors_rather_open_into_small_rooms_than_into_hallways_and_closets() -> None:
     rooms = (("Hall", "Hallway", 12.0), *FLAT, ("Closet", "Closet", 10.0))
-    plans = [generate_floorplan(template(rooms), np.random.default_rng(seed)) for seed in range(30)]
+    plans = [generate_floorplan(template(rooms), seed) for seed in range(30)]
     types = {name: kind for name, kind, _ in rooms}
     at_closets = [
         types[passage.door.room]
@@ -209,7 +209,7 @@ def test_worlds_of_version_1_have_no_doors() -> None:
 
 
 def test_upgrading_a_template_leaves_walls_and_furniture_nearly_as_they_were() -> None:
-    first, second = (generate_floorplan(template(version=version), np.random.default_rng(5)) for version in "12")
+    first, second = (generate_floorplan(template(version=version), 5) for version in "12")
     assert first.walls == second.walls
     assert first.windows == second.windows
     assert [passage.model_copy(update={"door": None}) for passage in second.passages] == first.passages
@@ -217,7 +217,7 @@ def test_upgrading_a_template_leaves_walls_and_furniture_nearly_as_they_were() -
 
 def plan_with(ways: tuple[tuple[str, str, str], ...], seed: int = 3) -> tuple[WorldTemplateBody, Floorplan]:
     body = template(ways=ways)
-    return body, generate_floorplan(body, np.random.default_rng(seed))
+    return body, generate_floorplan(body, seed)
 
 
 WAYS = (("Bed", "Living", "Doorway"), ("Bath", "Living", "Doorway"), ("Kitchen", "Living", "Opening"))
@@ -294,7 +294,7 @@ def test_a_wish_for_doors_where_there_are_none_is_missed_with_the_reason(target:
 
 def test_a_single_room_has_no_doorway_for_a_set_for_all() -> None:
     body = template((("Living", "Living", 20.0),), (doorway_set("every", "Target.All", 50),))
-    plan, wishes = dress_doors(body, generate_floorplan(body, np.random.default_rng(1)), np.random.default_rng(1))
+    plan, wishes = dress_doors(body, generate_floorplan(body, 1), np.random.default_rng(1))
     assert doors(plan) == []
     assert [(wish.path, wish.wish, wish.outcome, wish.reason) for wish in wishes] == [
         (f"{SETS}[0]", "doors of every open 50 %", "missed", "the plan has no doorway")

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from prefect_robomaker.tasks.worldforge.drawings.squaring import outline_of, overlap, room_units, square, upright
+from prefect_robomaker.tasks.worldforge.drawings.squaring import outline_of, overlap, square, upright
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Corners, area
-from prefect_robomaker.tasks.worldforge.floorplans.walls import Piece, Walls
+from prefect_robomaker.tasks.worldforge.floorplans.walls import Piece, Walls, room_units
 
 SIZE = 3
 

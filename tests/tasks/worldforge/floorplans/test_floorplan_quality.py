@@ -14,6 +14,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import Floorplan, Room, RoomType
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.floorplans.partition import SIDE_BY_SIDE, STACKED, partition, slenderness
+from prefect_robomaker.tasks.worldforge.seeds import PlanSeed
 
 AREAS: dict[RoomType, tuple[float, float]] = {
     "Living": (18, 40),
@@ -71,19 +72,24 @@ def compatible(seed: int) -> WorldTemplateBody:
 
 
 def generate(body: WorldTemplateBody, seed: int) -> Floorplan:
-    return generate_floorplan(body, np.random.default_rng(seed))
+    return generate_floorplan(body, seed)
+
+
+def best(number: int) -> int:
+    """A seed of the best plan."""
+    return PlanSeed(number, 0, diverse=False).number
 
 
 @pytest.fixture(scope="module")
 def plans(tmp_path_factory: pytest.TempPathFactory) -> list[Floorplan]:
-    """Sixty plans of sixty templates whose wishes are compatible."""
+    """The best plans of sixty templates whose wishes are compatible."""
 
     def make(folder: Path) -> None:
         folder.mkdir()
         for seed in range(60):
-            (folder / f"{seed}.json").write_text(generate(compatible(seed), seed).model_dump_json())
+            (folder / f"{seed}.json").write_text(generate(compatible(seed), best(seed)).model_dump_json())
 
-    made = made_once(tmp_path_factory, "floorplans-of-compatible-wishes", make)
+    made = made_once(tmp_path_factory, "best-floorplans-of-compatible-wishes", make)
     return [Floorplan.model_validate_json((made / f"{seed}.json").read_text()) for seed in range(60)]
 
 
@@ -154,7 +160,7 @@ def test_a_missed_ratio_says_what_it_got_and_what_stood_in_the_way() -> None:
 )
 def test_rooms_that_fill_no_rectangle_together_get_their_shapes_all_the_same(rooms: list[Preference]) -> None:
     for seed in range(10):
-        plan = generate(template(rooms, (1, 1)), seed)
+        plan = generate(template(rooms, (1, 1)), best(seed))
         assert [wish.wish for wish in plan.wishes if wish.outcome != "satisfied"] == []
         assert len(plan.footprint) > 4
 
@@ -164,14 +170,15 @@ def test_rooms_that_fill_no_rectangle_together_get_their_shapes_all_the_same(roo
     [((1, 1), 100), pytest.param((4, 3), 300, marks=pytest.mark.deep)],
 )
 def test_many_layouts_of_four_rooms_come_from_one_template(footprint: tuple[float, float], count: int) -> None:
-    """And variety costs no wish."""
+    """And variety costs one wish at most."""
     body = template(
         [("Living", 26, 4 / 3), ("Kitchen", 14, 4 / 3), ("Bedroom", 16, 4 / 3), ("Bathroom", 10, 4 / 3)], footprint
     )
     drawn = [generate(body, seed) for seed in range(count)]
     assert len({plan.model_dump_json() for plan in drawn}) == count
     assert len({layout(plan) for plan in drawn}) >= 50
-    assert len({sum(wish.outcome == "satisfied" for wish in plan.wishes) for plan in drawn}) == 1
+    granted = sum(wish.outcome == "satisfied" for wish in generate(body, best(0)).wishes)
+    assert all(sum(wish.outcome == "satisfied" for wish in plan.wishes) >= granted - 1 for plan in drawn)
 
 
 def layout(plan: Floorplan) -> frozenset[tuple[str, str, str]]:

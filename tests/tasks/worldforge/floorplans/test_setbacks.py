@@ -9,15 +9,16 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.worldforge.floorplans.brief import Brief
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Partition, area, border, outline
+from prefect_robomaker.tasks.worldforge.floorplans.partition_choice import find_partition
 from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import Cuts, all_trees, as_partition
-from prefect_robomaker.tasks.worldforge.floorplans.partition_search import (
-    LEAST_SETBACK,
-    find_partition,
-    has_small_steps,
+from prefect_robomaker.tasks.worldforge.floorplans.partition_setbacks import (
     outline_cost,
     put_together,
     setback_shortlist,
 )
+from prefect_robomaker.tasks.worldforge.floorplans.partition_shortlist import LEAST_EDGE
+from prefect_robomaker.tasks.worldforge.floorplans.plan_signature import has_small_steps
+from prefect_robomaker.tasks.worldforge.seeds import PlanSeed
 
 
 def box(x0: int, y0: int, x1: int, y1: int) -> tuple[tuple[int, int], ...]:
@@ -38,7 +39,7 @@ def test_rooms_keep_their_sides_and_do_not_overlap(sides: list[tuple[int, int]],
     # Rooms are stretched by less than a setback at each of the cuts above them.
     longer = got.T - np.array(sides)
     assert (longer >= 0).all()
-    assert (longer <= LEAST_SETBACK * len(sides)).all()
+    assert (longer <= LEAST_EDGE * len(sides)).all()
     plan = as_partition(cuts, 0)
     cells = np.zeros((plan.width, plan.height), int)
     for (x0, y0), _, (x1, y1), _ in plan.rooms:
@@ -56,9 +57,9 @@ def test_small_steps_are_seen_where_the_outline_has_them_and_nowhere_else() -> N
     stepped = [[(0, 0, 50, 60), (50, 0, 90, 63)], [(0, 3, 50, 60), (50, 0, 90, 60)], [(0, 0, 60, 50), (0, 50, 64, 90)]]
     plain = [[(0, 0, 50, 60), (50, 0, 90, 60)], [(0, 0, 50, 60), (50, 0, 90, 80)]]
     for rooms, small in (*((rooms, True) for rooms in stepped), *((rooms, False) for rooms in plain)):
-        assert has_small_steps(of(rooms)).tolist() == [small], rooms
+        assert has_small_steps(of(rooms), 8).tolist() == [small], rooms
     # Inside, walls may end near each other.
-    assert not has_small_steps(of([(0, 0, 50, 60), (50, 0, 90, 63), (0, 60, 50, 90), (50, 63, 90, 90)])).any()
+    assert not has_small_steps(of([(0, 0, 50, 60), (50, 0, 90, 63), (0, 60, 50, 90), (50, 63, 90, 90)]), 8).any()
 
 
 def of(rooms: list[tuple[int, int, int, int]]) -> Cuts:
@@ -90,5 +91,5 @@ def test_every_plan_of_a_list_has_one_outline_without_yards_and_small_steps(seed
         assert area(around) == sum(map(area, plan.rooms)), "a yard has no open side"
         lengths = [abs(x - u) + abs(y - v) for (x, y), (u, v) in zip(around, (*around[1:], around[0]), strict=True)]
         assert sum(lengths) == sum(side.end - side.start for side in sides)
-        assert min(lengths) >= LEAST_SETBACK
-    assert find_partition(brief, Random(1)) == find_partition(brief, Random(1))
+        assert min(lengths) >= LEAST_EDGE
+    assert find_partition(brief, PlanSeed.of(1), Random(1)) == find_partition(brief, PlanSeed.of(1), Random(1))

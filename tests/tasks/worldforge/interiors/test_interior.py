@@ -27,7 +27,7 @@ SEEDS = range(4)
 
 
 def interior(body: WorldTemplateBody, seed: int) -> tuple[Floorplan, list[Furniture], list[Preference]]:
-    plan = generate_floorplan(body, np.random.default_rng(seed))
+    plan = generate_floorplan(body, seed)
     furniture, wishes, rooms = furnish(body, plan, np.random.default_rng(seed))
     return plan.model_copy(update={"rooms": rooms}), furniture, wishes
 

@@ -197,7 +197,7 @@ def inside(item: Furniture, point: tuple[float, float]) -> bool:
 
 def with_doors(body: WorldTemplateBody, seed: int) -> tuple[Floorplan, list[Furniture]]:
     hinged = body.model_copy(update={"Version": "2"})
-    plan = generate_floorplan(hinged, np.random.default_rng(seed))
+    plan = generate_floorplan(hinged, seed)
     return plan, furnish(hinged, plan, np.random.default_rng(seed))[0]
 
 

@@ -6,7 +6,6 @@ from math import pi
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from helpers.examples import examples
 from hypothesis import given
@@ -28,7 +27,7 @@ def plan(seed: int = 0, rooms: tuple[tuple[str, float], ...] = (("Living", 26), 
     ]
     links = [{"Location": [rooms[0][0], rooms[1][0]], "ConnectionType": "Opening"}]
     body = json.dumps({"Buildings": [{"Floors": [{"Floorplan": {"Rooms": shapes, "DesiredConnections": links}}]}]})
-    return generate_floorplan(parse_template_body(body), np.random.default_rng(seed))
+    return generate_floorplan(parse_template_body(body), seed)
 
 
 def world(floorplan: Floorplan, furniture: list[Furniture] | None = None) -> World:

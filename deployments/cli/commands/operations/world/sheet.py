@@ -1,6 +1,6 @@
 """Show all worlds of a generation job at a glance.
 
-As a picture, sheet.png, and as a page, sheet.html; worlds with problems come first.
+As a picture, sheet.png, and as a page, sheet.html; worlds with problems come first, then those of one plan together.
 """
 
 import argparse
@@ -71,6 +71,8 @@ def job_sheet(job: "Resource", service: "Service") -> "Sheet":
 
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
+    from ......tasks.worldforge.viewer.contact_sheet import plan_numbers
+
     document = WorldGenerationJobDocument.of(job)
     requested = document.request.world_count.total
     verdicts = Counter(world.verdict for world in shown)
@@ -78,8 +80,10 @@ def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
     told += [f"{verdicts[key]} {words}" for key, words in _TROUBLES if verdicts[key]]
     deleted = len(set(document.succeeded_worlds or []) - {world.arn for world in shown})
     told += [f"{deleted} deleted since"] if deleted else []
+    plans = len(plan_numbers(shown))
     return (
         f"{job.status}, {len(shown)} of {requested} worlds: {', '.join(told)}",
+        f"{plans} different {'plan' if plans == 1 else 'plans'}",
         f"seed {document.seed}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
     )
 
@@ -109,9 +113,19 @@ def _print(sheet: "Sheet", job: "Resource", files: dict[str, str], form: str) ->
         failures = [f"{each.count} not made: {each.code}: {each.reason}" for each in sheet.failures]
         sys.stdout.write("\n".join([sheet.title, *sheet.lines, *failures, *files.values()]) + "\n")
         return
+    from ......tasks.worldforge.viewer.contact_sheet import plan_numbers
+
+    numbers = plan_numbers(sheet.worlds)
     worlds: list[dict[str, Any]] = [
-        {"name": each.name, "arn": each.arn, "verdict": each.verdict, "problems": list(each.problems)}
+        {
+            "name": each.name,
+            "arn": each.arn,
+            "verdict": each.verdict,
+            "plan": numbers.get(each.plan),
+            "problems": list(each.problems),
+        }
         for each in sheet.worlds
     ]
-    answer = {"schema_version": 1, "job": job.arn, "status": job.status, **files, "worlds": worlds}
+    answer = {"schema_version": 1, "job": job.arn, "status": job.status, **files, "plans": len(numbers)}
+    answer["worlds"] = worlds
     sys.stdout.write(json.dumps(answer, indent=2, ensure_ascii=False) + "\n")

@@ -1,8 +1,7 @@
-"""The choice of a partition: one of the best plans for a brief, bent a little, another one for other dice."""
+"""Plans whose rooms keep their preferred shapes, and whose outline is set back where these fill no rectangle."""
 
 from functools import lru_cache
 from itertools import product
-from math import exp, sqrt
 from random import Random
 from typing import NamedTuple
 
@@ -10,13 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .brief import EXTERIOR_WALL, INTERIOR_WALL, RATIO_TOLERANCE, Brief
-from .partition import UNITS_PER_M, Corners, Partition
-from .partition_climb import climb_to_partition
-from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, as_partition
-from .partition_shortlist import AREA_MARGIN, SETTLINGS, Shortlist, best_first, gaussian, shortlist
-
-LEAST_SETBACK = 8
-"""Rooms are stretched rather than set back by less, in units."""
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, exposed
+from .partition_shortlist import (
+    AREA_MARGIN,
+    LEAST_EDGE,
+    SETTLINGS,
+    Shortlist,
+    best_first,
+    gaussian,
+    has_long_edges,
+    most_different,
+)
 
 RATIO_MARGIN = 0.9 * RATIO_TOLERANCE
 """Largest deviation of the logarithm of a ratio that is tried; rounding to units comes on top."""
@@ -31,14 +34,14 @@ _ENCLOSED = 20.0
 """Cost of an outline that is no rectangle, of its empty share, of outer walls beyond those of the rectangle, and of a
 yard that has no open side."""
 
-_JUDGED = 2400
-_REFINED = 160
+_JUDGED = 4800
+_REFINED = 240
 _STEPS = (0.08, 0.04, 0.02)
 _USUAL_WALLS = 2.6
 _BEGINNINGS = 40_000
 """About how many trees are put together: with rooms turned in all ways, or each tree in others than its neighbours."""
 
-_LEAST_TURNS = 4
+_LEAST_TURNS = 3
 
 
 class Setbacks(NamedTuple):
@@ -81,8 +84,7 @@ class Setbacks(NamedTuple):
         found = self
         for _ in range(SETTLINGS):
             cuts = found.cut(evaluator)
-            limits = cuts.high.max(axis=1)[:, None]
-            outer = (cuts.low == 0).astype(float) + (cuts.high >= limits)
+            outer = (exposed(cuts) / (cuts.high - cuts.low)[::-1]).sum(axis=0)
             found = found._replace(walls=INTERIOR_WALL + outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2))
         return found
 
@@ -91,7 +93,7 @@ class Setbacks(NamedTuple):
         cuts, enclosed = self.laid(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         cost = np.round(nature.cost + outline_cost(cuts, enclosed), 6)
-        return cuts, Nature(cost, nature.valid & ~enclosed & ~has_small_steps(cuts), nature.misses)
+        return cuts, nature._replace(cost=cost, valid=has_long_edges(cuts, nature.valid & ~enclosed))
 
     def varied(self, dice: Random) -> "Setbacks":
         """Returns the candidates with randomly changed room sizes; the last one stays."""
@@ -101,10 +103,10 @@ class Setbacks(NamedTuple):
         ratios = np.clip(self.ratios + _BENT_RATIO * shifts[rooms:], -RATIO_MARGIN, RATIO_MARGIN)
         return self._replace(areas=areas, ratios=ratios)
 
-    def rough_cost(self, evaluator: BatchEvaluator) -> Floats:
+    def rough_cost(self, evaluator: BatchEvaluator, *, roughly: bool = False) -> Floats:
         """Returns the cost of room shapes and outlines."""
         cuts, enclosed = self.laid(evaluator)
-        return evaluator.shapes(cuts) + outline_cost(cuts, enclosed)
+        return evaluator.shapes(cuts, roughly=roughly) + outline_cost(cuts, enclosed)
 
 
 def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
@@ -143,7 +145,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
         for child, extra, is_first in ((first[step], first_more, True), (second[step], more - first_more, False)):
             size = flat[:, child]
             slack = whole - size
-            back = ~ways & (slack >= LEAST_SETBACK)
+            back = ~ways & (slack >= LEAST_EDGE)
             given = np.where(ways, size + extra, np.where(back, size, whole))
             enclosed |= (back & ~open_start & ~open_end).any(axis=0)
             flat_granted[:, child] = given
@@ -174,37 +176,15 @@ def _shared(cuts: Cuts) -> Floats:
     return np.where(touching, overlap, 0.0).sum(axis=(0, 1))
 
 
-def has_small_steps(cuts: Cuts) -> Flags:
-    """Returns a mask of the plans whose outline has a step too small for a setback."""
-    low, high = cuts
-    one, other = (slice(None), slice(None), None), (slice(None), None, slice(None))
-    found = np.zeros(low.shape[2], bool)
-    meets = np.minimum(high[one], high[other]) > np.maximum(low[one], low[other])
-    for touches, beside in ((high[one] == low[other], high - 0.5), (low[one] == high[other], low + 0.5)):
-        for step, beyond in ((high[other] - high[one], high + 0.5), (low[one] - low[other], low - 0.5)):
-            # The step runs along one axis, and the rooms touch along the other.
-            small = touches & meets[::-1] & ((step > 0) & (step < LEAST_SETBACK))[::-1]
-            empty = np.array([_empty(cuts, beside[0], beyond[1]), _empty(cuts, beyond[0], beside[1])])
-            found |= (small & empty[:, :, None]).any(axis=(0, 1, 2))
-    return found
-
-
-def _empty(cuts: Cuts, x: Floats, y: Floats) -> Flags:
-    """Mask of the spots outside every room: (spot, plan)."""
-    spots = np.array([x, y])[:, :, None]
-    inside = (cuts.low[:, None] < spots) & (spots < cuts.high[:, None])
-    return ~np.any(np.all(inside, axis=0), axis=1)
-
-
 @lru_cache(maxsize=64)
 def setback_shortlist(brief: Brief) -> Shortlist:
     """Finds the best floor plans with rectangular rooms and a set-back outline; may be empty."""
     evaluator = BatchEvaluator(brief)
     every = _beginnings(len(evaluator.areas))
-    best = np.argsort(np.round(every.rough_cost(evaluator), 6), kind="stable")[:_JUDGED]
+    best = np.argsort(np.round(every.rough_cost(evaluator, roughly=True), 6), kind="stable")[:_JUDGED]
     some = every.take(best).settled(evaluator)
-    _, nature = some.judged(evaluator)
-    refined = _refined(evaluator, some.take(np.argsort(nature.cost, kind="stable")[:_REFINED]))
+    cuts, nature = some.judged(evaluator)
+    refined = _refined(evaluator, some.take(most_different(cuts, nature.cost, _REFINED)))
     return best_first(evaluator, refined, every.trees.plans)
 
 
@@ -247,108 +227,3 @@ def _better(evaluator: BatchEvaluator, found: Setbacks, cost: Floats, tried: Set
         np.where(better, new, old) for new, old in ((tried.ratios, found.ratios), (tried.areas, found.areas))
     )
     return found._replace(ratios=ratios, areas=areas), np.where(better, costs, cost)
-
-
-_CHOICE_TEMPERATURE = 0.4
-_CHOICE_MARGIN = 2.0
-"""Cost margin above the best plan: a plan within it may be drawn because it satisfies as many preferences."""
-
-_EQUAL_MARGIN = 1.5
-"""Cost margin among those plans: how far off they are where they miss a preference counts too."""
-
-_CONNECTION_WEIGHT = 3
-"""As how many preferences of shape a requested connection counts."""
-
-_POOR = 5.0
-"""Cost of the best plan above which L-shaped rooms are tried as well, unless one grants all."""
-
-_DRAWS = 4
-_WORSE = 0.2
-"""Largest cost that bending may add to a plan."""
-
-Choice = tuple[Shortlist, int]
-"""One plan of a list."""
-
-
-def find_partition(brief: Brief, dice: Random) -> Partition:
-    """Finds a valid floor plan near the template's preferences, depending on the random generator.
-
-    Args:
-        brief: the preferences.
-        dice: the source of chance.
-
-    Raises:
-        WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
-    """
-    if len(brief.areas_m2) == 1:
-        return _only_room(brief, dice)
-    lists = shortlists(brief)
-    if not any((~plans.misses.any(axis=0)).any() for plans in lists):
-        least = min((float(plans.cost[0]) for plans in lists), default=None)
-        if least is None or least > _POOR:
-            bent = climb_to_partition(brief, dice, below=least)
-            if bent is not None:
-                return _mirrored(bent, dice)
-    return _mirrored(_varied(_choice(lists, dice), dice), dice)
-
-
-def shortlists(brief: Brief) -> list[Shortlist]:
-    """Returns the candidate floor plans to choose from: rectangular ones, and if needed set-back ones."""
-    full = shortlist(brief)
-    if full.cost.size and not full.misses[:, 0].any():
-        return [full]
-    return [plans for plans in (full, setback_shortlist(brief)) if plans.cost.size]
-
-
-def _only_room(brief: Brief, dice: Random) -> Partition:
-    """The one room is the footprint, turned as the footprint is preferred or, if that is square, either way."""
-    least = brief.min_sides[0] - EXTERIOR_WALL
-    square_units = brief.areas_m2[0] * UNITS_PER_M**2
-    ratio = min(brief.ratios[0], square_units / least**2)
-    lying = dice.random() < 0.5 if brief.footprint_ratio == 1 else brief.footprint_ratio > 1
-    short = max(least, round(sqrt(square_units / ratio)))
-    long = max(least, round(square_units / short)) + EXTERIOR_WALL
-    short += EXTERIOR_WALL
-    width, height = (long, short) if lying else (short, long)
-    return Partition(width, height, (((0, 0), (width, 0), (width, height), (0, height)),), (min(width, height),))
-
-
-def _choice(lists: list[Shortlist], dice: Random) -> Choice:
-    """One of the good plans: of those that miss fewest preferences, the better the likelier.
-
-    So variety costs no preference: all plans that may be drawn satisfy equally many.
-    """
-    costs = np.concatenate([plans.cost for plans in lists])
-    misses = np.concatenate([plans.misses for plans in lists], axis=1)
-    weights = np.full(len(misses), 1)
-    weights[1 + 2 * len(lists[0].evaluator.areas) :] = _CONNECTION_WEIGHT
-    near = np.flatnonzero(costs <= costs.min() + _CHOICE_MARGIN)
-    missed = weights @ misses[:, near]
-    choices = near[missed == missed.min()]
-    least = float(costs[choices].min())
-    choices = choices[costs[choices] <= least + _EQUAL_MARGIN]
-    odds = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in costs[choices].tolist()]
-    number = dice.choices(choices.tolist(), odds)[0]
-    first = len(lists[0].cost)
-    return (lists[0], number) if number < first else (lists[1], number - first)
-
-
-def _varied(choice: Choice, dice: Random) -> Partition:
-    """A plan with its sides a little longer and shorter, as long as that breaks no preference that it satisfies."""
-    best, number = choice
-    columns = np.full(_DRAWS + 1, number)
-    cuts, nature = best.plans.take(columns).varied(dice).judged(best.evaluator)
-    granted = ~(nature.misses & ~best.misses[:, columns]).any(axis=0)
-    fine = nature.valid & granted & (nature.cost <= best.cost[number] + _WORSE)
-    return as_partition(cuts, int(fine.argmax()))
-
-
-def _mirrored(plan: Partition, dice: Random) -> Partition:
-    """The plan turned over at one, both or none of its axes: all equally good."""
-    flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
-
-    def turn(corners: Corners) -> Corners:
-        turned = [(plan.width - x if flip_x else x, plan.height - y if flip_y else y) for x, y in corners]
-        return tuple(reversed(turned)) if flip_x != flip_y else tuple(turned)
-
-    return plan._replace(rooms=tuple(turn(corners) for corners in plan.rooms))
