@@ -28,8 +28,8 @@ _CHOICE_MARGIN = 2.0
 _VARIETY_MARGIN = 4.0
 """Cost above that of the best plan that a plan may have to differ: a missed ratio and rooms that lie together worse."""
 
-_WORSE_TOGETHER = 0.65
-"""The part of it that may come from how rooms lie together: less than a dark room or a way through a bedroom costs."""
+_WORSE_TOGETHER = 0.75
+"""The part of it that may come from how rooms lie together: about a way through a bedroom, less than a dark room."""
 
 _MORE_MISSES = 1
 """Preferences that a plan may miss beyond the best one."""
