@@ -46,7 +46,7 @@ def test_seeds_differ_between_worlds_and_are_shared_between_interiors() -> None:
     assert seeds_for(8, 0, 0) != seeds_for(7, 0, 0)
     # Seeds are written down in world.json: they may never change for a released version.
     assert seeds_for(7, 0, 0) == seeds_for(7, 0, 0)
-    assert all(0 <= seed < 2**32 for seeds in grid.values() for seed in seeds)
+    assert all(0 <= floorplan < 2**46 and 0 <= interior < 2**32 for floorplan, interior in grid.values())
 
 
 def test_an_interior_that_fails_is_made_again_from_the_next_sub_seed(

@@ -49,13 +49,15 @@ def test_a_shut_door_is_the_only_difference(world: World) -> None:
 
 
 def test_what_stands_on_a_piece_goes_with_it(world: World) -> None:
-    item = next(item for item in world.furniture if item.movable and item.base_m > 0.2)
-    under = next(
-        piece
+    item, under = next(
+        (item, piece)
+        for item in world.furniture
         for piece in world.furniture
-        if not piece.movable
+        if item.movable
+        and item.base_m > 0.2
+        and not piece.movable
         and max(abs(piece.x - item.x), abs(piece.y - item.y)) < max(piece.width_m, piece.depth_m) / 2
-        and abs(piece.base_m + piece.height_m - item.base_m) < 0.5
+        and abs(piece.base_m + piece.height_m - item.base_m) < 0.02
     )
     gone = vary(world, Wanted(removed=[under.id]), "c0ffee")
     assert differing(world, gone) >= {under.id, item.id}
