@@ -66,7 +66,7 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
 
     @property
     def trouble(self) -> str | None:
-        """What the robot's agent says is wrong with the application that runs, such as that it keeps restarting."""
+        """Fault of the application that the robot's agent reports, such as that it keeps restarting; `None`: none."""
         return (self.attributes or {}).get("trouble") or None
 
     @property
