@@ -1,4 +1,7 @@
-"""Prefect's background worker as our server has it: it looks seldom, and is late for nothing."""
+"""Prefect's background worker as our server has it: it looks seldom, and is late for nothing.
+
+Prefect's server is imported in functions: that takes each worker of pytest 2 s, and one of them runs these tests.
+"""
 
 import asyncio
 from collections.abc import Callable
@@ -10,9 +13,6 @@ from uuid import uuid4
 import pytest
 from burner_redis.pubsub import PubSub
 from docket import Docket, Worker
-from prefect.server.api import background_workers
-
-from prefect_robomaker.deployments.prefect_server import server_process
 
 TIME_LIMIT_S = 200
 BULK = 25
@@ -21,6 +21,10 @@ BULK = 25
 
 @pytest.fixture(autouse=True)
 def patched(monkeypatch: pytest.MonkeyPatch) -> None:
+    from prefect.server.api import background_workers
+
+    from prefect_robomaker.deployments.prefect_server import server_process
+
     # What is changed is there, in these releases of docket, burner-redis and Prefect; and as it was after the test.
     assert background_workers.Worker is Worker  # pyright: ignore[reportPrivateImportUsage]
     assert list(signature(PubSub._queue_get).parameters) == ["self", "timeout"]  # pyright: ignore[reportPrivateUsage]
@@ -73,6 +77,8 @@ def docket() -> Docket:
 
 
 def made(tasks: Docket) -> Worker:
+    from prefect.server.api import background_workers
+
     make: Callable[[Docket], Worker] = background_workers.Worker  # pyright: ignore[reportPrivateImportUsage]
     worker = make(tasks)
     # Prefect looks for new deployments every few seconds, and then at those of the last few seconds and one more.

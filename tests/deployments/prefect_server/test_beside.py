@@ -8,10 +8,11 @@ from helpers.prefect_server import server_settings
 from prefect.client.orchestration import PrefectClient
 
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
-from prefect_robomaker.deployments.prefect_server.server_process import beside
 
 
 def test_a_job_may_write_to_the_server_and_ends_with_it(prefect_server: str, caplog: pytest.LogCaptureFixture) -> None:
+    from prefect_robomaker.deployments.prefect_server.server_process import beside  # imports Prefect's server: 2 s
+
     ended: list[str] = []
 
     async def fail(client: PrefectClient) -> None:

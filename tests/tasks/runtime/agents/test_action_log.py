@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -185,20 +186,20 @@ def test_of_a_damaged_log_only_what_was_done_is_read(
 
 
 @pytest.mark.parametrize(
-    "content",
+    "make",
     [
-        zstandard.compress(bytes(2**28)),
-        zstandard.compress(bytes(16))[:-3],
-        b"no frame",
-        b"",
+        lambda: zstandard.compress(bytes(2**28)),
+        lambda: zstandard.compress(bytes(16))[:-3],
+        lambda: b"no frame",
+        lambda: b"",
     ],
 )
-def test_what_is_no_chunk_is_not_unpacked(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_chunk_is_not_unpacked(tmp_path: Path, make: Callable[[], bytes]) -> None:
     """The checksum is right: somebody made it so."""
     path = tmp_path / "actions.bin"
     write(path, some_actions(3, 16))
     with path.open("ab") as file:
-        file.write(chunk_of(PACKED, 4, 3, content))
+        file.write(chunk_of(PACKED, 4, 3, make()))
     assert list(ActionLog(path)) == some_actions(3, 16)
 
 
