@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from subprocess import Popen
 from typing import Any
 
 import pytest
@@ -433,41 +434,41 @@ def flat_spec(tmp_path: Path) -> Path:
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("is_back", [True, False])
-def test_a_run_that_is_typed_while_the_store_is_away_says_so_at_once_and_waits(
-    mortal_s3: MortalS3Server, prefect_server: str, tmp_path: Path, is_back: bool
+def test_runs_that_are_typed_while_the_store_is_away_say_so_at_once_and_wait(
+    mortal_s3: MortalS3Server, prefect_server: str, tmp_path: Path
 ) -> None:
-    environ = {
-        **mortal_s3.server.environ(),
-        "ROBOMAKER_HOME": str(tmp_path / "home"),
-        "PREFECT_API_URL": prefect_server,
-    }
+    """One is ended by Ctrl-C, the other goes on when the store is back."""
     command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(flat_spec(tmp_path))]
-    out, log = tmp_path / "out", tmp_path / "log"
     mortal_s3.kill()
-    with (
-        out.open("w") as output,
-        log.open("w") as errors,
-        started([*command, "-o", "json"], environ, stdout=output, stderr=errors) as run,
-    ):
-        wait_for(lambda: "Ctrl-C ends the wait" in log.read_text(), "the note", 120.0)
-        time.sleep(20.0)  # longer than the S3 client repeats a request by itself
-        assert run.poll() is None
-        assert "started" not in log.read_text()
-        if is_back:
-            mortal_s3.come_back()
-        else:
-            run.send_signal(signal.SIGINT)
-        ended = run.wait(120.0)
 
-    if is_back:
-        assert ended == 0, log.read_text()
-        assert "the object store answers\n" in log.read_text()
-        assert json.loads(out.read_text())["state"] == "succeeded"
-    else:
-        assert ended == 130
-        assert out.read_text() == ""
-        assert not (tmp_path / "home" / "runs").exists()
+    @contextmanager
+    def typed(home: Path) -> Iterator[Popen[str]]:
+        home.mkdir()
+        environ = {**mortal_s3.server.environ(), "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
+        with (
+            (home / "out").open("w") as output,
+            (home / "log").open("w") as errors,
+            started([*command, "-o", "json"], environ, stdout=output, stderr=errors) as run,
+        ):
+            yield run
+
+    ended, gone_on = tmp_path / "ended", tmp_path / "gone-on"
+    with typed(ended) as first, typed(gone_on) as second:
+        for home in (ended, gone_on):
+            wait_for(lambda home=home: "Ctrl-C ends the wait" in (home / "log").read_text(), "the note")
+        time.sleep(20.0)  # longer than the S3 client repeats a request by itself
+        assert (first.poll(), second.poll()) == (None, None)
+        assert "started" not in (ended / "log").read_text() + (gone_on / "log").read_text()
+
+        first.send_signal(signal.SIGINT)
+        assert first.wait(200.0) == 130
+        assert (ended / "out").read_text() == ""
+        assert not (ended / "runs").exists()
+
+        mortal_s3.come_back()
+        assert second.wait(200.0) == 0, (gone_on / "log").read_text()
+    assert "the object store answers\n" in (gone_on / "log").read_text()
+    assert json.loads((gone_on / "out").read_text())["state"] == "succeeded"
 
 
 @pytest.mark.deep
