@@ -19,7 +19,8 @@ from helpers.processes import wait_for
 
 SERVICES: dict[str, Any] = yaml.safe_load((REPOSITORY / "deployments" / "compose.yaml").read_text())
 _DEFAULT = re.compile(r"\$\{\w+:-([^}]*)\}")
-_READY_S = 200.0
+_READY_S = 900.0
+"""A limit for what never comes: a busy machine takes ten times as long as an idle one."""
 
 
 class ComposedServices:
@@ -47,6 +48,7 @@ class ComposedServices:
         self._await_health("prefect")
         made = self._machine.run(_words("setup"), self._environ("setup"), timeout=_READY_S)
         assert made.returncode == 0, made.stdout + self._logs()
+        assert "RunJobWorker/machines  created" in made.stdout
         self._start("worker")
 
     def stop_worker(self) -> None:

@@ -19,6 +19,7 @@ _SCRIPT = """
 ip link set lo up
 mount --bind "$1/hosts" /etc/hosts
 mount --bind "$1/passwd" /etc/passwd
+for hidden in "${@:2}"; do mount -t tmpfs none "$hidden"; done
 touch "$1/ready"
 exec sleep infinity
 """
@@ -104,12 +105,13 @@ class Machine:
 
 
 @contextmanager
-def namespaced_machine(folder: Path, hosts: Sequence[str] = ()) -> Iterator[Machine]:
+def namespaced_machine(folder: Path, hosts: Sequence[str] = (), hidden: Sequence[Path] = ()) -> Iterator[Machine]:
     """A machine; at the end it goes as a power cut would have it, with all that runs there.
 
     Args:
         folder: a new one, for its files.
         hosts: names that lead to the machine itself.
+        hidden: folders that are there, and whose files it does not see: those of other machines.
     """
     (folder / "home").mkdir(parents=True, mode=0o700)
     (folder / "hosts").write_text("".join(f"127.0.0.1 {name}\n" for name in ("localhost", *hosts)))
@@ -118,7 +120,7 @@ def namespaced_machine(folder: Path, hosts: Sequence[str] = ()) -> Iterator[Mach
     moved = [line.replace(f":{me.pw_dir}:", f":{folder / 'home'}:") if line.startswith(f"{me.pw_name}:") else line
              for line in users]  # fmt: skip
     (folder / "passwd").write_text("".join(moved))
-    keeper = subprocess.Popen([*_APART, "sh", "-ec", _SCRIPT, "sh", str(folder)])
+    keeper = subprocess.Popen([*_APART, "bash", "-ec", _SCRIPT, "bash", str(folder), *map(str, hidden)])
     try:
         wait_for((folder / "ready").exists, "the new network")
         machine = Machine(folder, keeper.pid)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from helpers.machines_apart import apart
 from helpers.processes import alive, descendants, started, wait_for
 from prefect_robomaker.schemas.settings import Settings
 
@@ -54,8 +53,6 @@ class Pool:
     name: str
     variables: Mapping[str, str]
     folder: Path
-    hidden: Path | None = None
-    """A folder above all homes that machines do not see, but for their own home; None: they see all."""
 
     @contextmanager
     def machine(self, name: str, **more: str) -> Iterator[Machine]:
@@ -73,8 +70,6 @@ class Pool:
         }
         command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", self.name, "--limit", "1"]
         command += ["--name", name]
-        if self.hidden is not None:
-            command = apart(command, self.hidden, home)
         log = home / "worker.log"
         with log.open("w") as output, started(command, environ, stdout=output, stderr=subprocess.STDOUT) as process:
             machine = Machine(process, home / "robomaker", log)

@@ -1,4 +1,4 @@
-"""The page "A laptop becomes two": its five commands are typed, on two machines that have no network in common."""
+"""The page "A laptop becomes two": its five commands are typed, on two machines with no network or file in common."""
 
 import json
 import os
@@ -45,9 +45,11 @@ def commands() -> list[str]:
 
 
 @pytest.fixture
-def second(tmp_path: Path) -> Iterator[Machine]:
+def second(tmp_path: Path, kept: Path) -> Iterator[Machine]:
     """A machine with this repository in its home, and nothing else."""
-    with namespaced_machine(tmp_path / "second") as machine:
+    of_the_laptop = (tmp_path / "laptop", kept)
+    of_the_laptop[0].mkdir()
+    with namespaced_machine(tmp_path / "second", hidden=of_the_laptop) as machine:
         checkout = machine.home / "prefect-robomaker"
         (checkout / "deployments").mkdir(parents=True)
         (checkout / ".venv").symlink_to(Path(sys.prefix))
@@ -65,7 +67,7 @@ def kept() -> Iterator[Path]:
 @pytest.fixture
 def laptop(tmp_path: Path, kept: Path, second: Machine) -> Iterator[Machine]:
     """A machine that the second one lets in by SSH. It goes before what its services keep does."""
-    with namespaced_machine(tmp_path / "laptop", ComposedServices.NAMES) as machine:
+    with namespaced_machine(tmp_path / "laptop", ComposedServices.NAMES, [second.folder]) as machine:
         key, identity = tmp_path / "host_key", machine.home / "identity"
         subprocess.run(["dropbearkey", "-t", "ed25519", "-f", str(key)], check=True, capture_output=True)
         server = ["dropbear", "-F", "-E", "-s", "-p", "127.0.0.1:22", "-P", str(tmp_path / "pid"), "-r", str(key)]
@@ -95,10 +97,16 @@ def services(kept: Path, laptop: Machine) -> ComposedServices:
     return ComposedServices(laptop, kept)
 
 
+def entries(machine: Machine, folder: Path) -> list[str]:
+    """Names of what a machine sees in a folder."""
+    return machine.run(["ls", "-A", str(folder)], {}).stdout.splitlines()
+
+
 def test_five_commands_make_a_laptop_two(laptop: Machine, second: Machine, services: ComposedServices) -> None:
     up, *typed = commands()
     assert (up, len(typed)) == (UP, 4)
     services.up()
+    assert not [*entries(laptop, second.folder), *entries(second, laptop.folder)], "neither sees the other's files"
 
     def shell(*lines: str) -> str:
         environ = {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"}

@@ -1,24 +1,18 @@
-"""Machines that have only a catalog on PostgreSQL and an S3 server in common: each backend runs batches there."""
+"""Machines that have only a catalog on PostgreSQL and an S3 server in common: clusters run batches there."""
 
-import contextvars
 import json
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers.clusters import Cluster
 from helpers.machines_apart import NEEDS_NAMESPACES
-from helpers.pool_machines import deployed_pool
 from helpers.postgres_server import NEEDS_POSTGRESQL
 from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.backends.backend import open_backend
-from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 from .conftest import ONE_OF_THEM, BatchOnCluster
@@ -59,6 +53,7 @@ def test_a_cluster_runs_a_batch_on_machines_that_are_apart(
     service: Service, order: Order, cluster: Cluster, begin: Callable[..., BatchOnCluster], s3_server: S3Server,
     tmp_path: Path,
 ) -> None:  # fmt: skip
+    """On a work pool they do so in test_a_laptop_becomes_two.py."""
     cluster.hidden = tmp_path
     cluster.add("first")
     cluster.add("second")
@@ -69,22 +64,3 @@ def test_a_cluster_runs_a_batch_on_machines_that_are_apart(
     homes = {str(cluster.home(name)) for name in ("first", "second")}
     assert machines(batch.arn, service, s3_server.client("s3")) == homes
     assert not any(Path(home).exists() for home in homes), "what they wrote is seen nowhere else"
-
-
-def test_a_work_pool_runs_a_batch_on_machines_that_are_apart(
-    service: Service, order: Order, prefect_server: str, s3_server: S3Server, tmp_path: Path
-) -> None:
-    pool = replace(deployed_pool(service.settings, prefect_server, tmp_path), hidden=tmp_path)
-    request = {
-        "createSimulationJobRequests": [order(SHORT) for _ in range(JOBS)], "batchPolicy": {"maxConcurrency": 2}
-    }  # fmt: skip
-    batch = call("StartSimulationJobBatch", request, service)["arn"]
-    there = replace(service, backend=open_backend(f"workers:{pool.name}"))
-    with pool.machine("first") as first, pool.machine("second") as second, ThreadPoolExecutor(1) as threads:
-        perform = registry()["StartSimulationJobBatch"].perform
-        answer = threads.submit(contextvars.copy_context().run, perform, batch, there).result(300)
-        assert {job["status"] for job in answer["createdRequests"]} == {"Completed"}
-        pool.ended(batch)
-    assert machines(batch, service, s3_server.client("s3")) == {str(first.home), str(second.home)}
-    assert not first.home.exists()
-    assert not second.home.exists()

@@ -1,18 +1,14 @@
 """Batches on a Prefect work pool: real Prefect workers with homes of their own, killed, added and cancelled."""
 
 import contextvars
-import json
-import os
 import re
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import pytest
-from helpers.command_here import Command
 from helpers.endpoint_process import Serve
 from helpers.pool_machines import Pool, cancel_in_prefect, deployed_pool
 from helpers.postgres_server import PROGRAMS
@@ -166,29 +162,18 @@ def test_a_machine_with_another_catalog_is_told_from_the_batch(
 
 
 @pytest.mark.deep
-def test_a_specification_and_a_batch_that_an_sdk_asks_for_run_on_the_pool_by_its_setting(
-    service: Service, order: Order, pool: Pool, serve: Serve, tmp_path: Path, robomaker_at_server: Command
+def test_a_batch_that_an_sdk_asks_for_runs_on_the_pool_by_its_setting(
+    service: Service, order: Order, pool: Pool, serve: Serve
 ) -> None:
-    spec = tmp_path / "spec.yaml"
-    step = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": [order()] * 2}}
-    spec.write_text(json.dumps({"version": 1, "name": "there", "steps": {"drives": step}}))
+    """A specification does so in test_a_laptop_becomes_two.py."""
     there = {**pool.variables, "ROBOMAKER_BACKEND": f"workers:{pool.name}"}
-    with pool.machine("first"):
-        with mock.patch.dict(os.environ, there):  # and variables that the command sets in its process
-            done = robomaker_at_server("run", spec)
-        (batch,) = service.catalog.list("simulation-job-batch").resources
-        assert done.code == 0, done.out + done.err
-        assert ran(pool.ended(batch.arn)) == [2]
-
-        with serve(**there) as served:
-            asked = {"createSimulationJobRequests": [order(), order()]}
-            another = served.call("StartSimulationJobBatch", asked)["arn"]
-            wait_for(
-                lambda: served.call("DescribeSimulationJobBatch", {"batch": another})["status"] == "Completed",
-                "the end of the batch",
-                180,
-            )
-            runs = pool.ended(another)
+    with pool.machine("first"), serve(**there) as served:
+        batch = served.call("StartSimulationJobBatch", {"createSimulationJobRequests": [order(), order()]})["arn"]
+        wait_for(
+            lambda: served.call("DescribeSimulationJobBatch", {"batch": batch})["status"] == "Completed",
+            "the end of the batch",
+        )
+        runs = pool.ended(batch)
 
     assert ran(runs) == [2]
     assert f"workers:{pool.name}" == served.facts["backend"]
