@@ -111,7 +111,7 @@ def _same(one: Pose, other: Pose) -> bool:
 
 
 def _angle(rotation: np.ndarray, axis: Vector) -> float:
-    """By how much a rotation turns about an axis, radians between -pi and pi."""
+    """Turn of a rotation about an axis, radians between -pi and pi."""
     sines = np.array([
         rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
     ])  # fmt: skip

@@ -22,7 +22,7 @@ ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
 """Ends of the names of bundles."""
 
 _NOT_SOURCES = frozenset({"build", "log", "devel", "node_modules", "__pycache__"})
-"""Folders of a workspace that only have what was made of others, or that nobody's worlds are in."""
+"""Folders of a workspace that have only files that were made of others, and no worlds of the user."""
 _MOST_FILES = 500_000
 _MOST_BYTES = 20 * 1024 * 1024
 """The largest world file that is read."""

@@ -108,7 +108,6 @@ def test_static_geoms_in_the_world_body_of_one_body_each(tmp_path: Path) -> None
         ET.SubElement(worldbody, "body", name=f"own_{number}").append(geom)
     apart = ET.tostring(root, encoding="unicode")
     files = {each.name: each.read_bytes() for each in (tmp_path / "bundle" / "meshes").glob("*")}
-    files |= {f"meshes/{name}": content for name, content in files.items()}
     rates: dict[str, list[float]] = {"world body": [], "a body each": []}
     models = {
         "world body": mujoco.MjModel.from_xml_string(together, assets=files),

@@ -67,7 +67,7 @@ def test_worlds_of_one_name_are_told_apart_by_their_packages(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("form", ["colcon", "tar", "folder"])
 def test_the_only_world_of_a_bundle_needs_no_name(service: Service, tmp_path: Path, form: str) -> None:
-    """Of a colcon bundle only packages are looked at: Gazebo's own worlds in its system are nobody's."""
+    """Of a colcon bundle only packages are looked at: Gazebo's own worlds in its system do not count."""
     files = package("house", "small", top="opt/built_workspace/house/share/")
     path = tmp_path / {"colcon": "bundle.tar", "tar": "bundle.tar.gz", "folder": "bundle"}[form]
     if form == "colcon":
