@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from random import Random
 
-from ....schemas.worlds.world import Furniture, Wall, World, bounds
+from ....schemas.worlds.world import Furniture, Point, Wall, World, bounds, contains
 from ..furniture.catalogue import styles_of
 from ..geometry.boxes import Box, pose_of
 from ..geometry.parts import CHROME, Color, Span, rgb
@@ -48,10 +48,11 @@ def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
         else:
             deep, wide = item.depth_m / 2 + 0.6, max(1.0, item.width_m / 2 + 0.45)
             box = pose.box(-deep, deep, -wide, wide)
-        x0, y0, x1, y1 = bounds(rooms[item.room].polygon)
+        polygon = rooms[item.room].polygon
+        x0, y0, x1, y1 = bounds(polygon)
         box = _within(box, (x0 + 0.2, y0 + 0.2, x1 - 0.2, y1 - 0.2))
         rim, middle = dice.choice(_RUGS)
-        if len(rooms[item.room].polygon) != 4 or min(box[2] - box[0], box[3] - box[1]) < 0.8:
+        if not _lies_in(box, polygon) or min(box[2] - box[0], box[3] - box[1]) < 0.8:
             continue
         inner = (box[0] + _BORDER_M, box[1] + _BORDER_M, box[2] - _BORDER_M, box[3] - _BORDER_M)
         yield _flat(f"rug_{item.id}", box, _RUG_M, rim)
@@ -60,6 +61,14 @@ def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
 
 def _within(box: Box, room: Box) -> Box:
     return max(box[0], room[0]), max(box[1], room[1]), min(box[2], room[2]), min(box[3], room[3])
+
+
+def _lies_in(box: Box, polygon: Sequence[Point]) -> bool:
+    """Whether a rectangle is inside a room of any form: its corners are, and none of the room's is in it."""
+    corners = [(x, y) for x in box[::2] for y in box[1::2]]
+    return all(contains(polygon, x, y) for x, y in corners) and not any(
+        box[0] < x < box[2] and box[1] < y < box[3] for x, y in polygon
+    )
 
 
 def _flat(name: str, box: Box, top: float, color: Color) -> Ornament:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import cos, sin
 from random import Random
 
 from ....schemas.worlds.world import Furniture
@@ -94,8 +95,8 @@ THINGS: dict[str, tuple[Piece, ...]] = {
 
 def footprint_m(thing: str) -> tuple[float, float]:
     """Returns depth and width of a decorative object, in metres."""
-    pieces = THINGS[thing]
-    return max(piece.size[0] for piece in pieces), max(piece.size[1] for piece in pieces)
+    sizes = [(piece.size[0], piece.size[1], abs(cos(piece.turn)), abs(sin(piece.turn))) for piece in THINGS[thing]]
+    return max(c * x + s * y for x, y, c, s in sizes), max(s * x + c * y for x, y, c, s in sizes)
 
 
 def placed(

@@ -34,7 +34,7 @@ def names(model: mujoco.MjModel) -> list[str]:
 def test_it_needs_no_other_file(flat: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert "file=" not in world_mjcf(flat)
-    assert mujoco.MjModel.from_xml_string(world_mjcf(flat)).ngeom < 400
+    assert mujoco.MjModel.from_xml_string(world_mjcf(flat)).ngeom < 450
 
 
 def test_simulation_options_are_those_that_were_chosen(model: mujoco.MjModel) -> None:
