@@ -190,7 +190,7 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
     Args:
         furnished: the room.
         kinds: one of them is chosen.
-        corners: spots that are in nobody's way, for what is one of many; absent: anywhere that suits the object.
+        corners: spots beside the ways of robots, for what is one of many; absent: anywhere that suits the object.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)

@@ -291,7 +291,7 @@ class RoomFurnishing:
         if rule.around_m:
             reach = rule.around_m
             yield [pose.box(-half_depth - reach, half_depth + reach, -half_width - reach, half_width + reach)]
-            if kind == "DiningTables" and style.width_m > style.depth_m:  # an end may be at a wall: nobody sits there
+            if kind == "DiningTables" and style.width_m > style.depth_m:  # an end may be at a wall, without a chair
                 yield [pose.box(-half_depth - reach, half_depth + reach, -half_width, half_width)]
             return
         front = front_of(kind, self.room.type)
