@@ -73,10 +73,10 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
         liked["Storage"] = work.style_of("Storage", "counter-sink")
         compact["Storage"] = work.style_of("Storage", "counter-sink-small")
     first, tall = work.dice.randint(*_COUNTERS[work.density]), work.dice.random() < _TALL_CHANCES[work.density]
-    forms = sorted(_FORMS, key=lambda _: work.dice.random()) if "Storage" in kinds else list(_FORMS[:1])
+    forms: list[Form] = sorted(_FORMS, key=lambda _: work.dice.random()) if "Storage" in kinds else list(_FORMS[:1])
     # Where no form has place for all, narrow appliances come, then a washing machine elsewhere.
     sets = [liked, compact, {kind: style for kind, style in compact.items() if kind != "WashingMachinesAndDryers"}]
-    tried = [
+    tried: list[tuple[dict[str, Style], Form, int]] = [
         (styles, form, number)
         for styles in (sets if "WashingMachinesAndDryers" in kinds else sets[:2])
         for form in forms
