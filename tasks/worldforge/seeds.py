@@ -1,39 +1,11 @@
 """Seeds of the worlds of a generation job, and the version of what is made of them; without MuJoCo."""
 
-from typing import NamedTuple
-
 import numpy as np
+
+from .floorplans.plan_seed import PlanSeed
 
 GENERATOR_VERSION = "3.3.0"
 """Changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way."""
-
-
-_PLANS_PER_ORDER = 2**12
-"""Seeds of floor plans that share an order; a job has 50 floor plans at most, unless it is allowed more."""
-
-_FROM_BEST = 2**45
-"""Least seed of the best plan: orders have 32 bits and plans 12, and one order may run over into the next one."""
-
-
-class PlanSeed(NamedTuple):
-    """Meaning of the seed of a floor plan: which plan of which order, or the best one."""
-
-    order: int
-    """Seed of an order of all plans that a template has."""
-    rank: int
-    """How many plans come before it, from 0."""
-    diverse: bool
-    """Whether plans differ; otherwise each is the best one, with sizes of its own."""
-
-    @classmethod
-    def of(cls, seed: int) -> "PlanSeed":
-        """Reads a seed, which is any whole number from 0."""
-        return cls(*divmod(seed % _FROM_BEST, _PLANS_PER_ORDER), diverse=seed < _FROM_BEST)
-
-    @property
-    def number(self) -> int:
-        """The seed as one whole number."""
-        return (0 if self.diverse else _FROM_BEST) + self.order * _PLANS_PER_ORDER + self.rank
 
 
 def seeds_for(job_seed: int, floorplan_index: int, interior_index: int, *, diverse: bool = True) -> tuple[int, int]:

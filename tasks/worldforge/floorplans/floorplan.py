@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from ....schemas.templates.body import TemplateFloorplan, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, RoomType, Wall, Window
 from ..doors.doors import hang_doors
-from ..seeds import PlanSeed
 from .brief import EXTERIOR_WALL, brief, length_over_width
 from .connections import Way, connect
 from .partition import UNITS_PER_M, Corners, Partition, area, extent, outline
 from .partition_choice import find_partition
+from .plan_seed import PlanSeed
 from .preferences import preference_report
 from .walls import Pane, Piece, build_walls, floor_shapes, place_windows
 

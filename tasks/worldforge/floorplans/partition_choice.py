@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..seeds import PlanSeed
 from .brief import EXTERIOR_WALL, Brief
 from .partition import UNITS_PER_M, Corners, Partition
 from .partition_climb import climb_to_partition
@@ -20,6 +19,7 @@ from .partition_costs import Floats, as_partition
 from .partition_notches import notched_shortlists
 from .partition_setbacks import setback_shortlist
 from .partition_shortlist import Shortlist, shortlist
+from .plan_seed import PlanSeed
 from .plan_signature import forms_of
 
 _CHOICE_MARGIN = 2.0

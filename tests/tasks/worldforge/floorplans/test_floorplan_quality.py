@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import Floorplan, Room, RoomType
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.floorplans.partition import SIDE_BY_SIDE, STACKED, partition, slenderness
-from prefect_robomaker.tasks.worldforge.seeds import PlanSeed
+from prefect_robomaker.tasks.worldforge.floorplans.plan_seed import PlanSeed
 
 AREAS: dict[RoomType, tuple[float, float]] = {
     "Living": (18, 40),

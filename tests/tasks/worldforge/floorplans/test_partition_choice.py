@@ -7,8 +7,9 @@ from prefect_robomaker.schemas.worlds.world import Floorplan
 from prefect_robomaker.tasks.worldforge.floorplans.brief import brief
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.floorplans.partition_choice import plans_of
+from prefect_robomaker.tasks.worldforge.floorplans.plan_seed import PlanSeed
 from prefect_robomaker.tasks.worldforge.floorplans.plan_signature import signature_of
-from prefect_robomaker.tasks.worldforge.seeds import PlanSeed, seeds_for
+from prefect_robomaker.tasks.worldforge.seeds import seeds_for
 
 FLAT = TEMPLATES["fits a rectangle"]
 PLANS = 20

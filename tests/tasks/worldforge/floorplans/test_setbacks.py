@@ -17,8 +17,8 @@ from prefect_robomaker.tasks.worldforge.floorplans.partition_setbacks import (
     setback_shortlist,
 )
 from prefect_robomaker.tasks.worldforge.floorplans.partition_shortlist import LEAST_EDGE
+from prefect_robomaker.tasks.worldforge.floorplans.plan_seed import PlanSeed
 from prefect_robomaker.tasks.worldforge.floorplans.plan_signature import has_small_steps
-from prefect_robomaker.tasks.worldforge.seeds import PlanSeed
 
 
 def box(x0: int, y0: int, x1: int, y1: int) -> tuple[tuple[int, int], ...]:
