@@ -81,7 +81,7 @@ except SpecError as error:
     refused = str(error)
 print(json.dumps({
     "refused": refused,
-    "made of": list(_judging_packages([{"kind": "reach"}])),
+    "made of": list(_judging_packages([{"kind": "reach"}], str)),
     "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
 }))
 """

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr
 
 from ...schemas.reports.changes import MarginTrend
 from ..results.rates import margin_units
@@ -71,6 +70,8 @@ def shrinking(margins: NDArray[np.float64], requirements: int = 1) -> Lines:
 
 def _line(margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Slope of the least-squares line, nights until it reaches 0, and the chance of such a slope without a trend."""
+    from scipy.special import stdtr  # importing it is slow; most commands fit no lines
+
     count = margins.shape[-1]
     nights = np.arange(count) - (count - 1) / 2
     square = float((nights**2).sum())

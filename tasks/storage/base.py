@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, Protocol, TypeVar
@@ -81,8 +81,8 @@ class ObjectInfo:
     size_bytes: int
     etag: str
     """Changes whenever the content changes; without quotes."""
-    modified_at: datetime | None = None
-    """Time at which it was stored; `None`: not told, as of what was stored just now."""
+    modified_at: datetime | None = field(default=None, compare=False)
+    """Time at which it was stored; `None`: not told, as of what was stored just now. Equal objects may differ in it."""
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,10 @@ class Difference:
     """Whether service models can say it; what only YAML and Python can is compared elsewhere."""
 
 
+DIVERSITY = (
+    "Extension: floor plans of a job that differ as long as there are others, or the best one again and again; and how "
+    "many there are."
+)
 SEED = "Extension: worlds and runs that can be made again from the same seed; the tag `robomaker:seed` says the same."
 VIDEO = "Extension: whether a run gets a video; the tag `robomaker:video` says the same."
 REQUIREMENTS = (
@@ -168,6 +172,9 @@ LONGER_PAGES: Mapping[str, int] = {
 DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(f"{shape}.seed", "Seed", None, SEED) for shape in _SEED_SHAPES),
     Difference("Seed", "long", None, SEED),
+    Difference("CreateWorldGenerationJobRequest.diversity", "Diversity", None, DIVERSITY),
+    Difference("Diversity", "integer", None, DIVERSITY),
+    Difference("FinishedWorldsSummary.planCount", "Integer", None, DIVERSITY),
     *(Difference(f"{shape}.video", "VideoPolicy", None, VIDEO) for shape in _VIDEO_SHAPES),
     Difference("VideoPolicy", "string", None, VIDEO),
     *(Difference(f"{shape}.requirements", "JobRequirements", None, REQUIREMENTS) for shape in _VIDEO_SHAPES),

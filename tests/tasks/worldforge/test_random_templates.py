@@ -102,12 +102,13 @@ def test_small_kitchens_have_ovens_and_small_living_rooms_seats(worlds: int) -> 
 
 def test_a_room_is_longer_for_its_width_on_its_floor_than_between_its_walls() -> None:
     body = house([("Strip", "Living", 24.0, 4.0), ("Square", "Bedroom", 24.0, 1.0)], [], "1")
-    plan = generate_floorplan(body, 1)
+    plan = generate_floorplan(body, seeds_for(1, 0, 0, diverse=False)[0])  # others may have notches
     for room in plan.rooms:
         assert room.floor_area_m2 is not None
         long, short = floor_sides(room, plan.footprint)
-        assert room.floor_area_m2 == pytest.approx(long * short)
-        assert room.aspect_ratio == pytest.approx(long / short, abs=1e-4)
+        # A line that is partly an outer wall takes 5 cm more of the floor there.
+        assert 0.97 * long * short < room.floor_area_m2 <= long * short + 1e-9
+        assert room.aspect_ratio == pytest.approx(long / short, rel=0.03)
         assert room.floor_area_m2 < room.area_m2
 
 

@@ -280,12 +280,24 @@ def test_a_mapping_of_a_bundle_names_a_model_of_the_registry(registry: dict[str,
     wrong = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/card.xml"})
     with pytest.raises(LaunchError, match=r"acme_cart has no file 'card.xml'; did you mean 'cart.xml'\?"):
         find_robot(wrong, variables)
-    (next((tmp_path / "cache" / "models").iterdir()) / "robot.yaml").unlink()
-    with pytest.raises(LaunchError, match=r"Write it into a robot application with `model: menagerie:acme_cart/cart"):
+    model = next((tmp_path / "cache" / "models").iterdir())
+    (model / "robot.yaml").unlink()
+    hold_base(model)
+    with pytest.raises(LaunchError, match=r"Write it into a robot application, with `model: menagerie:acme_cart/cart"):
         find_robot(None, registry)
 
 
-def test_a_checkout_comes_before_the_registry(registry: dict[str, str], menagerie: dict[str, str]) -> None:
+def hold_base(model: Path) -> None:
+    """Takes the free joint from a cart, so that no mapping can be derived from it."""
+    text = (model / "cart.xml").read_text()
+    without_keyframe = text[: text.index("<keyframe>")] + "</mujoco>"
+    (model / "cart.xml").write_text(without_keyframe.replace('<freejoint name="root"/>', ""))
+
+
+def test_a_checkout_comes_before_the_registry(
+    registry: dict[str, str], menagerie: dict[str, str], tmp_path: Path
+) -> None:
+    hold_base(tmp_path / "menagerie" / "acme_cart")
     with pytest.raises(LaunchError, match=r"/menagerie/acme_cart has no robot\.yaml"):
         find_robot(None, registry | menagerie)
 

@@ -172,7 +172,7 @@ def hinge_elsewhere(document: dict[str, Any]) -> None:
 OFF = {"contype": "0", "conaffinity": "0"}
 CHEAP: dict[str, tuple[Sabotage, set[str], str]] = {
     "a box in a doorway": (in_doorway, {"ways", "reach", "parts", "map", "lidar"}, "world.xml has box"),
-    "a wall that robots pass": (geom("geom:wall_5", **OFF), {"parts", "lidar"}, "wall_5"),
+    "a wall that robots pass": (geom("geom:wall_1", **OFF), {"parts", "lidar"}, "wall_1"),
     "a door turned": (geom("body:door-1", euler="0 0 0.1"), {"doors"}, "door-1.leaf is not as world.json has it"),
     "a map that is all free": (map_cells(all_free), {"map"}, "map.pgm shows nothing where"),
     "a cell filled": (map_cells(one_filled), {"map"}, "shows an obstacle where nothing stands, 1 cells"),

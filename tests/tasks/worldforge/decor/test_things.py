@@ -62,6 +62,14 @@ def test_an_emptier_room_has_fewer(make_body: MakeBody) -> None:
     assert counts[0] < counts[1]
 
 
+def depth_m(model: mujoco.MjModel, data: mujoco.MjData, one: str, other: str) -> float:
+    """How far two things are in each other at most, by their geoms."""
+    geoms = [[geom for geom in range(model.ngeom) if thing_of(model.geom(geom).name) == each] for each in (one, other)]
+    return max(
+        -mujoco.mj_geomDistance(model, data, first, second, 1.0, None) for first in geoms[0] for second in geoms[1]
+    )
+
+
 @pytest.mark.parametrize("kind", TYPES)
 def test_things_are_in_nothing_else_and_stand_on_something(make_body: MakeBody, kind: str) -> None:
     model = model_of(dense(make_body, kind, 3))
@@ -81,7 +89,8 @@ def test_things_are_in_nothing_else_and_stand_on_something(make_body: MakeBody, 
     names = list(things)
     for index, one in enumerate(names):
         others = [other for other in names[index + 1 :] if overlap_m(things[one], things[other]) > MOST_OVERLAP_M]
-        assert others == [], one
+        # Boxes around things that are turned are too large.
+        assert [other for other in others if depth_m(model, data, one, other) > MOST_OVERLAP_M] == [], one
         inside = [name for name, box in solids.items() if overlap_m(things[one], box) > MOST_OVERLAP_M]
         assert [name for name in inside if not is_open(name)] == [], one
     standing = [name for name in names if name.startswith("thing_") and not name.startswith("thing_shelf")]

@@ -165,12 +165,16 @@ def test_beds_have_their_head_at_a_wall_and_nightstands_beside_it(make_body: Mak
     )
     plan, furniture, _ = interior(body, seed)
     bed = of_kind(furniture, "Beds")[0]
-    assert gap_behind(bed, plan) < 0.06
+    assert gap_behind(bed, plan) < MOST_GAP_M
     stand = of_kind(furniture, "Nightstands")[0]
     assert stand.yaw == bed.yaw
     offset = np.array([stand.x - bed.x, stand.y - bed.y])
     assert abs(offset @ front(bed) + (bed.depth_m - stand.depth_m) / 2) < 0.01
     assert shared_m(stand, bed) > -0.06
+
+
+MOST_GAP_M = 0.07
+"""Where a line is partly an outer wall, 5 cm thicker on this side, furniture keeps that distance all along it."""
 
 
 def gap_behind(item: Furniture, plan: Floorplan) -> float:
@@ -214,7 +218,7 @@ def test_kitchens_and_bathrooms_line_their_walls(make_body: MakeBody, seed: int)
     lined = [item for item in furniture if item.model_type in fixtures and item.room in ("Kitchen", "Bath")]
     assert {"Fridges", "Ovens", "Toilets", "VanityCounters"} <= {item.model_type for item in lined}
     for item in lined:
-        assert gap_behind(item, plan) < 0.06, item.id
+        assert gap_behind(item, plan) < MOST_GAP_M, item.id
 
 
 def test_rooms_hold_what_their_type_suggests() -> None:
