@@ -139,8 +139,7 @@ def _at_corners(cuts: Cuts) -> tuple[Floats, Flags]:
     filled = np.zeros((4, *points.shape[1:]), bool)
     for number, shift in enumerate(((0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5))):
         spots = (points + np.array(shift)[:, None, None])[:, :, None]
-        inside: Flags = ((low[:, None] < spots) & (spots < high[:, None])).all(axis=0)
-        filled[number] = np.any(inside, axis=1)
+        filled[number] = np.any(np.all((low[:, None] < spots) & (spots < high[:, None]), axis=0), axis=1)
     first = np.ones(points.shape[1:], bool)
     same = (points[:, :, None] == points[:, None, :]).all(axis=0)
     for point in range(1, len(first)):
