@@ -35,6 +35,7 @@ from ..schemas.wire.errors import (
 )
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait, Result
+from ..tasks.execution.orphans import wait_if_ending
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
 from ..tasks.inspection.job_standings import why_not_completed
@@ -274,6 +275,7 @@ class PipelineRun:
                 else:
                     failed = not self._run_step(name)
         except BaseException:
+            wait_if_ending()
             self._is_canceled = True  # so that nothing waits for the catalog any more
             self._note_cancelled()
             raise
@@ -460,7 +462,8 @@ class PipelineRun:
         return StepRecord(name=name, operation=operation, status="Skipped")
 
     def _finish(self) -> RunRecord:
-        """Writes the report and the record, whatever happened."""
+        """Writes the report and the record, whatever happened; nothing, if this process is ending as an orphan."""
+        wait_if_ending()
         return finish_run(
             self._facts,
             self._steps,

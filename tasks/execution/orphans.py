@@ -68,9 +68,24 @@ def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
         _tell_prefect(lambda: _say_interrupted(flow_run))
 
 
+_ending = threading.Event()
+"""Set once this process ends itself."""
+
+
+def wait_if_ending() -> None:
+    """Holds this thread until the process is gone, if it is ending itself; returns at once otherwise.
+
+    A run whose leases were given back fails or is interrupted in its own thread, while Prefect is told of the end for
+    seconds. That is no end of the run, which another process finishes: nothing of it may be written down.
+    """
+    if _ending.is_set():
+        threading.Event().wait()
+
+
 @contextmanager
 def _ended(exit_code: int) -> Generator[None]:
     """Ends this process after the block, whatever breaks in it: threads that still run would be waited for."""
+    _ending.set()
     try:
         yield
     except Exception:

@@ -287,4 +287,5 @@ def test_each_night_ends_or_is_named(
         with Path(path).open("a") as file:
             file.write(json.dumps(record) + "\n")
     assert sum(killed.values()) == kills
+    assert not told["night canceled"], "nobody cancelled one: a process that ended itself said so"
     assert told["night succeeded"], "else the nights have shown little"

@@ -10,6 +10,7 @@ import pytest
 from helpers.paths import BUNDLES
 from helpers.small_flat import BODY, ROLE
 
+from prefect_robomaker.flows import pipelines
 from prefect_robomaker.flows.pipelines import PipelineRun, run_spec
 from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
@@ -260,6 +261,33 @@ def test_an_interrupted_run_has_a_record_and_a_report(run: Run) -> None:
     assert (record.state, record.exit_code) == ("canceled", 4)
     assert statuses(record) == {"template": "Completed"}
     assert (record.run_dir / "report.html").exists()
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, LookupError])
+def test_a_process_that_ends_as_an_orphan_writes_down_no_end_of_its_run(
+    service: Service, monkeypatch: pytest.MonkeyPatch, interruption: type[BaseException], prefect_server: str
+) -> None:
+    """Its leases are given back, so that what it does fails; another process finishes the run from its order."""
+
+    class Held(BaseException):
+        pass
+
+    def hold() -> None:
+        raise Held
+
+    def interrupt(event: ProgressEvent) -> None:
+        if event == StepStarted("list", "ListWorlds"):
+            monkeypatch.setattr(pipelines, "wait_if_ending", hold)
+            raise interruption
+
+    checked = load_spec(json.dumps({"version": 1, "name": "quick", "steps": QUICK}), "quick.yaml")
+    pipeline = PipelineRun(checked, service, interrupt, "quick.yaml")
+    with pytest.raises(Held):
+        pipeline.run()
+
+    names = {path.name for path in service.folder("runs", pipeline.run_id).iterdir()}
+    assert "order.json" in names
+    assert names.isdisjoint({"run.json", "cancel"})
 
 
 def test_a_run_that_is_cancelled_just_before_its_step_makes_a_job_cancels_that_job_too(

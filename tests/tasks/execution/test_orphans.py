@@ -97,6 +97,32 @@ def test_the_death_of_the_parent_counts_until_the_run_ends_and_ends_the_process_
     assert told == ["watching\norphaned\n", "watching\n", "watching\n"]
 
 
+ENDING = """
+import threading
+from prefect_robomaker.tasks.execution import orphans
+
+begun, tried = threading.Event(), threading.Event()
+
+def end():
+    with orphans._ended(3):
+        begun.set()
+        tried.wait()
+
+orphans.wait_if_ending()
+threading.Thread(target=end).start()
+begun.wait()
+print("ending", flush=True)
+tried.set()
+orphans.wait_if_ending()
+print("it went on", flush=True)
+"""
+
+
+def test_nothing_goes_on_in_a_process_that_ends_itself() -> None:
+    done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, check=False, timeout=200)
+    assert (done.returncode, done.stdout) == (3, "ending\n"), done.stderr
+
+
 def test_what_goes_on_with_the_jobs_of_an_orphan_has_what_they_need(service: Service) -> None:
     needed = NeededEnvironment(
         machine="lab", python="/venv", python_path=("/robot",), variables={"ROBOMAKER_NICE": "3"}, packages={}
