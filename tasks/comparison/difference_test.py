@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
-from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed
+from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
 from .statistics import (
     Interval,
     clustered_mean,
@@ -106,7 +107,7 @@ def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None)
     else:
         found, test = paired_rate_difference(both, worse, better, neither, alpha), "exact McNemar"
         p_value = mcnemar_p_value(worse, better)
-    by_worlds = found.low if trials.flips_worlds else None
+    between_worlds = found if trials.flips_worlds else None
     return RateChange(
         pairs=len(trials),
         worlds=trials.world_count,
@@ -117,17 +118,21 @@ def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None)
         high=min(found.high, 1.0),
         test=test,
         p_value=p_value,
-        margin=None if margin is None else _margin_test(len(trials), worse, better, margin, alpha, by_worlds),
+        margin=None if margin is None else _margin_test(trials, worse, better, margin, alpha, between_worlds),
     )
 
 
 def _margin_test(
-    pairs: int, worse: int, better: int, margin: float, alpha: float, low_by_worlds: float | None
+    trials: JudgedTrials, worse: int, better: int, margin: float, alpha: float, between_worlds: Interval | None
 ) -> MarginTest:
     """The test of a margin; where worlds are flipped, the interval between them decides, since trials are alike."""
-    if low_by_worlds is not None:
-        outcome = "shown" if low_by_worlds > -margin else "not shown"
+    if between_worlds is not None:
+        worlds = trials.world_count
+        error = (between_worlds.value - between_worlds.low) / float(stdtrit(worlds - 1, 1 - alpha / 2))
+        is_shown = shown_between_worlds(np.array(between_worlds.value), np.array(error), worlds, margin, alpha)
+        outcome = "shown" if is_shown else "not shown"
         return MarginTest(margin=margin, outcome=outcome, test="interval between worlds")
+    pairs = len(trials)
     p_value = margin_p_value(pairs, worse, better, margin)
     return MarginTest(
         margin=margin, outcome="shown" if p_value <= alpha / 2 else "not shown", test="Tango's score", p_value=p_value

@@ -94,6 +94,25 @@ def margin_pairs_needed(discordant: float, margin: float, alpha: float = 0.05, p
     return first_that_holds(lambda pairs: margin_power(pairs, discordant, margin, alpha) >= power, start)
 
 
+def shown_between_worlds(
+    mean: NDArray[np.float64], error: NDArray[np.float64], worlds: int, margin: float, alpha: float
+) -> NDArray[np.bool_]:
+    """Tells whether changes of pass rates in whole worlds exclude a fall by the margin.
+
+    A few worlds that do not differ have no scatter, and say nothing of worlds that were not drawn: one in ten that
+    breaks wholly is a fall by 10 points. So the error is at least that of such a fall.
+
+    Args:
+        mean: mean change of the pass rate, any shape.
+        error: its standard error between worlds, of the same shape.
+        worlds: number of worlds, at least 2.
+        margin: the fall of the pass rate that would matter.
+        alpha: two-sided error probability; the test has half of it.
+    """
+    least = math.sqrt(margin * (1 - margin) / worlds)
+    return mean - float(stdtrit(worlds - 1, 1 - alpha / 2)) * np.maximum(error, least) > -margin
+
+
 def margin_worlds_needed(
     differences: NDArray[np.float64],
     trials: float,
@@ -129,11 +148,10 @@ def margin_worlds_needed(
         if worlds < 2:
             return False  # there is no spread between worlds
         if worlds > _SIMULATED_WORLDS:
-            deviation = max(float(spread.std()), math.sqrt(discordant / sizes))
-            return float(ndtr(math.sqrt(worlds) * margin / max(deviation, 1e-9) + ndtri(alpha / 2))) >= power
+            deviation = max(float(spread.std()), math.sqrt(discordant / sizes), math.sqrt(margin * (1 - margin)))
+            return float(ndtr(math.sqrt(worlds) * margin / deviation + ndtri(alpha / 2))) >= power
         drawn = draw(worlds)
-        # The interval of `clustered_mean`, where all worlds have as many trials.
-        reach = float(stdtrit(worlds - 1, 1 - alpha / 2)) * drawn.std(axis=1, ddof=1) / math.sqrt(worlds)
-        return float((drawn.mean(axis=1) - reach > -margin).mean()) >= power
+        error = drawn.std(axis=1, ddof=1) / math.sqrt(worlds)
+        return float(shown_between_worlds(drawn.mean(axis=1), error, worlds, margin, alpha).mean()) >= power
 
     return first_that_holds(shows, 8)
