@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.runs.trials import planned_trials
-from ...schemas.specs.model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
+from ...schemas.specs.model import FOR_EACH, INDEX, CheckedSpec, CheckedStep, for_each_of, variable_of
 from ...schemas.specs.references import ReferenceMistake, parse_template
 from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
 from .output.answers import duration
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from ...schemas.reports.forecast import Forecast
     from ...tasks.comparison.detection import PlannedTrials
 
-_WORLD = "a world"
+_SOME_WORLD = "a world"
 _VARIED = ("worlds", "variations")
-_WORLDS = "worldConfigs"
+_WORLD = ("simulationApplications", 0, "worldConfigs", 0, "world")
 DRIVES = ("CreateSimulationJob", "StartSimulationJobBatch")
 """Operations that run simulation jobs."""
 _COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
@@ -40,9 +40,6 @@ class PlannedStep:
     trials: int | None = None
     """Trials of its jobs in all, where the file says it; a job without trials is one."""
 
-    job_worlds: int | None = None
-    """Different worlds that its jobs drive in, where the file says it; jobs without a world count as one."""
-
     concurrency: int | None = None
     job_limit_s: int | None = None
     """The longest `maxJobDurationInSeconds` of its jobs, where the file says it."""
@@ -61,21 +58,21 @@ def planned(spec: CheckedSpec) -> list[PlannedStep]:
     for name in spec.order:
         step = _planned_step(spec.steps[name], outputs)
         # As if every world succeeded: enough to count what later steps make of them.
-        worlds = [_WORLD] * (step.worlds or 0)
+        worlds = [_SOME_WORLD] * (step.worlds or 0)
         outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}, "worlds": worlds} if worlds else {}
         steps.append(step)
     return steps
 
 
-def planned_trials_of(steps: Sequence[PlannedStep]) -> "PlannedTrials | None":
+def planned_trials_of(spec: CheckedSpec, steps: Sequence[PlannedStep]) -> "PlannedTrials | None":
     """Counts the trials of one run of a specification, and the worlds they drive in; `None`: only a run can tell."""
     from ...tasks.comparison.detection import PlannedTrials
 
     drives = [step for step in steps if step.operation in DRIVES]
-    if not drives or any(step.trials is None or step.job_worlds is None for step in drives):
+    if not drives or any(step.trials is None or step.jobs is None for step in drives):
         return None
-    # Steps that follow each other mostly drive in the same worlds.
-    return PlannedTrials(sum(step.trials or 0 for step in drives), max(step.job_worlds or 0 for step in drives))
+    worlds = set[str]().union(*(_worlds(spec.steps[step.step], step.jobs or 0) for step in drives))
+    return PlannedTrials(sum(step.trials or 0 for step in drives), len(worlds))
 
 
 def with_time(needed: "PlannedPairs", forecast: "Forecast", planned: int) -> "PlannedPairs":
@@ -116,13 +113,11 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
             needs,
             jobs=1,
             trials=_trials(step.input),
-            job_worlds=1,
             job_limit_s=max(limits, default=None),
             detail=detail,
         )
     if step.operation == "StartSimulationJobBatch" and (requests := child(step.input, "createSimulationJobRequests")):
         jobs, what = _size(requests, outputs)
-        trials, job_worlds = _trials_and_worlds(requests, jobs)
         concurrency = _number(step.input, "batchPolicy", "maxConcurrency")
         together = f", {concurrency} at a time" if concurrency else ""
         limits, timeout_s = _limits(_written(requests)), _number(step.input, "batchPolicy", "timeoutInSeconds")
@@ -132,8 +127,7 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
             step.operation,
             needs,
             jobs=jobs,
-            trials=trials,
-            job_worlds=job_worlds,
+            trials=_trials_of_all(requests, jobs),
             concurrency=concurrency,
             job_limit_s=max(limits, default=None),
             timeout_s=timeout_s,
@@ -154,16 +148,35 @@ def _trials(request: Node) -> int:
     return max(1, planned_trials(written)) if isinstance(written, Mapping) else 1
 
 
-def _trials_and_worlds(requests: Node, jobs: int | None) -> tuple[int | None, int | None]:
-    """Trials of all jobs of a batch, and the different worlds they drive in; `None` where only a run can tell."""
+def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
+    """Trials of all jobs of a batch; `None` where only a run can tell."""
     written = _written(requests)
     if for_each_of(requests) is None:
-        worlds = {json.dumps(plain(node) if node else None) for node in (child(each, _WORLDS) for each in written)}
-        return (sum(map(_trials, written)), len(worlds)) if written else (None, None)
-    if jobs is None:
-        return None, None
-    of_each = child(written[0], _WORLDS)
-    return jobs * _trials(written[0]), jobs if of_each and "${{" in json.dumps(plain(of_each)) else 1
+        return sum(map(_trials, written)) or None
+    return None if jobs is None else jobs * _trials(written[0])
+
+
+def _worlds(step: CheckedStep, jobs: int) -> set[str]:
+    """Names for the different worlds that a step's jobs drive in, equal for steps that take the same ones."""
+    requests = child(step.input, "createSimulationJobRequests") or ListNode(step.place, (step.input,))
+    written = [_world(each) for each in _written(requests)]
+    construct = for_each_of(requests)
+    if construct is None or not _names(written[0]).intersection((variable_of(construct), INDEX)):
+        return set(written)
+    source = json.dumps(plain(construct.entries[FOR_EACH]))
+    return {f"{source} {number}" for number in range(jobs)}
+
+
+def _world(request: Node) -> str:
+    """The world of a request, as it is written; empty: none."""
+    found: Node | None = request
+    for key in _WORLD:
+        found = child(found, key) if found is not None else None
+    return str(plain(found)) if found is not None else ""
+
+
+def _names(text: str) -> set[str]:
+    return {name for reference in parse_template(text).references for name in reference.names()}
 
 
 def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
@@ -172,7 +185,7 @@ def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | Non
     entries = _entries(construct.entries[FOR_EACH] if construct else requests, outputs)
     if entries is None:
         return None, f"a simulation job for each of {plain(construct.entries[FOR_EACH] if construct else requests)}"
-    each = ", one for each world" if entries and all(entry == _WORLD for entry in entries) else ""
+    each = ", one for each world" if entries and all(entry == _SOME_WORLD for entry in entries) else ""
     return len(entries), counted(len(entries), "simulation job") + each
 
 

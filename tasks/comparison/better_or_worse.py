@@ -172,20 +172,20 @@ def _margin_in_words(test: MarginTest) -> str:
 
 def _depends_on_lost(judged: JudgedTrials, fair: TrialPairs, alpha: float, margin: float | None) -> str:
     """Says that passed trials of the first run which the second one lacks could be the fall that is to be excluded."""
-    lost = fair.only(fair.told).lost_passes
-    if not lost:
+    worlds = fair.only(fair.told).lost_passes
+    if not (lost := len(worlds)):
         return ""
     worst = JudgedTrials(
         np.concatenate([judged.before, np.ones(lost, dtype=np.bool_)]),
         np.concatenate([judged.after, np.zeros(lost, dtype=np.bool_)]),
-        np.concatenate([judged.worlds, np.full(lost, -1)]),
+        np.concatenate([judged.worlds, worlds]),
         judged.fewest_worlds,
     )
     if _tested(rate_change(worst, alpha, margin), alpha) in ("not worse", "better"):
         return ""
     return (
         f"{_counted(lost, 'trial')} that passed in the first run have no verdict by the same requirements in the "
-        "second, and if they failed, the pass rate fell by the margin; run them too"
+        "second; if they failed, a fall by the margin would not be excluded: run them too"
     )
 
 

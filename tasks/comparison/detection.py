@@ -28,7 +28,7 @@ class Question:
 
     kind: Literal["difference", "margin"]
     share: float
-    """The difference to be shown, or the fall to be excluded; above 0 and below 1."""
+    """The difference to be shown, or the fall to be excluded; above 0; a margin is below 1."""
 
     alpha: float = 0.05
     """Error probability of the test that will decide."""

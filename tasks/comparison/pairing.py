@@ -153,9 +153,16 @@ class TrialPairs:
         return (before <= BROKEN) & (after <= BROKEN)
 
     @property
-    def lost_passes(self) -> int:
-        """Number of trials that passed in the first run and are in none of these pairs."""
-        return int((_outcomes(self.before) == PASSED).sum()) - int((self.outcomes[0] == PASSED).sum())
+    def lost_passes(self) -> NDArray[np.int64]:
+        """Worlds of the trials that passed in the first run and are in none of these pairs, numbered as `worlds`.
+
+        Worlds in which there is no pair have numbers below 0.
+        """
+        codes = self.before.codes("world")[0].astype(np.int64)
+        known = dict(zip(codes[self.before_rows].tolist(), self.worlds.tolist(), strict=True))
+        lost = np.flatnonzero(_outcomes(self.before) == PASSED)
+        lost = lost[~np.isin(lost, self.before_rows)]
+        return np.array([known.get(code, -2 - code) for code in codes[lost].tolist()], dtype=np.int64)
 
     def only(self, which: NDArray[np.bool_]) -> "TrialPairs":
         """Returns the pairs that a mask selects."""

@@ -30,7 +30,7 @@ HORIZON = 14
 
 @dataclass(frozen=True)
 class Lines:
-    """The steepest told line of each series, as arrays with one entry for each."""
+    """The told line of each series, of its longest window that tells one, as arrays with one entry for each."""
 
     told: NDArray[np.bool_]
     """Whether a line is told."""

@@ -50,16 +50,17 @@ def time_span(text: str, option: str) -> timedelta:
     raise ConfigurationError(f"{option} is {text!r}; a time such as 30d, 12h or 1d12h would be right")
 
 
-def percentage(text: str | None, option: str, *, whole: bool = False) -> float | None:
+def percentage(text: str | None, option: str, *, whole: bool = False, none: bool = False) -> float | None:
     """Parses percentage points such as `5` or `5points`, and returns them as a share.
 
     Args:
         text: a number, with or without `points` behind it; None: nothing was given.
         option: where it was given, for the error.
         whole: whether 100 is allowed, too.
+        none: whether 0 is allowed, too.
 
     Returns:
-        The share, above 0: 0.05 for `5`; None: nothing was given.
+        The share: 0.05 for `5`; None: nothing was given.
 
     Raises:
         ConfigurationError: it is no number, or out of range.
@@ -67,10 +68,11 @@ def percentage(text: str | None, option: str, *, whole: bool = False) -> float |
     if text is None:
         return None
     found = re.fullmatch(r"(\d+(?:\.\d+)?) ?(?:points?|%)?", text)
-    if found is None or not 0 < float(found[1]) <= 100 or (float(found[1]) == 100 and not whole):
-        most = "at most 100" if whole else "below 100"
-        raise ConfigurationError(f"{option} is {text!r}; a number above 0 and {most}, such as 5, would be right")
-    return float(found[1]) / 100
+    points = float(found[1]) if found else -1.0
+    if not (0 < points < 100 or (whole and points == 100) or (none and points == 0)):
+        least, most = "from 0" if none else "above 0", "at most 100" if whole else "below 100"
+        raise ConfigurationError(f"{option} is {text!r}; a number {least} and {most}, such as 5, would be right")
+    return points / 100
 
 
 def output_file(path: str | None, option: str) -> Path | None:

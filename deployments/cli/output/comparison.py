@@ -146,7 +146,7 @@ def _needed_for_margin(needed: NeededPairs) -> str:
     what = f"to exclude a fall by {needed.difference * 100:.3g} points with a {needed.power:.0%} chance"
     what = f"{what}, if nothing changed"
     if not needed.more:
-        return f"no more pairs: {needed.pairs} are enough {what}, and there are as many"
+        return f"no more pairs: {needed.pairs}, which there are, are enough {what}; so something may have changed"
     worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
     return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, {what}"
 

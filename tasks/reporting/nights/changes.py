@@ -62,15 +62,14 @@ def requirement_in_words(change: RequirementChange) -> str:
 
 
 def trend_in_words(trend: MarginTrend) -> str:
-    """Describes a margin that shrinks: `gentle: its smallest margin shrinks, 3, 2, 1 N in the last 3 nights: …`."""
+    """Describes a margin that shrinks: `gentle: its smallest margin shrinks, 3, 2, 1 N in the last 3 runs …`."""
     shown = trend.margins[-_MOST_MARGINS:]
     margins = ", ".join(f"{each:.3g}" for each in shown)
     unit = f" {trend.unit}" if trend.unit else ""
     nights = max(1, round(trend.nights_left))
-    when = "night" if nights == 1 else "nights"
     return (
-        f"{trend.name}: its smallest margin shrinks, {margins}{unit} in the last {len(shown)} nights: "
-        f"missed in about {nights} {when}"
+        f"{trend.name}: its smallest margin shrinks, {margins}{unit} in the last {len(shown)} runs of as many trials: "
+        f"missed in about {nights} more"
     )
 
 

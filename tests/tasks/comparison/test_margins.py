@@ -6,14 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtri
 
+from prefect_robomaker.tasks.comparison.difference_test import JudgedTrials, needed_pairs, rate_change
 from prefect_robomaker.tasks.comparison.margins import (
     margin_p_value,
     margin_pairs_needed,
     margin_power,
     margin_worlds_needed,
     score,
+    shown_between_worlds,
 )
-from prefect_robomaker.tasks.comparison.statistics import clustered_mean
 
 NEEDED = -float(ndtri(0.025))
 
@@ -65,9 +66,34 @@ def test_what_cannot_be_is_refused(margin: float, worse: int, better: int) -> No
         margin_p_value(10, worse, better, margin)
 
 
+@pytest.mark.parametrize(
+    ("worlds", "trials", "margin"), [(6, 10, 0.05), (20, 10, 0.1), (40, 5, 0.1), (100, 3, 0.1), (200, 2, 0.05)]
+)
+@pytest.mark.parametrize("breaks", ["trials", "worlds"])
+def test_a_fall_by_the_margin_is_seldom_missed_between_worlds(
+    breaks: str, worlds: int, trials: int, margin: float
+) -> None:
+    """Also where whole worlds break: a few that were drawn may all be whole, and then do not differ at all."""
+    chance = np.random.default_rng(9)
+    broken = chance.random((1500, worlds, trials if breaks == "trials" else 1)) < margin
+    change = -np.broadcast_to(broken, (1500, worlds, trials)).mean(axis=2)
+    error = change.std(axis=1, ddof=1) / np.sqrt(worlds)
+    shown = shown_between_worlds(change.mean(axis=1), error, worlds, margin, 0.05)
+    assert shown.mean() <= 0.025 + 3 * np.sqrt(0.025 * 0.975 / 1500)
+
+
+def test_six_worlds_that_do_not_differ_exclude_no_fall_by_ten_points() -> None:
+    worlds = np.repeat(np.arange(6), 20)
+    few = JudgedTrials(np.ones(120, dtype=bool), np.ones(120, dtype=bool), worlds)
+    many = JudgedTrials(np.ones(120, dtype=bool), np.ones(120, dtype=bool), np.repeat(np.arange(40), 3))
+    found = [rate_change(each, 0.05, 0.1).margin for each in (few, many)]
+    assert [each.outcome for each in found if each] == ["not shown", "shown"]
+    assert needed_pairs(few, 0.05, None, 0.1).worlds == pytest.approx(37, abs=3)
+
+
 def test_needed_worlds_have_the_power_that_is_said() -> None:
     known = np.random.default_rng(7).normal(0.0, 0.15, 30)
     needed = margin_worlds_needed(known, 20, 0.1, np.random.default_rng(1), discordant=0.2)
     drawn = np.random.default_rng(2).choice(known - known.mean(), (2000, needed))
-    shown = np.mean([clustered_mean(each, np.ones(needed)).low > -0.1 for each in drawn])
-    assert 0.76 <= shown <= 0.9
+    error = drawn.std(axis=1, ddof=1) / np.sqrt(needed)
+    assert 0.76 <= shown_between_worlds(drawn.mean(axis=1), error, needed, 0.1, 0.05).mean() <= 0.9

@@ -90,7 +90,7 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
 
     from .....tasks.comparison.detection import Question
 
-    differ = percentage(arguments.differ, "--differ", whole=True)
+    differ = percentage(arguments.differ, "--differ", whole=True, none=True)
     if differ is not None and (shares["difference"] or 0) > differ:
         raise ConfigurationError(
             f"--detect is {arguments.detect} and --differ {arguments.differ}; pass rates cannot differ by more than "
@@ -112,7 +112,7 @@ def _needed(
 
     records = find_records(Settings.from_environment(os.environ).home / "runs", spec.name).records
     earlier = liveliest_pairs([NightRun.of(each) for each in records], asked[0].alpha)
-    planned = planned_trials_of(steps)
+    planned = planned_trials_of(spec, steps)
     found = [plan_pairs(each, planned, earlier) for each in asked]
     if forecast is None or planned is None:
         return found

@@ -33,7 +33,8 @@ def test_the_text_opens_with_what_changed(robomaker: Any, nights: None, home: Pa
 def test_a_margin_that_shrinks_is_told_before_it_is_missed(robomaker: Any, home: Path) -> None:
     for night, limit in enumerate((21.0, 18.1, 15.0, 12.0, 9.9)):
         store_night(make_night("PP", night, runs=home / "runs", name="shrinks", limit=limit))
-    said = "gentle: its smallest margin shrinks, 12, 9.1, 6, 3, 0.9 N in the last 5 nights: missed in about 1 night"
+    margins = "12, 9.1, 6, 3, 0.9 N in the last 5 runs of as many trials"
+    said = f"gentle: its smallest margin shrinks, {margins}: missed in about 1 more"
     assert said in robomaker("history", "shrinks").out
     assert said in (home / "history" / "shrinks.html").read_text()
     assert "Nothing changed" not in (home / "history" / "shrinks.html").read_text()

@@ -127,8 +127,41 @@ steps:
     assert json.loads(robomaker("plan", path, "-o", "json").out)["steps"][1]["jobs"] is None
 
 
+WORLDS = """\
+version: 1
+name: flats
+steps:
+  worlds:
+    operation: CreateWorldGenerationJob
+    input: {template: "arn:t", worldCount: {floorplanCount: 20, interiorCountPerFloorplan: 1}}
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        forEach: "${{ worlds.finishedWorldsSummary.succeededWorlds }}"
+        value:
+          maxJobDurationInSeconds: 90
+          trials: {seeds: 10}
+          simulationApplications:
+            - {application: indoor-navigation, launchConfig: {}, worldConfigs: [{world: "WORLD"}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("world", "test"),
+    [
+        ("${{ item }}", "the test that flips whole worlds"),
+        ("${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}", "the exact McNemar test"),
+    ],
+)
+def test_a_plan_counts_worlds_where_they_have_several_trials(robomaker, spec, world: str, test: str) -> None:
+    ended = robomaker("plan", spec(WORLDS.replace("WORLD", world)), "--detect", "10")
+    assert f"decided by  {test}\n  a run has   200 trials" in ended.out
+    assert ("in each world, as now" in ended.out) == ("worlds" in test)
+
+
 def test_a_plan_says_how_many_trials_answer_a_question(robomaker, spec) -> None:
-    """Trials of all jobs are counted, by worlds where there are several; a job without trials is one."""
+    """Trials of all jobs are counted; a job without trials is one."""
     path = spec("""\
 version: 1
 name: often
