@@ -153,7 +153,10 @@ class _Model:
         return Change(what="removed", thing=name, before="there", after="not there")
 
     def rub(self, name: str, friction: float) -> Change:
-        """Sets the sliding friction of a piece, or of all, which are called `*`."""
+        """Sets the sliding friction of a piece, or of all, which are called `*`, against whatever touches it.
+
+        Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
+        """
         if not 0 <= friction <= _MOST_FRICTION:
             raise ConfigurationError(
                 f"friction of {name}: {friction:g}; a number from 0 to {_MOST_FRICTION:g} would be right"
@@ -161,7 +164,9 @@ class _Model:
         geoms = [geom for geom in self._solid() if name == "*" or geom.get("name", "").partition(".")[0] == name]
         self._check(name, bool(geoms))
         before = sorted({float(geom.get("friction", "1").split()[0]) for geom in geoms})
+        priority = 1 + max(int(geom.get("priority", "0")) for geom in self._world.iter("geom"))
         for geom in geoms:
+            geom.set("priority", str(priority))
             _, *rest = geom.get("friction", "1 0.005 0.0001").split()
             geom.set("friction", " ".join([numbers(friction), *rest]))
         said = f"{before[0]:g}" if len(before) == 1 else f"{before[0]:g} to {before[-1]:g}"

@@ -118,11 +118,20 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
     for geom in own.geoms:
         if geom.group < _DRAWN_GROUPS:
             geom.group = 0  # leaves a group over for what range sensors do not see
+    _let_slide(own, world)
     if dropped := options_for_world(own, world):
         said = "physics options are those of the world, the robot's own are not used"
         _logger.warning("%s: %s: %s", robot.name, said, ", ".join(dropped))
     world.worldbody.add_frame().attach_body(own.body(robot.base), robot.prefix, "")
     return world.compile()
+
+
+def _let_slide(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
+    """Lets parts of a robot whose own friction counts by priority go before floors whose friction was varied."""
+    most = max((geom.priority for geom in world.geoms), default=0)
+    for geom in own.geoms:
+        if geom.priority > 0:
+            geom.priority += max(most, 0)
 
 
 def _let_sleep(world: mujoco.MjSpec) -> None:

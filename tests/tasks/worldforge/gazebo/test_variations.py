@@ -6,6 +6,7 @@
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 from helpers.gazebo_house import write_house
 
@@ -65,6 +66,35 @@ def test_a_crate_that_is_moved_into_a_wall_breaks_guarantees(house: Path, tmp_pa
     world = vary_imported(house, Wanted(moved={"crate": Move(0.0, -1.0)}), None, tmp_path / "varied")
     assert world.checks is not None
     assert any("overlap" in each for each in violations(world.checks))
+
+
+def slides_m(bundle: Path, tilt: float) -> float:
+    """How far the crate slides in half a second where down is tilted to the north by some radians."""
+    model = mujoco.MjModel.from_xml_path(str(bundle / "world.xml"))
+    model.opt.gravity[:] = 0.0, 9.81 * np.sin(tilt), -9.81 * np.cos(tilt)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    before = data.body("crate").xpos.copy()
+    mujoco.mj_step(model, data, round(0.5 / model.opt.timestep))
+    return float(data.body("crate").xpos[1] - before[1])
+
+
+@pytest.mark.parametrize("friction", [{"crate": 0.05}, {"floor": 0.05}, {"*": 0.05}, {"*": 0.9, "crate": 0.05}])
+def test_slippery_pieces_slide_as_far_as_their_friction_says(
+    house: Path, tmp_path: Path, friction: dict[str, float]
+) -> None:
+    tilt = 0.2
+    vary_imported(house, Wanted(friction=friction), None, tmp_path / "varied")
+    assert slides_m(house, tilt) == pytest.approx(0.0, abs=0.01)
+    expected = 9.81 * (np.sin(tilt) - 0.05 * np.cos(tilt)) * 0.5**2 / 2
+    assert slides_m(tmp_path / "varied", tilt) == pytest.approx(expected, rel=0.1)
+
+
+def test_friction_that_is_set_later_counts_also_in_a_variation_of_a_variation(house: Path, tmp_path: Path) -> None:
+    vary_imported(house, Wanted(friction={"*": 0.05}), None, tmp_path / "ice")
+    vary_imported(tmp_path / "ice", Wanted(friction={"crate": 0.9}), None, tmp_path / "held")
+    assert slides_m(tmp_path / "ice", 0.2) > 0.1
+    assert slides_m(tmp_path / "held", 0.2) == pytest.approx(0.0, abs=0.01)
 
 
 def test_pieces_may_be_gone_and_the_day_comes_back(house: Path, tmp_path: Path) -> None:

@@ -50,7 +50,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         type=_rubbed,
-        help="sliding friction of a piece, or of all, of a world that was imported from Gazebo",
+        help="sliding friction of a piece, or of all, against whatever touches it; "
+        "for worlds that were imported from Gazebo",
     )
     add_output(parser, "text", "json")
 
@@ -110,8 +111,8 @@ def _moved(text: str) -> "tuple[str, Move]":
 def _rubbed(text: str) -> tuple[str, float]:
     name, _, number = text.rpartition("=")
     try:
-        return name or "*", float(number)
+        if name or "=" not in text:
+            return name or "*", float(number)
     except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: a number, 0.3, or a piece and one, crate=0.3, would be right"
-        ) from None
+        pass
+    raise argparse.ArgumentTypeError(f"{text!r}: a number, 0.3, or a piece and one, crate=0.3, would be right")

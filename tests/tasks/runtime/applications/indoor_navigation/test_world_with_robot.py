@@ -67,3 +67,18 @@ def test_what_is_loose_in_a_plain_world_sleeps_until_something_touches_it(tmp_pa
     data.qpos[model.joint("scout/base").qposadr[0]] = 1.78  # into the cup
     physics.step(5)
     assert np.isin(model.geom_bodyid[data.contact.geom], model.body("cup").id).any()
+
+
+def test_wheels_slip_on_floors_of_stated_friction_and_slides_stay_slippery(tmp_path: Path) -> None:
+    """Variations in friction state it by priority; of equal priorities MuJoCo would take the larger friction."""
+    (tmp_path / "world.xml").write_text(PLAIN.replace('"5 5 .1"', '"5 5 .1" friction="0.3" priority="2"'))
+    physics = assemble(tmp_path / "world.xml")
+    model, data = physics.model.ptr, physics.data.ptr
+    data.qpos[model.joint("scout/base").qposadr[0] + 2] = -0.003
+    mujoco.mj_forward(model, data)
+    found = {model.geom(int(geom)).name: float(each.friction[0]) for each in data.contact for geom in each.geom}
+    assert {name: round(found[f"scout/{name}"], 3) for name in ("slide_front", "wheel_left", "wheel_right")} == {
+        "slide_front": 0.01,
+        "wheel_left": 0.3,
+        "wheel_right": 0.3,
+    }
