@@ -4,26 +4,22 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-_XML = (".launch", ".launch.xml")
+_XML = (".launch", ".launch.xml", "_launch.xml")
 _PYTHON = (".launch.py", "_launch.py")
 _MOST_BYTES = 1 << 20
 """Read of a launch file; those that people write have a few thousand bytes."""
 _MOST_INCLUDES = 3
 """Launch files that include each other from the one with the start to the one that names the world."""
 
-_NAMES: Mapping[str, Sequence[str]] = {
-    "x": ("x_pos", "x_pose", "x"),
-    "y": ("y_pos", "y_pose", "y"),
-    "z": ("z_pos", "z_pose", "z"),
-    "yaw": ("yaw", "yaw_pos", "yaw_pose"),
-}
+_PLACES = (("x_pos", "y_pos", "z_pos"), ("x_pose", "y_pose", "z_pose"), ("x", "y", "z"))
+_YAWS = ("yaw", "yaw_pos", "yaw_pose")
 """Names that launch files of public robots give these arguments, the most telling first."""
 
-_ARGUMENT = re.compile(r"<(?:arg|let)\b([^>]*)>")
+_TAG = re.compile(r"<(arg|let|include|/include)\b([^<>]*)>")
 _ATTRIBUTE = re.compile(r"([\w-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _XML_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _CALLS = ("DeclareLaunchArgument", "LaunchConfiguration")
@@ -35,7 +31,19 @@ class LaunchFile:
 
     path: Path
     text: str
-    arguments: Mapping[str, float]
+    arguments: Sequence[Mapping[str, float]]
+    """Its own arguments, then those of each file that it includes."""
+    package: str = ""
+    """Package that it is in; empty: none."""
+    origin: str = ""
+    """Its place, from the package on; empty: the name of the file."""
+
+    def names_package(self, package: str) -> bool:
+        """Whether its text looks for a package, in the ways of ROS 1 or ROS 2."""
+        name = re.escape(package)
+        return (
+            re.search(rf"\$\(find(-pkg-share)?\s+{name}\s*\)|(?<![\w./-]){name}/|^{name}$", self.text, re.M) is not None
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +55,7 @@ class LaunchStart:
     z_m: float | None
     yaw_rad: float
     launch_file: str
-    """Name of the launch file that says it."""
+    """Place of the launch file that says it, from its package on."""
 
 
 def is_read(path: Path) -> bool:
@@ -55,23 +63,30 @@ def is_read(path: Path) -> bool:
     return path.name.endswith(_XML + _PYTHON)
 
 
-def read_launch_file(path: Path) -> LaunchFile:
-    """Reads the numeric arguments of a launch file; one that cannot be read has none."""
+def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchFile:
+    """Reads the numeric arguments of a launch file; one that cannot be read has none.
+
+    Args:
+        path: the file.
+        package: the package that it is in; empty: none.
+        origin: its place, from the package on; empty: the name of the file.
+    """
     try:
         with path.open("rb") as file:
             text = file.read(_MOST_BYTES).decode(errors="replace")
     except OSError:
-        return LaunchFile(path, "", {})
+        return LaunchFile(path, "", [], package, origin)
     if path.name.endswith(_XML):
         text = _XML_COMMENT.sub("", text)
-        return LaunchFile(path, text, _first(_xml_arguments(text)))
+        return LaunchFile(path, text, _xml_arguments(text), package, origin)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of texts with backslashes
             tree = ast.parse(text)
-        return LaunchFile(path, _strings(tree), _first(_python_arguments(tree)))
+        arguments = [_first(each) for each in _python_arguments(tree)]
+        return LaunchFile(path, _strings(tree), arguments, package, origin)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return LaunchFile(path, "", {})
+        return LaunchFile(path, "", [], package, origin)
 
 
 def find_start(world: str, launch_files: Sequence[LaunchFile]) -> LaunchStart | None:
@@ -97,16 +112,16 @@ def _names(text: str, file: str) -> bool:
 
 
 def _start(file: LaunchFile) -> LaunchStart | None:
-    found = {
-        axis: next((file.arguments[name] for name in names if name in file.arguments), None)
-        for axis, names in _NAMES.items()
-    }
-    if found["x"] is None or found["y"] is None:
-        return None
-    return LaunchStart(found["x"], found["y"], found["z"], found["yaw"] or 0.0, file.path.name)
+    """The start of the most telling names; its numbers are of one row of names, and for one file."""
+    for x, y, z in _PLACES:
+        for found in file.arguments:
+            if x in found and y in found:
+                yaw = next((found[name] for name in _YAWS if name in found), 0.0)
+                return LaunchStart(found[x], found[y], found.get(z), yaw, file.origin or file.path.name)
+    return None
 
 
-def _first(arguments: Iterator[tuple[str, float]]) -> dict[str, float]:
+def _first(arguments: Iterable[tuple[str, float]]) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, number in arguments:
         found.setdefault(name, number)
@@ -121,16 +136,25 @@ def _number(text: object) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _xml_arguments(text: str) -> Iterator[tuple[str, float]]:
-    for tag in _ARGUMENT.finditer(text):
-        attributes = {name: one or other for name, one, other in _ATTRIBUTE.findall(tag[1])}
-        number = _number(attributes.get("default", attributes.get("value")))
-        if number is not None:
-            yield attributes.get("name", ""), number
+def _xml_arguments(text: str) -> list[dict[str, float]]:
+    found: list[dict[str, float]] = [{}]
+    inside = found[0]
+    for tag in _TAG.finditer(text):
+        if tag[1] == "/include":
+            inside = found[0]
+        elif tag[1] == "include":
+            if not tag[2].endswith("/"):
+                found.append(inside := {})
+        else:
+            attributes = {name: one or other for name, one, other in _ATTRIBUTE.findall(tag[2])}
+            number = _number(attributes.get("default", attributes.get("value")))
+            if number is not None:
+                inside.setdefault(attributes.get("name", ""), number)
+    return found
 
 
-def _python_arguments(tree: ast.Module) -> Iterator[tuple[str, float]]:
-    """Numbers of declared arguments, of configurations, and of dictionaries that launch files are included with."""
+def _python_arguments(tree: ast.Module) -> Iterator[Iterator[tuple[str, float]]]:
+    """Numbers of declared arguments and configurations, then of each dictionary that a launch file is included with."""
     constants = {
         target.id: node.value
         for node in ast.walk(tree)
@@ -138,20 +162,36 @@ def _python_arguments(tree: ast.Module) -> Iterator[tuple[str, float]]:
         for target in node.targets
         if isinstance(target, ast.Name)
     }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and _called(node) in _CALLS:
-            words = {word.arg: word.value for word in node.keywords if word.arg}
-            name = node.args[0] if node.args else words.get("name")
-            value = words.get("default_value", words.get("default"))
-            pairs: list[tuple[ast.expr | None, ast.expr | None]] = [(name, value)]
-        elif isinstance(node, ast.Dict):
-            pairs = list(zip(node.keys, node.values, strict=True))
-        else:
-            continue
-        for key, value in pairs:
-            number = _constant(value, constants)
-            if isinstance(key, ast.Constant) and isinstance(key.value, str) and number is not None:
-                yield key.value, number
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    yield _constants((_declared(call) for call in calls if _called(call) in _CALLS), constants)
+    for call in calls:
+        for word in call.keywords:
+            if word.arg == "launch_arguments" and (items := _dictionary(word.value, constants)) is not None:
+                yield _constants(zip(items.keys, items.values, strict=True), constants)
+
+
+def _declared(call: ast.Call) -> tuple[ast.expr | None, ast.expr | None]:
+    words = {word.arg: word.value for word in call.keywords if word.arg}
+    return call.args[0] if call.args else words.get("name"), words.get("default_value", words.get("default"))
+
+
+def _dictionary(value: ast.expr, constants: Mapping[str, ast.expr]) -> ast.Dict | None:
+    """The dictionary of `{...}.items()`, `{...}`, or of a name of one of these."""
+    for _ in range(4):
+        if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute) and value.func.attr == "items":
+            value = value.func.value
+        elif isinstance(value, ast.Name) and value.id in constants:
+            value = constants[value.id]
+    return value if isinstance(value, ast.Dict) else None
+
+
+def _constants(
+    pairs: Iterable[tuple[ast.expr | None, ast.expr | None]], constants: Mapping[str, ast.expr]
+) -> Iterator[tuple[str, float]]:
+    for key, value in pairs:
+        number = _constant(value, constants)
+        if isinstance(key, ast.Constant) and isinstance(key.value, str) and number is not None:
+            yield key.value, number
 
 
 def _called(call: ast.Call) -> str:

@@ -3,12 +3,13 @@
 import os
 import re
 import tempfile
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from typing import NamedTuple
 
 from ...schemas.wire.errors import BundleError, ConfigurationError
 from ..bundles.colcon import package_folders
@@ -16,7 +17,7 @@ from ..bundles.launch_files import MANIFEST, name_in
 from ..service.service import Service
 from ..simulations.inputs.bundles import unpack_colcon_bundle
 from ..storage import unpack
-from .launch_starts import LaunchStart, find_start, is_read, read_launch_file
+from .launch_starts import LaunchFile, LaunchStart, find_start, is_read, read_launch_file
 
 ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
 """Ends of the names of bundles."""
@@ -24,10 +25,21 @@ ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
 _NOT_SOURCES = frozenset({"build", "log", "devel", "node_modules", "__pycache__"})
 """Folders of a workspace that have only files that were made of others, and no worlds of the user."""
 _MOST_FILES = 500_000
+_MOST_NAMED = 12
 _MOST_BYTES = 20 * 1024 * 1024
 """The largest world file that is read."""
 _WORLD_TAG = re.compile(rb"<world[\s>]")
 _MODEL_PATH = re.compile(r"gazebo_model_path\s*=\s*[\"']([^\"']+)[\"']")
+
+
+class _Place(NamedTuple):
+    """A file's package, empty where it has none, and the path in it."""
+
+    package: str
+    inside: str
+
+    def whole(self) -> str:
+        return f"{self.package}/{self.inside}" if self.package else self.inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +47,18 @@ class WorkspaceWorld:
     """A Gazebo world file in a workspace."""
 
     name: str
-    """Name of the file without its end; with the folder of its package where several are called so."""
+    """Name of the file without its end; with its package where several are called so, or else with its whole place."""
+    place: str
+    """Its package, and the path in it."""
     path: Path
     start: LaunchStart | None
     """Absent: no launch file says one."""
+
+    def is_called(self, name: str) -> bool:
+        """Whether a name means it: an end of its place, or a file in its package; with the file's end or without."""
+        calls = {self.name, self.place, f"{self.place.partition('/')[0]}/{self.path.name}"}
+        calls |= {each.removesuffix(self.path.suffix) for each in calls}
+        return any(f"/{each}".endswith(f"/{name}") for each in calls)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,23 +73,28 @@ class Workspace:
         """Returns the world of a name; without a name the only one, or `None` where there are several.
 
         Raises:
-            ConfigurationError: there is none, or none of this name.
+            ConfigurationError: there is none, none of this name, or more than one.
         """
+        top = (self.top if self.top.name.strip(".") else self.top.resolve()).name or self.top
         names = [each.name for each in self.worlds]
         if not names:
             raise ConfigurationError(
-                f"{self.top.name}: no file in it is a Gazebo world; files that end with .world or .sdf and have a "
+                f"{top}: no file in it is a Gazebo world; files that end with .world or .sdf and have a "
                 "<world> would be right"
             )
         if name is None:
             return self.worlds[0] if len(names) == 1 else None
-        wanted = name.removesuffix(".world").removesuffix(".sdf")
-        found = next((each for each in self.worlds if each.name == wanted), None)
-        if found is None:
-            near = get_close_matches(wanted, names, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(names[:12])}"
-            raise ConfigurationError(f"--world {name}: {self.top.name} has no such world; {hint}")
-        return found
+        found = [each for each in self.worlds if each.name == name] or [
+            each for each in self.worlds if each.is_called(name)
+        ]
+        if len(found) > 1:
+            listed = ", ".join(each.name for each in found[:_MOST_NAMED])
+            raise ConfigurationError(f"--world {name}: {top} has {len(found)} such worlds; name one: {listed}")
+        if not found:
+            near = get_close_matches(name.removesuffix(".world").removesuffix(".sdf"), names, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(names[:_MOST_NAMED])}"
+            raise ConfigurationError(f"--world {name}: {top} has no such world; {hint}")
+        return found[0]
 
 
 def is_workspace(path: Path) -> bool:
@@ -112,19 +137,23 @@ def read_workspace(top: Path) -> Workspace:
     """
     files = list(_files(top))
     packages = [path.parent for path in files if path.name == MANIFEST]
-    launch_files = [read_launch_file(path) for path in files if is_read(path)]
-    found: dict[tuple[str, str], Path] = {}
+    launch_files = [_launch_file(path, packages, top) for path in files if is_read(path)]
+    found: dict[_Place, Path] = {}
     for path in files:
         if _is_world(path):
-            found.setdefault(_key(path, packages, top), path)
-    stems = Counter(path.stem for path in found.values())
+            found.setdefault(_place(path, packages, top), path)
+    homes: dict[str, set[str]] = defaultdict(set)
+    for place in found:
+        homes[Path(place.inside).name].add(place.package)
+    names = _names(list(found))
     worlds = [
         WorkspaceWorld(
-            path.stem if stems[path.stem] == 1 else f"{package or Path(inside).parent.as_posix()}/{path.stem}",
+            names[place],
+            place.whole(),
             path,
-            find_start(path.name, launch_files),
+            find_start(path.name, _launch_files_of(place.package, homes[path.name], launch_files)),
         )
-        for (package, inside), path in found.items()
+        for place, path in found.items()
     ]
     paths = dict.fromkeys(path for package in packages for path in _model_paths(package, top))
     return Workspace(top, sorted(worlds, key=lambda each: each.name), list(paths))
@@ -155,13 +184,53 @@ def _is_world(path: Path) -> bool:
         return False
 
 
-def _key(path: Path, packages: Sequence[Path], top: Path) -> tuple[str, str]:
-    """A world's package and place in it: the same for sources and for what was installed from them."""
+def _place(path: Path, packages: Sequence[Path], top: Path) -> _Place:
+    """A file's package and place in it: the same for sources and for what was installed from them."""
     around = [package for package in packages if path.is_relative_to(package)]
     if not around:
-        return "", path.relative_to(top).as_posix()
+        return _Place("", path.relative_to(top).as_posix())
     package = max(around, key=lambda each: len(each.parts))
-    return name_in(package / MANIFEST) or package.name, path.relative_to(package).as_posix()
+    return _Place(name_in(package / MANIFEST) or package.name, path.relative_to(package).as_posix())
+
+
+def _names(places: Sequence[_Place]) -> dict[_Place, str]:
+    """The shortest name of each world that no other world has."""
+    names: dict[_Place, str] = {}
+    for called in (_stem, _short, _Place.whole):
+        counts = Counter(called(each) for each in places)
+        names |= {each: called(each) for each in places if each not in names and counts[called(each)] == 1}
+    return names
+
+
+def _stem(place: _Place) -> str:
+    return Path(place.inside).stem
+
+
+def _short(place: _Place) -> str:
+    return f"{place.package}/{_stem(place)}" if place.package else place.inside.removesuffix(Path(place.inside).suffix)
+
+
+def _launch_file(path: Path, packages: Sequence[Path], top: Path) -> LaunchFile:
+    place = _place(path, packages, top)
+    return read_launch_file(path, place.package, place.whole())
+
+
+def _launch_files_of(package: str, homes: Set[str], launch_files: Sequence[LaunchFile]) -> list[LaunchFile]:
+    """Launch files that may start a package's world, those of the package or that name it first.
+
+    Args:
+        package: the package.
+        homes: all packages that have a world whose file is called so. A launch file is for those that it names, else
+            for the one that it is in, else for all.
+        launch_files: all launch files.
+    """
+    own, others = [], []
+    for file in launch_files:
+        named = {home for home in homes if home and file.names_package(home)}
+        meant = named or homes & {file.package} or homes
+        if package in meant:
+            (own if package in named or file.package == package else others).append(file)
+    return own + others
 
 
 def _model_paths(package: Path, top: Path) -> Iterator[Path]:

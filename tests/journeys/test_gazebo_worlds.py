@@ -100,14 +100,17 @@ def test_a_world_of_a_bundle_starts_where_its_launch_file_says(robomaker_at_serv
     listed = robomaker_at_server("world", "import", tmp_path / "bundle.tar.gz")
     assert listed.code == 2
     assert [line.split()[0] for line in listed.out.splitlines()] == ["empty", "flat"]
-    assert "start 0.5,-0.3,0 of robot.launch" in listed.out
+    assert "start 0.5,-0.3,0 of flat_world/launch/robot.launch" in listed.out
     assert "it has 2 Gazebo worlds; name one with --world, such as --world empty" in listed.err
 
     imported = robomaker_at_server("world", "import", tmp_path / "bundle.tar.gz", "--world", "flat", "-o", "json")
     assert imported.code == 0, imported.err
     facts = json.loads(imported.out)
-    assert (facts["source"]["start_from"], facts["source"]["origin_m"][:2]) == ("robot.launch", [0.5, -0.3])
-    assert "the start of robot.launch" in robomaker_at_server("world", "show", facts["name"]).out
+    assert (facts["source"]["start_from"], facts["source"]["origin_m"][:2]) == (
+        "flat_world/launch/robot.launch",
+        [0.5, -0.3],
+    )
+    assert "the start of flat_world/launch/robot.launch" in robomaker_at_server("world", "show", facts["name"]).out
 
     varied = robomaker_at_server("world", "vary", facts["name"], "--light", "night", "--friction", "0.6", "-o", "json")
     assert varied.code == 0, varied.err

@@ -86,4 +86,40 @@ def test_odd_and_hostile_launch_files_say_no_start(tmp_path: Path, text: str) ->
 
 
 def test_a_launch_file_that_is_gone_says_nothing(tmp_path: Path) -> None:
-    assert read_launch_file(tmp_path / "gone.launch").arguments == {}
+    assert read_launch_file(tmp_path / "gone.launch").arguments == []
+
+
+def test_both_usual_names_of_launch_files_in_xml_are_read(tmp_path: Path) -> None:
+    for name in ("go.launch.xml", "go_launch.xml"):
+        path = tmp_path / name
+        path.write_text(ROS_1.format(world="house.world"))
+        assert is_read(path)
+        assert find_start("house.world", [read_launch_file(path)]) == LaunchStart(3.5, -1.0, None, 0.0, name)
+
+
+CAMERA = '<include file="camera.launch"><arg name="x_pos" value="0.1"/><arg name="y_pos" value="0.2"/></include>'
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "expected"),
+    [
+        # The place of a robot and that of something else are told apart by their names,
+        ("a.launch", '<arg name="x_pos" default="3"/><arg name="y" default="4"/>', None),
+        ("a.launch", '<arg name="x_pos" default="9"/><arg name="x" value="1"/><arg name="y" value="2"/>', (1, 2)),
+        # by the file that they are for,
+        ("a.launch", CAMERA + '<arg name="x_pos" default="3"/><arg name="y_pos" default="4"/>', (3, 4)),
+        ("a.launch", '<arg name="x_pos" default="3"/>' + CAMERA, (0.1, 0.2)),
+        # and by what a dictionary is for.
+        ("a.launch.py", 'camera = {"x": 1.0, "y": 2.0}', None),
+        ("a.launch.py", 'DeclareLaunchArgument("x", default_value="3"); camera = {"y": 2.0}', None),
+        ("a.launch.py", 'more = {"x": 1.0, "y": 2.0}; include(launch_arguments=more.items())', (1, 2)),
+        ("a.launch.py", 'f(launch_arguments={"x": 1}); f(launch_arguments={"x": 2, "y": 3})', (2, 3)),
+    ],
+)
+def test_both_coordinates_are_of_one_thing(
+    tmp_path: Path, file: str, text: str, expected: tuple[float, float] | None
+) -> None:
+    path = tmp_path / file
+    path.write_text(f'"house.world"; {text}' if file.endswith(".py") else f"<launch>house.world {text}</launch>")
+    found = find_start("house.world", [read_launch_file(path)])
+    assert (found and (found.x_m, found.y_m)) == expected

@@ -52,7 +52,11 @@ def test_worlds_of_a_workspace_are_found_once_with_their_starts_and_models(tmp_p
         ("small", "src/house/worlds/small.world"),
     ]
     starts = [world.start and (world.start.x_m, world.start.y_m, world.start.launch_file) for world in found.worlds]
-    assert starts == [(1.0, 1.0, "large.launch"), None, (0.0, 1.0, "small.launch")]
+    assert starts == [
+        (1.0, 1.0, "house/launch/large.launch"),
+        None,
+        (0.0, 1.0, "house/launch/small.launch"),
+    ]
     paths = {path.relative_to(top).as_posix() for path in found.model_paths}
     assert {"src/house/models", "src/house/things", "src"} <= paths  # and never /etc, which is outside
 
@@ -63,6 +67,73 @@ def test_worlds_of_one_name_are_told_apart_by_their_packages(tmp_path: Path) -> 
     assert found.world("two/house") == found.worlds[1]
     with pytest.raises(ConfigurationError, match=r"--world two/hose: ws has no such world; did you mean two/house\?"):
         found.world("two/hose")
+
+
+def manifest(name: str) -> dict[str, str]:
+    return {f"{name}/package.xml": f"<package><name>{name}</name></package>"}
+
+
+PYTHON_LAUNCH = """
+where = os.path.join(get_package_share_directory("shop"), "worlds", "main.world")
+DeclareLaunchArgument("x_pose", default_value="7"), DeclareLaunchArgument("y_pose", default_value="1")
+"""
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ({"hospital/launch/go.launch": LAUNCH.format(5, "main")}, {"hospital": 5.0}),
+        ({"robot/launch/go.launch": LAUNCH.format(5, "$(find shop)/worlds/main")}, {"shop": 5.0}),
+        ({"hospital/launch/go.launch": LAUNCH.format(5, "$(find-pkg-share shop)/worlds/main")}, {"shop": 5.0}),
+        ({"hospital/launch/go.launch.py": PYTHON_LAUNCH}, {"shop": 7.0}),
+        ({"robot/launch/go.launch": LAUNCH.format(5, "main")}, {"hospital": 5.0, "shop": 5.0}),
+        (
+            {
+                "hospital/launch/w.launch": '<launch><arg name="w" value="main.world"/></launch>',
+                "shop/launch/w.launch": '<launch><arg name="w" value="main.world"/></launch>',
+                "robot/launch/go.launch": LAUNCH.format(6, "x") + '<include file="$(find shop)/launch/w.launch"/>',
+            },
+            {"shop": 6.0},
+        ),
+    ],
+)
+def test_worlds_of_one_file_name_have_the_starts_of_their_own_packages(
+    tmp_path: Path, files: dict[str, str], expected: dict[str, float]
+) -> None:
+    worlds = {f"{name}/worlds/main.world": WORLD for name in ("hospital", "shop")}
+    manifests = manifest("hospital") | manifest("shop") | manifest("robot")
+    found = read_workspace(written(tmp_path / "ws", worlds | manifests | files))
+    assert {each.name.partition("/")[0]: each.start.x_m for each in found.worlds if each.start} == expected
+
+
+def test_a_launch_file_of_the_own_package_goes_before_others(tmp_path: Path) -> None:
+    files = {"a/launch/go.launch": LAUNCH.format(5, "main"), "shop/launch/go.launch": LAUNCH.format(6, "main")}
+    top = written(tmp_path / "ws", manifest("a") | manifest("shop") | {"shop/worlds/main.world": WORLD} | files)
+    start = read_workspace(top).worlds[0].start
+    assert start is not None
+    assert (start.x_m, start.launch_file) == (6.0, "shop/launch/go.launch")
+
+
+def test_each_world_has_a_name_of_its_own_and_an_ambiguous_one_lists_them(tmp_path: Path) -> None:
+    inside = ("worlds/office.world", "worlds/office.sdf", "worlds/big/office.world", "worlds/hall.world")
+    files = {f"hospital/{each}": WORLD for each in inside} | {"shop/worlds/office.world": WORLD}
+    found = read_workspace(written(tmp_path / "ws", manifest("hospital") | manifest("shop") | files))
+    names = [each.name for each in found.worlds]
+    assert names == ["hall", *(f"hospital/{each}" for each in sorted(inside[:3])), "shop/office"]
+    assert [found.world(name) for name in names] == list(found.worlds)
+    assert found.world("office.sdf") == found.world("hospital/office.sdf") == found.worlds[2]
+    listed = r"hospital/worlds/big/office\.world, hospital/worlds/office\.sdf, hospital/worlds/office\.world"
+    with pytest.raises(ConfigurationError, match=f"--world hospital/office: ws has 3 such worlds; name one: {listed}$"):
+        found.world("hospital/office")
+    with pytest.raises(ConfigurationError, match=f"--world office: ws has 4 such worlds; name one: {listed}, shop/"):
+        found.world("office")
+
+
+def test_the_folder_that_one_is_in_has_its_name_in_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ws").mkdir()
+    monkeypatch.chdir(tmp_path / "ws")
+    with pytest.raises(ConfigurationError, match=r"^ws: no file in it is a Gazebo world"):
+        read_workspace(Path()).world(None)
 
 
 @pytest.mark.parametrize("form", ["colcon", "tar", "folder"])

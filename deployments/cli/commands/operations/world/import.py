@@ -58,8 +58,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--start",
         metavar="X,Y[,YAW[,Z]]",
         type=_start,
-        help="where robots start, and the height that the floor is near; "
-        "without, the free place nearest to 0,0 on the floor that is near 0, else on the lowest one",
+        help="where robots start; Z is about the height of the floor they stand on. Without it: the free place nearest "
+        "to 0,0, on the floor near height 0 or else on the lowest",
     )
     gazebo.add_argument(
         "--loose", choices=("free", "hold"), help="whether things that can move do (default), or are held"
@@ -117,7 +117,7 @@ def _print_worlds(workspace: "Workspace", output: str) -> None:
         {
             "name": world.name,
             "file": world.path.relative_to(workspace.top).as_posix(),
-            "start": world.start and _start_of(world.start)[:3],
+            "start": world.start and _start_of(world.start),
             "start_from": world.start and world.start.launch_file,
         }
         for world in workspace.worlds
@@ -126,8 +126,10 @@ def _print_worlds(workspace: "Workspace", output: str) -> None:
         sys.stdout.write(json.dumps({"worlds": listed}, indent=2, ensure_ascii=False) + "\n")
         return
     for world in workspace.worlds:
-        start = world.start
-        where = f"start {start.x_m:g},{start.y_m:g},{start.yaw_rad:g} of {start.launch_file}" if start else "no start"
+        where = "no start"
+        if (start := world.start) is not None:
+            numbers = ",".join(f"{number:g}" for number in _start_of(start) if number is not None)
+            where = f"start {numbers} of {start.launch_file}"
         sys.stdout.write(f"{world.name}  {world.path.relative_to(workspace.top).as_posix()}  {where}\n")
 
 

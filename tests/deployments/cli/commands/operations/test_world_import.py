@@ -116,6 +116,17 @@ def test_notes_beside_a_drawing_are_read_and_their_mistakes_have_places(robomake
     assert len(made["source"]["notes_sha256"]) == 64
 
 
+def test_worlds_of_a_workspace_are_listed_with_all_of_their_starts(robomaker, tmp_path: Path) -> None:
+    ends = {"x_pos": 1, "y_pos": 2, "yaw": 0.5, "z_pos": 2.8}
+    arguments = "".join(f'<arg name="{name}" default="{value}"/>' for name, value in ends.items())
+    (tmp_path / "go.launch").write_text(f'<launch>{arguments}<arg name="w" value="a.world"/></launch>')
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.world").write_text('<sdf version="1.6"><world name="w"/></sdf>')
+    text, listed = robomaker("world", "import", tmp_path), robomaker("world", "import", tmp_path, "-o", "json")
+    assert text.out.splitlines() == ["a  a.world  start 1,2,0.5,2.8 of go.launch", "b  b.world  no start"]
+    assert [each["start"] for each in json.loads(listed.out)["worlds"]] == [[1.0, 2.0, 0.5, 2.8], None]
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
@@ -132,6 +143,7 @@ def test_notes_beside_a_drawing_are_read_and_their_mistakes_have_places(robomake
         (["vary", "x", "--open", "door-1=120"], "'door-1=120': a door such as door-2"),
         (["import", "map.pgm"], "a file that ends with .svg, .dxf, .yaml for a map"),
         (["vary", FLAT, "--shut", "door-1", "--open", "door-1=50"], "--shut, --open: door-1 is named 2 times"),
+        (["vary", "x", "--friction", "=0.3"], "'=0.3': a number, 0.3, or a piece and one, crate=0.3"),
         (["vary", "x", "--move", "Sofas_1"], "'Sofas_1': a piece and metres to the east and north"),
     ],
 )
