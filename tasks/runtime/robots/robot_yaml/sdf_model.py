@@ -3,7 +3,9 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
+from collections import Counter
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from .robot_files import check_inside, folders_between
 from .urdf import UrdfReading
 
 MENDED = "inertias that were mended"
+_MOST_NAMED = 8
 _USUAL_MASS_KG = 1.0
 """Mass of a link that names none: Gazebo's own."""
 _DRAWN_GROUP, _SOLID_GROUP = 2, 3
@@ -48,8 +51,8 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
         reading: how it is read.
 
     Raises:
-        LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or its
-            joints are no tree.
+        LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
+            not one model whose joints are one tree.
     """
     folders = folders_between(path.parent, root)
     try:
@@ -60,6 +63,7 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
         check_inside(path, file, root, file.name)
     if missing := list(missing_parts(world)):
         raise invalid(path, f"there is no {missing[0]}; files of a robot are in its own folder, {root}")
+    _check_is_one(path, world)
     for left in world.left_out.as_list():
         if left.what != MENDED:
             reading.warn(f"{path.name}: {left.count} {left.what}: {', '.join(left.names)}")
@@ -72,6 +76,19 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
     return _Writer(path, world, Meshes(Lookup(path, folders, _NO_HOME)), reading).spec
 
 
+def _check_is_one(path: Path, world: SdfWorld) -> None:
+    """Refuses a file that has the ground, several models, or two links of one name."""
+    for part in (each for link in world.links for each in link.collisions):
+        if part.geometry.kind == "plane":
+            raise invalid(path, f"{part.name} is a plane; leave the ground out of a robot, worlds have theirs")
+    models = [name for name in world.model_types if "::" not in name]
+    if len(models) > 1:
+        raise invalid(path, f"it has {len(models)} models, {_listed(models)}; a robot is one model")
+    for name, times in Counter(link.path for link in world.links).items():
+        if times > 1:
+            raise invalid(path, f"it has two links {name}; each link has a name of its own")
+
+
 class _Writer:
     """Builds the model."""
 
@@ -82,6 +99,9 @@ class _Writer:
         self._names: dict[Geometry, str] = {}
         self._links = {link.path: link for link in world.links}
         self._joints = {joint.child: joint for joint in self._tree(world.joints)}
+        self._check_root()
+        self._geom_names: set[str] = set()
+        self._joint_names: set[str] = set()
         made: dict[str, Any] = {}
         for link in self._in_order():
             joint = self._joints.get(link.path)
@@ -107,6 +127,17 @@ class _Writer:
                 )
             above[joint.child] = joint.parent
             yield joint
+
+    def _check_root(self) -> None:
+        """Refuses links that hang on nothing of the robot: only one tree is put into a world."""
+        hanging = {name for name, joint in self._joints.items() if joint.parent != "world"}
+        roots = [_own(name) for name in self._links if name not in hanging]
+        if len(roots) > 1:
+            raise invalid(
+                self._path,
+                f"it has {len(roots)} outermost links, {_listed(roots)}; a robot has one outermost link, on which the "
+                "others hang by joints",
+            )
 
     def _in_order(self) -> Iterator[Link]:
         """Links, each after the one that it hangs on."""
@@ -144,7 +175,8 @@ class _Writer:
         return body
 
     def _joint(self, body: Any, joint: Joint, inside: Pose) -> None:
-        made = body.add_joint(name=_own(joint.path), type=_KINDS[joint.kind], pos=(inside @ joint.pose).position)
+        name = _numbered(_own(joint.path), self._joint_names)
+        made = body.add_joint(name=name, type=_KINDS[joint.kind], pos=(inside @ joint.pose).position)
         made.damping = [max(joint.damping, 0.0), 0.0, 0.0]  # linear in the speed, as Gazebo has it
         made.frictionloss = max(joint.friction, 0.0)
         if joint.kind == "ball":
@@ -169,14 +201,14 @@ class _Writer:
             geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh)
         else:
             geom = body.add_geom(type=_SHAPES[geometry.kind], size=_size(geometry))
-        geom.pos, geom.quat, geom.name = pose.position, _quaternion(pose.rotation), _own(part.name)
+        geom.pos, geom.quat = pose.position, _quaternion(pose.rotation)
+        geom.name = _numbered(_own(part.name) if collides else f"{_own(part.name)}_drawn", self._geom_names)
         if isinstance(part, Collision):
             geom.friction = [part.friction, 0.005, 0.0001]
             geom.group = _SOLID_GROUP if link.visuals else _DRAWN_GROUP
         else:
             geom.contype = geom.conaffinity = 0
             geom.mass, geom.group, geom.rgba = 0.0, _DRAWN_GROUP, part.material.color
-            geom.name = f"{_own(part.name)}_drawn"
         return geom
 
     def _mesh(self, geometry: Geometry, where: str, collides: bool) -> str | None:
@@ -198,6 +230,19 @@ class _Writer:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # what is only drawn may have no volume
         self._names[geometry] = name
         return name
+
+
+def _listed(names: list[str]) -> str:
+    if len(names) > _MOST_NAMED:
+        return f"{', '.join(names[:_MOST_NAMED])}, ..."
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _numbered(name: str, taken: set[str]) -> str:
+    """A name that no other shape or joint has: one that comes again gets a number."""
+    names = (name if number == 1 else f"{name}_{number}" for number in count(1))
+    taken.add(found := next(each for each in names if each not in taken))
+    return found
 
 
 def _own(path: str) -> str:

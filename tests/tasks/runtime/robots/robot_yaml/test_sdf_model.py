@@ -105,13 +105,50 @@ def test_meshes_collide_with_their_hulls_and_drawn_ones_do_not(tmp_path: Path) -
             robot_sdf(more='<joint name="x" type="fixed"><parent>caster</parent><child>arm</child></joint>'),
             r"there is no frame 'arm' in it; it has left_joint",
         ),
-        (robot_sdf(shape="<plane/>"), "cart::base_link::c: robots collide with box, sphere"),
+        (
+            robot_sdf(shape="<plane/>"),
+            "cart::base_link::c is a plane; leave the ground out of a robot, worlds have theirs",
+        ),
+        (
+            robot_sdf(more="<include><uri>model://ground_plane</uri></include>"),
+            "cart::ground_plane::link::collision is a plane; leave the ground out",
+        ),
+        (
+            robot_sdf(
+                shape="<polyline><point>0 0</point><point>1 0</point><point>0 1</point><height>1</height></polyline>"
+            ),
+            "cart::base_link::c: robots collide with box, sphere",
+        ),
+        (
+            robot_sdf(more='<link name="arm"/><link name="hand"/>'),
+            r"r\.sdf: it has 3 outermost links, base_link, arm and hand; a robot has one outermost link",
+        ),
+        (
+            robot_sdf(
+                more='<link name="arm"/><joint name="j" type="fixed"><parent>world</parent><child>arm</child></joint>'
+            ),
+            "it has 2 outermost links, base_link and arm",
+        ),
+        (robot_sdf(more='<link name="caster"/>'), "it has two links cart::caster; each link has a name of its own"),
+        (
+            robot_sdf().replace("</sdf>", '<model name="q"><link name="base_link"/></model></sdf>'),
+            "it has 2 models, cart and q; a robot is one model",
+        ),
         (robot_sdf(more="<link name='x'><pose>1 2</pose></link>"), r"2: <pose> is '1 2'; 6 finite numbers"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(LaunchError, match=said):
         robot_of(tmp_path, text)
+
+
+def test_names_that_come_again_are_numbered(tmp_path: Path) -> None:
+    box = "<geometry><box><size>.1 .1 .1</size></box></geometry>"
+    again = f"<visual>{box}</visual>" * 3 + f'<collision name="c">{box}</collision>'
+    model = robot_of(tmp_path, robot_sdf(base=again)).build().compile()
+    names = {model.geom(each).name for each in range(model.ngeom)}
+    assert {"base_link::visual_drawn", "base_link::visual_drawn_2", "base_link::visual_drawn_3"} <= names
+    assert {"base_link::c", "base_link::c_2"} <= names
 
 
 def test_impossible_inertias_may_be_those_of_the_shapes(tmp_path: Path) -> None:
