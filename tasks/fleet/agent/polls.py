@@ -37,8 +37,9 @@ class Wire(Protocol):
     def refuse_cancellation(self, action_id: int) -> None:
         """Reports that an order can no longer be cancelled."""
 
-    def tell_attributes(self, attributes: Mapping[str, str]) -> None:
-        """Reports the robot's attributes."""
+    def tell_attributes(self, attributes: Mapping[str, str]) -> bool:
+        """Reports the robot's attributes; returns whether the server has taken them."""
+        ...
 
 
 class Polls:
@@ -83,12 +84,15 @@ class Polls:
             self.tell_step(state, percent)
             found = self._server.poll()
             events = self._events(found, state)
-            self._tell_attributes(state, is_asked=found.wants_attributes)
         except (TryLater, Refused) as error:
             self._away(error)
             return []
-        self._back()
         self.due_s = self._monotonic() + found.sleep_s
+        try:
+            self._tell_attributes(state, is_asked=found.wants_attributes)
+            self._back()
+        except TryLater as error:  # the events stay: the server may have been told of them
+            self._away(error)
         return events
 
     def deliver(self, end: End) -> list[Event]:
@@ -130,13 +134,14 @@ class Polls:
         return self._monotonic() + self._pause_s(self._retries)
 
     def _tell_attributes(self, state: State, *, is_asked: bool) -> None:
-        """Reports the attributes when the server asks, and whenever they are others: it does not ask again.
+        """Reports the attributes when the server asks, and new ones until it has taken them: it does not ask again.
 
         How a deployment ended stays, whatever its application does later; attributes say what runs, and its trouble.
         """
         attributes = self._attributes(state)
-        if is_asked or (attributes and attributes != self._told_attributes):
-            self._server.tell_attributes(attributes)
+        if not (is_asked or (attributes and attributes != self._told_attributes)):
+            return
+        if self._server.tell_attributes(attributes):
             self._told_attributes = attributes
 
     def _events(self, found: Poll, state: State) -> list[Event]:

@@ -175,13 +175,14 @@ class Server:
         }
         self._post(f"/cancelAction/{action_id}/feedback", {"status": status})
 
-    def tell_attributes(self, attributes: Mapping[str, str]) -> None:
-        """Reports the robot's attributes.
+    def tell_attributes(self, attributes: Mapping[str, str]) -> bool:
+        """Reports the robot's attributes; returns whether the server has taken them.
 
         Raises:
             TryLater: there is no answer.
         """
-        self._send("PUT", "/configData", {"mode": "merge", "data": dict(attributes)})
+        status, _ = self._send("PUT", "/configData", {"mode": "merge", "data": dict(attributes)})
+        return status < 300
 
     def _get(self, path: str) -> dict[str, Any]:
         status, body = self._send("GET", path, None)

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import pytest
+
 from prefect_robomaker.tasks.fleet.agent.deployment import Order
 from prefect_robomaker.tasks.fleet.agent.errors import TryLater
 from prefect_robomaker.tasks.fleet.agent.polls import Polls
@@ -20,6 +22,8 @@ class Server:
     answer: Poll = field(default_factory=lambda: Poll(30.0))
     calls: list[str] = field(default_factory=list)
     takes_ends: bool = True
+    takes_attributes: bool = True
+    is_away_for_attributes: bool = False
 
     def _heard(self, call: str) -> None:
         if self.is_away:
@@ -44,8 +48,11 @@ class Server:
     def refuse_cancellation(self, action_id: int) -> None:
         self._heard(f"refuse {action_id}")
 
-    def tell_attributes(self, attributes: Mapping[str, str]) -> None:
+    def tell_attributes(self, attributes: Mapping[str, str]) -> bool:
         self._heard(f"attributes {dict(attributes)}")
+        if self.is_away_for_attributes:
+            raise TryLater("connection reset")
+        return self.takes_attributes
 
 
 @dataclass
@@ -153,6 +160,33 @@ def test_attributes_are_told_again_when_they_are_others() -> None:
     agent.poll()
     agent.poll()
     assert agent.server.calls[3:] == ["poll", f"attributes {agent.attributes}", "poll"]
+
+
+def test_attributes_that_the_server_refuses_are_told_again() -> None:
+    agent = Agent()
+    agent.attributes = {"trouble": "version 2 kept restarting"}
+    agent.server.takes_attributes = False
+    agent.poll()
+    agent.server.takes_attributes = True
+    agent.poll()
+    agent.poll()
+
+    assert agent.server.calls == ["poll", told := f"attributes {agent.attributes}", "poll", told, "poll"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "events"), [(Poll(1.0, order=7), [Ordered(ORDER)]), (Poll(1.0, cancel=7), [Cancelled(7)])]
+)
+def test_an_order_stays_when_the_server_goes_away_before_the_attributes(answer: Poll, events: list[object]) -> None:
+    agent = Agent()
+    agent.attributes = {"version": "2"}
+    agent.server.answer, agent.server.is_away_for_attributes = answer, True
+    assert agent.poll(State(Phase.DOWNLOADING, ORDER) if answer.cancel else None) == events
+
+    agent.server.is_away_for_attributes = False
+    agent.server.answer = Poll(1.0)
+    agent.poll()
+    assert agent.server.calls[-1] == f"attributes {agent.attributes}"
 
 
 def test_an_end_is_told_until_it_is_taken_and_never_without_a_step() -> None:

@@ -30,3 +30,13 @@ def test_certificates_are_read_once_and_again_when_the_server_is_away(monkeypatc
         server.exchange(connection, "GET", "/", None, {})
     server.connect(connection)
     assert len(read) == 2, "the machine's may have been renewed"
+
+
+@pytest.mark.parametrize(("status", "taken"), [(200, True), (204, True), (400, False), (404, False), (429, False)])
+def test_attributes_are_told_once_the_server_has_taken_them(
+    status: int, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "exchange", lambda *_: (status, b""))
+    robot = server.Server(Connection("http://127.0.0.1", "DEFAULT", "rover", "token"))
+
+    assert robot.tell_attributes({"trouble": "version 2 kept restarting"}) is taken
