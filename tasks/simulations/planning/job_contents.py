@@ -304,8 +304,11 @@ def _code_of(name: str) -> str:
     if folder is None or folder in installed_places():
         return content
     digest = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
-        digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    try:
+        for path in sorted(path for path in folder.glob("*.py") if path.is_file()):  # an editor's lock is a dangling link
+            digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    except OSError:
+        return ""  # as of a package that cannot be read
     return f"module {digest.hexdigest()}"
 
 

@@ -193,12 +193,27 @@ def test_a_model_of_menagerie_without_a_mapping_stands_as_its_model_says(
     assert abs(stand.base.read().linear) > 0.05
 
 
+def test_a_keyframe_without_a_name_says_how_a_model_of_menagerie_stands(
+    menagerie: dict[str, str], tmp_path: Path
+) -> None:
+    unnamed = '<key qpos="0 0 0.25 1 0 0 0 0 0 0.5"/>'
+    model = CART.replace('<key name="up" qpos="0 0 0.05 1 0 0 0 0 0 0.5"/>', unnamed)
+    (tmp_path / "menagerie" / "acme_cart" / "cart.xml").write_text(model)
+    robot = find_robot(None, menagerie).robot
+
+    assert robot.spawn_height_m == pytest.approx(0.25)
+    assert robot.home["lift"] == 0.5
+
+
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
         ('<freejoint name="root"/>', "", "its first body, 'chassis', has no free joint"),
         (CART[CART.index("<actuator>") : CART.index("<sensor>")], "", "it has no actuators"),
         ("<geom ", '<geom contype="0" conaffinity="0" ', "it has no shape that collides"),
+        ('name="chassis" ', "", "its first body has no name"),
+        ('pos="0 0 0.05"', 'pos="0 0 -0.05"', "its first body, 'chassis', is 0.05 m below the floor"),
+        ('pos="0 0 0.05"', 'pos="0 0 101"', "spawn.height_m"),
     ],
 )
 def test_a_model_of_menagerie_that_says_too_little_says_what_to_write(

@@ -158,3 +158,42 @@ def test_siblings_of_a_single_file_are_inputs(
     # Job workers elsewhere need the module itself, and not what happens to lie beside it.
     assert package_content("turn_of_contents").startswith("module ")
     assert package_content("turn_of_contents") != now[0].robot
+
+
+def test_siblings_that_cannot_be_read_are_no_inputs(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Emacs locks a file by a dangling link, and a folder may have any name."""
+    folder = tmp_path / "policies"
+    folder.mkdir()
+    (folder / "turn_of_locked.py").write_text("")
+    monkeypatch.syspath_prepend(folder)
+    request = {**request_of("scout"), "policy": "turn_of_locked:act"}
+    del request["robotApplications"]
+    before = contents_of_request(request, service)
+
+    (folder / ".#turn_of_locked.py").symlink_to("me@laptop.1234:1700000000")
+    (folder / "old.py").mkdir()
+
+    assert contents_of_request(request, service) == before
+
+
+def test_a_single_file_beside_one_that_cannot_be_read_is_not_compared(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "turn_of_secret.py").write_text("")
+    (tmp_path / "secret_of_contents.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    read_bytes = Path.read_bytes
+
+    def refused(path: Path) -> bytes:
+        if path.name == "secret_of_contents.py":
+            raise PermissionError(13, "Permission denied", str(path))
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refused)
+    request = {**request_of("scout"), "policy": "turn_of_secret:act"}
+    del request["robotApplications"]
+
+    told = "the package of an application is not installed, or cannot be read"
+    assert contents_of_request(request, service).once_only == told
