@@ -25,7 +25,8 @@ class RetentionPolicy(Model):
     sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
     orphaned_worlds: bool = Field(default=False, description="Whether worlds go that nothing kept names.")
     orphaned_recordings: bool = Field(
-        default=False, description="Whether recordings that were stored to be judged go that no job names."
+        default=False,
+        description="Whether recordings that were stored to be judged go that no job and no open run names.",
     )
     keep_deployments: int | None = Field(
         default=None,

@@ -16,7 +16,8 @@ from ...schemas.wire.errors import ConfigurationError
 from ..comparison.history import since_last_good_run, since_last_run
 from ..comparison.nights import NightRun
 
-RECORD_NAME = "run.json"
+RECORD_NAME, ORDER_NAME = "run.json", "order.json"
+"""The record of a run, and until it has ended its order."""
 MOST_NIGHTS = 100
 """How many runs a history looks at, and a report for since when a job fails."""
 

@@ -19,10 +19,10 @@ from pydantic import ValidationError
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.run_record import Interruption, Order
 from ..execution.held_leases import new_owner
-from ..inspection.run_records import RECORD_NAME
+from ..inspection.run_records import ORDER_NAME, RECORD_NAME
 from .kept_answers import ANSWERS
 
-ORDER, LOCK, CANCEL, LOG = "order.json", "running.lock", "cancel", "process.log"
+ORDER, LOCK, CANCEL, LOG = ORDER_NAME, "running.lock", "cancel", "process.log"
 """Files in the folder of a run: the order, the lock, what asks the run to end, and what its process says."""
 
 BEAT_S = 10.0

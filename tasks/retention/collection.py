@@ -85,7 +85,8 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
         with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
         items += collect_copies(policy.older_than, with_worlds, service, act=act)
     if policy.orphaned_recordings and policy.older_than is not None:
-        gone = frozenset[str]() if act else _removed(policy, chosen)  # what could not be removed still names its own
+        ends = {unit.candidate.id for unit in _gone(policy, chosen)} | _removed(policy, chosen)
+        gone = frozenset[str]() if act else ends  # what could not be removed still names its own
         items += collect_recordings(policy.older_than, gone, service, act=act)
     notes = list(chosen.notes)
     for part in parts_of_wings("tasks", "retention"):

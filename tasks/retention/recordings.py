@@ -1,5 +1,6 @@
-"""Recordings that `robomaker judge` stored and that no job names any more."""
+"""Recordings that `robomaker judge` stored and that no job and no open run names any more."""
 
+import re
 from collections.abc import Callable, Iterator, Set
 from datetime import timedelta
 from itertools import groupby
@@ -7,20 +8,23 @@ from itertools import groupby
 from ...schemas.reports.retention import GcItem
 from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
 from ..inspection.judged_recordings import FOLDER, STORED_AGAIN
+from ..inspection.run_records import ORDER_NAME
 from ..service.service import Service
 from ..storage.base import ObjectInfo
 from .inventory import texts_of_jobs
 
 _LEAST = 2 * STORED_AGAIN
 """Recordings younger than this stay: a run that is about to name one has stored it, or found it, not long ago."""
+_KEY = re.compile(rf"{FOLDER}/[^\s\"'\\,\]}}]*")
+"""A key in a specification, which is YAML or JSON, or the beginning of one."""
 
 
 def collect_recordings(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
-    """Deletes stored recordings that no job names, once all of their objects are old enough.
+    """Deletes stored recordings that no job and no open run names, once all of their objects are old enough.
 
     Args:
         older_than: The time; less than two days count as these.
-        besides: ARNs of jobs that do not count, since they go.
+        besides: ARNs of jobs, and ids of runs, that do not count, since they go.
         service: Where they are stored.
         act: Whether they are removed; otherwise it is only said what would be.
 
@@ -35,10 +39,26 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
             continue
         if named is None:
             named = {text for text in texts_of_jobs(service, besides) if text.startswith(FOLDER)}
+            named |= _ordered(service, besides)
         # A data source names a file of a recording, its folder, or the beginning of that.
         if not any(folder.startswith(text) or text.startswith(folder) for text in named):
             items.append(_collected(folder, objects, service, act=act))
     return items
+
+
+def _ordered(service: Service, besides: Set[str]) -> set[str]:
+    """Keys in the orders of runs that have not ended: a run that broke off may have no job yet, and is carried on."""
+    named: set[str] = set()
+    for path in (service.settings.home / "runs").glob(f"*/{ORDER_NAME}"):
+        if path.parent.name in besides:
+            continue
+        try:
+            named.update(_KEY.findall(path.read_text(encoding="utf-8")))
+        except FileNotFoundError:  # it has just ended
+            continue
+        except (OSError, UnicodeDecodeError):
+            named.add(FOLDER)  # it may name any
+    return named
 
 
 def _stored(service: Service) -> Iterator[tuple[str, list[ObjectInfo]]]:

@@ -305,7 +305,9 @@ def _code_of(name: str) -> str:
         return content
     digest = hashlib.sha256()
     try:
-        for path in sorted(path for path in folder.glob("*.py") if path.is_file()):  # an editor's lock is a dangling link
+        for path in sorted(
+            path for path in folder.glob("*.py") if path.is_file()
+        ):  # an editor's lock is a dangling link
             digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     except OSError:
         return ""  # as of a package that cannot be read

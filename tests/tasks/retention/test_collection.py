@@ -1,5 +1,6 @@
 """What is collected: of runs and jobs that are stored as real ones are, in a directory and on S3."""
 
+import json
 import os
 import threading
 from collections.abc import Callable
@@ -16,8 +17,8 @@ from helpers.tested_batches import Batches, courier, etag
 from prefect_robomaker.schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.schemas.reports.report import RunState
-from prefect_robomaker.schemas.reports.retention import GcItem, RetentionPolicy
-from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.retention import GcItem, GcReport, RetentionPolicy
+from prefect_robomaker.schemas.reports.run_record import JobRecord, Order, RunRecord, StepRecord
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageUnavailableError
@@ -468,3 +469,32 @@ def test_recordings_that_no_job_names_go(service: Service, job: Any, tmp_path: P
     assert service.store.get_bytes(bucket, key) == b"was there"
     store_recording(bag, replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=2)))
     assert service.store.get_bytes(bucket, key) == b"another", "so that it is young, and gc does not take it now"
+
+
+def test_a_recording_that_the_order_of_an_open_run_names_stays(service: Service, tmp_path: Path) -> None:
+    """`judge` may break off before its job exists, and `perform` ends its run later, however late."""
+    bag = tmp_path / "bag.mcap"
+    bag.write_bytes(b"said")
+    [key] = store_recording(bag, service)
+    other = tmp_path / "other.mcap"
+    other.write_bytes(b"another")
+    [of_nobody] = store_recording(other, service)
+    specification = json.dumps({"jobs": [{"dataSources": [{"name": "recording", "s3Keys": [key]}]}]})
+    folder = service.settings.home / "runs" / "judged-20260101T000000000"
+    folder.mkdir(parents=True)
+    order = Order(run_id=folder.name, text=specification, filename="judged.json", spec_path="", command=["perform"])
+    (folder / "order.json").write_text(order.model_dump_json())
+    policy = RetentionPolicy(older_than=timedelta(days=2), orphaned_recordings=True)
+
+    def after(days: int) -> Service:
+        return replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=days))
+
+    def recordings(report: GcReport) -> list[str]:
+        return [each.id for each in report.removed if each.kind == "recording"]
+
+    assert recordings(collect(policy, after(days=3))) == [of_nobody.rpartition("/")[0]]
+    assert service.store.get_bytes(service.settings.bucket, key) == b"said"
+
+    planned = recordings(plan_collection(policy, after(days=40)))
+    assert planned == [key.rpartition("/")[0]], "its run goes, too"
+    assert recordings(collect(policy, after(days=40))) == planned

@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sdk-jobs", action="store_true", help="also jobs that SDKs or `call` ordered, not a run")
     parser.add_argument("--orphaned-worlds", action="store_true", help="also worlds that no run and no job names")
     parser.add_argument(
-        "--orphaned-recordings", action="store_true", help="also recordings stored by `judge` that no job names"
+        "--orphaned-recordings", action="store_true", help="also recordings stored by `judge` that nothing names"
     )
     for part in parts_of_wings("deployments", "gc"):
         part.declare(parser)

@@ -5,10 +5,13 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+from pydantic import ValidationError
 
+from .....schemas.wire.request_problems import problems_of
 from .mapping import MAPPING_FILE, invalid
 from .shape import RobotModel, robot_model_type
 
@@ -35,29 +38,54 @@ def derive_mapping(path: Path) -> RobotModel | str:
     except ValueError as cause:
         raise invalid(path, f"MuJoCo cannot read it: {' '.join(str(cause).split())}") from cause
     base = int(model.jnt_bodyid[0]) if model.njnt else 0
-    if not model.njnt or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
-        name = model.body(1).name if model.nbody > 1 else "none"
-        return f"its first body, {name!r}, has no free joint, so the model does not say how the robot moves about"
-    if not model.nu:
-        return "it has no actuators, so that nothing drives it"
+    if (lacks := _lacks(model, base)) is not None:
+        return lacks
     data = mujoco.MjData(model)
-    keyframe = model.key(0).name if model.nkey else ""
-    if keyframe:
+    if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
+    name, height_m = model.body(base).name, round(float(data.xpos[base][2]), 4)
     radius_m, top_m = _extent(model, data, base)
-    if radius_m <= 0 or data.xpos[base][2] < 0:
+    if radius_m <= 0:
         return "it has no shape that collides with anything, so its size is not known"
+    if height_m < 0:
+        return f"its first body, {name!r}, is {-height_m:g} m below the floor, so the model does not say how it stands"
     document = {
         "version": 1,
         "model": path.name,
-        "base": model.body(base).name,
+        "base": name,
         "footprint": {"radius_m": radius_m},
-        "spawn": {"height_m": round(float(data.xpos[base][2]), 4), **({"keyframe": keyframe} if keyframe else {})},
+        "spawn": {"height_m": height_m, **_start(model, data)},
         "drive": {"kind": "actuators"},
         "sensors": {"lidar": {"height_m": round(top_m + _LIDAR_ABOVE_M, 4)}},
     }
-    return robot_model_type(document).model_validate(document)
+    kind = robot_model_type(document)
+    try:
+        return kind.model_validate(document)
+    except ValidationError as error:
+        return "; ".join(map(str, problems_of(error, kind)))
+
+
+def _lacks(model: mujoco.MjModel, base: int) -> str | None:
+    """The part that a model lacks for a mapping, in words; None: it has all."""
+    if not model.njnt or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
+        name = model.body(1).name if model.nbody > 1 else "none"
+        return f"its first body, {name!r}, has no free joint, so the model does not say how the robot moves about"
+    if not model.body(base).name:
+        return "its first body has no name, by which a mapping could say that it is the base"
+    return None if model.nu else "it has no actuators, so that nothing drives it"
+
+
+def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
+    """The first keyframe by its name, or positions of its joints where it has none."""
+    if not model.nkey:
+        return {}
+    if keyframe := model.key(0).name:
+        return {"keyframe": keyframe}
+    joints = [model.joint(index) for index in range(model.njnt)]
+    single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    named = [joint for joint in joints if joint.name and int(joint.type[0]) in map(int, single)]
+    return {"joints": {joint.name: float(data.qpos[joint.qposadr[0]]) for joint in named}}
 
 
 def said_of(mapping: RobotModel) -> str:
