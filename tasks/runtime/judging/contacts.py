@@ -188,7 +188,8 @@ _MODELS: Mapping[str, Callable[[Any], list[str]]] = {
     "tf2_msgs/msg/TFMessage": lambda m: [each.child_frame_id for each in m.transforms],
 }
 """Readers of the names of models, by type: Gazebo's `pose/info` is bridged as transforms."""
-_FRAMES = ("/tf", "/tf_static")
+_FRAMES = ("tf", "tf_static")
+"""Last parts of the names of topics with frames of robots, `/robot1/tf` among them."""
 
 
 def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
@@ -201,7 +202,7 @@ def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
     """
     found: set[str] = set()
     for topic in bag.topics_of(*_MODELS):
-        if topic not in _FRAMES and bag.mixed(topic) is None:
+        if topic.rpartition("/")[2] not in _FRAMES and bag.mixed(topic) is None:
             first = next(iter(bag.messages([topic])), None)
             found.update(_MODELS[first.type](first.content) if first is not None else ())
     found = {name for name in found if not (fnmatchcase(name, robot) or name == _FLOOR)}

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.schemas.runs.recording_sources import RecordingSources
+from prefect_robomaker.schemas.runs.requirement_kinds.kind import PosePair
 from prefect_robomaker.schemas.runs.requirement_kinds.localization import LocalizationRequirement, LocalizationRule
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
@@ -182,3 +183,29 @@ def test_the_largest_error_is_found_whatever_the_rates(offsets: list[float], per
     assert len(found) == len(offsets)
     assert rule.error is None
     assert rule.worst_m == pytest.approx(max(map(abs, offsets)), abs=1e-6)
+
+
+@pytest.mark.parametrize(("first_s", "truth_s"), [(30.0, 0.0), (0.0, 30.0)])
+def test_one_clock_at_half_the_speed_is_one_clock(first_s: float, truth_s: float) -> None:
+    """Stamps are of a simulation that takes two seconds for one, so that they fall behind the times of receipt."""
+    assert len(pairs_at_half_speed(first_s, truth_s, ahead_s=0.0)) == 60 - max(first_s, truth_s)
+
+
+@pytest.mark.parametrize(("first_s", "truth_s"), [(30.0, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("ahead_s", [-12.0, 12.0])
+def test_two_clocks_are_found_wherever_the_first_estimate_is(first_s: float, truth_s: float, ahead_s: float) -> None:
+    with pytest.raises(AssertionError, match=r"are of two clocks, 12\.0 s apart"):
+        pairs_at_half_speed(first_s, truth_s, ahead_s)
+
+
+def pairs_at_half_speed(first_s: float, truth_s: float, ahead_s: float) -> list[PosePair]:
+    """The pairs of a robot that stands for a minute, with estimates and true poses from times of receipt on."""
+    asked = LocalizationRequirement(
+        kind="localization", name="knows", estimate="/a", truth="/b", max_m=1.0, attribute=None
+    )
+    rule = LocalizationRule(asked)
+    taken = (StampedPose(float(n), n / 2 + ahead_s, place(0.0)) for n in range(round(first_s), 60))
+    true = (StampedPose(n / 20, n / 40, place(0.0)) for n in range(round(20 * truth_s), 1200))
+    found = list(PosePairs(rule, asked, ("/a", "/b"), 1.0, is_steady=False).of(taken, true))
+    assert rule.error is None, rule.error
+    return found

@@ -190,6 +190,20 @@ def test_a_misspelt_name_of_what_is_ignored_is_told(judge: Judge, tmp_path: Path
     assert judge(listed, GENTLE | {"ignore": ["wall_*"]}, robot="bot").verdict == "ERROR", "nothing is left"
 
 
+def test_frames_of_a_robot_in_a_namespace_are_no_list_of_models(judge: Judge, tmp_path: Path) -> None:
+    """Names of things may be frames of Gazebo's `pose/info`; those of `/robot1/tf` are parts of a robot."""
+    links = [link(EPOCH_S, "odom", "base_link", (0.0, 0.0, 0.0)), link(EPOCH_S, "odom", "wall_3", (0.0, 0.0, 0.0))]
+
+    def verdict(topic: str) -> str | None:
+        frames = Said(EPOCH_S, topic, TF, {"transforms": links})
+        bag = write_bag(tmp_path / topic.replace("/", "_"), "mcap", [*touches(), frames])
+        return judge(bag, GENTLE | {"others": ["wall_3"]}, robot="bot").verdict
+
+    assert verdict("/world/flat/pose/info") == "PASS"
+    for topic in ("/robot1/tf", "/robot1/tf_static"):
+        assert verdict(topic) == "ERROR", topic
+
+
 # Types
 
 
