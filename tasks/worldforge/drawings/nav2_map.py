@@ -3,7 +3,7 @@
 A map says nothing of names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +38,8 @@ _DOOR_M = 1.3
 """Largest width of a door, in metres; a wider gap is an opening."""
 _NARROWEST_M = 0.5
 """Smallest width of a door, in metres; what is narrower is noise, or a gap that no robot passes."""
+_LEAST_JOINED = 0.8
+"""Smallest share of all rooms' area that doors have to join; the rest is left out."""
 _BLUR_M = 0.1
 """Size of the bumps in walls that say nothing about their direction."""
 _MOST_LEAN_DEG = 3.0
@@ -94,7 +96,9 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
         _refuse_corners(outlines, read, path.name)
         _refuse_overlaps(outlines, read, path.name)
     found = list(_doors(regions, order, read))
-    joined = _joined([pair for pair, _ in found])
+    areas = {place: int(np.count_nonzero(regions == number)) for place, number in enumerate(order, 1)}
+    joined = _joined([pair for pair, _ in found], areas)
+    _refuse_apart(joined, areas, outlines, read, path.name)
     if apart := len(order) - len(joined):
         remarks.append(f"{apart} area{'s' * (apart > 1)} that no door leads to")
     kept = sorted(joined)
@@ -111,12 +115,32 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
     return Drawing(shapes, [], 1.0, None, left_out, is_exact=False), read.resolution_m
 
 
-def _joined(pairs: Sequence[tuple[int, int]]) -> set[int]:
-    """Places of the rooms that the largest one leads to."""
-    joined = {1}
-    while grown := {place for pair in pairs if joined & {*pair} for place in pair} - joined:
-        joined |= grown
-    return joined
+def _joined(pairs: Sequence[tuple[int, int]], areas: Mapping[int, int]) -> set[int]:
+    """Places of the rooms that doors join: those that have the most area together."""
+    groups: list[set[int]] = []
+    for place in areas:
+        group = {place}
+        while grown := {each for pair in pairs if group & {*pair} for each in pair} - group:
+            group |= grown
+        groups.append(group)
+    return max(groups, key=lambda group: sum(areas[place] for place in group))
+
+
+def _refuse_apart(
+    joined: Collection[int], areas: Mapping[int, int], outlines: Sequence[Corners], read: _Map, name: str
+) -> None:
+    """Refuses a map of which more is left out than what noise makes."""
+    share = sum(areas[place] for place in joined) / sum(areas.values())
+    if share >= _LEAST_JOINED:
+        return
+    told: list[str] = []
+    for place in sorted(areas.keys() - joined):
+        x, y = read.point(*(float(np.mean(axis)) for axis in zip(*outlines[place - 1], strict=True)))
+        told.append(f"area-{place} ({x:.1f}, {y:.1f}) m")
+    raise ConfigurationError(
+        f"{name}: no door leads from area-{min(joined)} to {', '.join(told)}: {1 - share:.0%} of rooms would be left "
+        f"out, and at most {1 - _LEAST_JOINED:.0%} may be; gaps of at least {_NARROWEST_M:g} m would have to join them"
+    )
 
 
 def _renamed(door: Shape, pair: tuple[int, int], kept: Sequence[int]) -> Shape:

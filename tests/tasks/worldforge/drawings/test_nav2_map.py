@@ -185,6 +185,29 @@ def test_areas_without_a_door_are_left_out(flat: World, tmp_path: Path) -> None:
     assert [room.name for room in made.floorplan.rooms] == [f"area-{number}" for number in range(1, 6)]
 
 
+def row_of_rooms(folder: Path, *widths: int, shut: int) -> Path:
+    """Rooms of 80 rows side by side, with a door between each two but beside one of them."""
+    picture, west, doors = np.zeros((84, 2 + sum(widths) + 2 * len(widths)), np.uint8), 2, range(len(widths) - 1)
+    for number, width in enumerate(widths):
+        picture[2:82, west : west + width] = 254
+        west += width + 2
+        if number in doors and shut not in (number, number + 1):
+            picture[30:48, west - 2 : west] = 254
+    return stored(picture, folder)
+
+
+def test_a_map_of_which_no_door_leads_to_the_most_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"map\.yaml: no door leads from area-2.* to area-1 \(.*\) m: 50% of"):
+        planned(row_of_rooms(tmp_path, 60, 60, 60, 180, shut=3), DrawingNotes(), 0)
+
+
+def test_the_rooms_that_are_most_together_are_kept(tmp_path: Path) -> None:
+    """The largest room of all has no door."""
+    read, _, made, _ = planned(row_of_rooms(tmp_path, 70, 70, 70, 70, 70, 80, shut=5), DrawingNotes(), 0)
+    assert read.drawing.left_out[1:] == ["1 area that no door leads to"]
+    assert len(made.floorplan.rooms) == 5
+
+
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
