@@ -94,6 +94,8 @@ class _Around:
     facts: dict[str, str] = field(default_factory=dict[str, str])
     size: Size = (0.0, 0.0)
     """Width and height of the viewport, of which 100 % is meant."""
+    is_visible: bool = True
+    """Whether `visibility` leaves it to be seen, which groups pass on."""
     depth: int = 0
     symbol: "_Symbol | None" = None
     using: tuple[ET.Element, ...] = ()
@@ -118,6 +120,9 @@ class _Element(NamedTuple):
     kind: Kind | None
     """Kind of way that its own words mean."""
     is_hidden: bool
+    """Whether it and all in it is drawn nowhere."""
+    is_visible: bool | None
+    """Whether it is seen by its own `visibility`; `None`: it says nothing."""
 
 
 class _Reader:
@@ -144,7 +149,7 @@ class _Reader:
         if own.is_hidden:
             self.unread["hidden <svg>"] += 1
         else:
-            self._children(self._root, _Around(own.matrix, size=size))
+            self._children(self._root, _Around(own.matrix, size=size, is_visible=own.is_visible is not False))
 
     def _walk(self, element: ET.Element, around: _Around, instance: ET.Element | None = None) -> None:
         """Collects what an element draws, with all that is inside of it; a `<use>` shows it as its instance."""
@@ -159,11 +164,12 @@ class _Reader:
         matrix = times(around.matrix, own.matrix)
         words = (*own.words, *around.words)[:_MOST_WORDS] if own.words else around.words
         facts = {**around.facts, **own.facts} if own.facts else around.facts
-        inside = replace(around, matrix=matrix, words=words, facts=facts)
-        if own.is_hidden:
+        is_visible = around.is_visible if own.is_visible is None else own.is_visible
+        inside = replace(around, matrix=matrix, words=words, facts=facts, is_visible=is_visible)
+        if own.is_hidden or not (is_visible or own.tag in _GROUPS):
             self.unread[f"hidden {_sort(element, around.words)}"] += 1
         elif own.tag in _SHAPES:
-            self._shape(element, own, inside, _sort(element, around.words))
+            self._shape(element, inside, _sort(element, around.words))
         elif own.tag in _GROUPS:
             self._group(element, own, replace(inside, depth=around.depth + 1), instance)
         elif own.tag == "text":
@@ -228,10 +234,10 @@ class _Reader:
         matrix = times(matrix, viewport(element, size))
         self._children(element, replace(around, matrix=matrix, size=box[2:] if box else size))
 
-    def _shape(self, element: ET.Element, own: _Element, around: _Around, sort: str) -> None:
+    def _shape(self, element: ET.Element, around: _Around, sort: str) -> None:
         name = _name(element)
         self._numbered += 1
-        place = f'<{own.tag}> "{name}"' if name else f"<{own.tag}> number {self._numbered}"
+        place = f'<{_tag(element)}> "{name}"' if name else f"<{_tag(element)}> number {self._numbered}"
         if self._numbered > _MOST_SHAPES:
             raise ConfigurationError(f"{self._name}: it has more than {_MOST_SHAPES:,} shapes")
         parts = self._outlines(element)
@@ -258,7 +264,7 @@ class _Reader:
             made.append(SymbolPart(shape, is_direct, at.swings, at.lines))
         if kind not in _WAYS:
             self.shapes += [each.shape for each in made]
-        elif symbol and symbol.kind == kind and not own.kind:
+        elif symbol and symbol.kind == kind:
             symbol.parts.extend(made)
         else:
             self.shapes += symbols(made)
@@ -282,7 +288,8 @@ class _Reader:
             raise ConfigurationError(f"{self._name}: {error}") from None
         style = element.get("style") or ""
         is_hidden = element.get("display") == "none" or re.search(r"display\s*:\s*none", style) is not None
-        return _Element(_tag(element), matrix, words, facts, kind if kind in _WAYS else None, is_hidden)
+        seen = _visibility(element, style)
+        return _Element(_tag(element), matrix, words, facts, kind if kind in _WAYS else None, is_hidden, seen)
 
     def _outlines_of(self, element: ET.Element) -> list[Outline] | None:
         """Outlines of a shape; None if it is too large to be a part of a plan."""
@@ -299,6 +306,13 @@ class _Reader:
             name = _name(element)
             place = f'<{_tag(element)}> "{name}"' if name else f"<{_tag(element)}> number {self._numbered}"
             raise ConfigurationError(f"{self._name}: {place} cannot be read: {error}") from error
+
+
+def _visibility(element: ET.Element, style: str) -> bool | None:
+    """Whether an element is seen by its own `visibility`; a style counts before the attribute, as in browsers."""
+    said = re.search(r"(?:^|;)\s*visibility\s*:\s*(\w+)", style)
+    word = said[1] if said else (element.get("visibility") or "").strip()
+    return {"visible": True, "hidden": False, "collapse": False}.get(word)
 
 
 def _text_of(element: ET.Element) -> tuple[str, str | None, str | None]:

@@ -164,3 +164,13 @@ def test_a_list_of_what_is_left_out_has_an_end() -> None:
     shapes = "".join(f'<circle class="c{number}"/>' for number in range(50))
     left_out = read_svg(f'<svg xmlns="http://www.w3.org/2000/svg">{shapes}</svg>'.encode(), "flat.svg").left_out
     assert (len(left_out), left_out[-1]) == (41, "10 of 10 more kinds")
+
+
+def test_what_is_invisible_is_left_out_with_all_in_it_that_says_nothing_else() -> None:
+    text = """<svg xmlns="http://www.w3.org/2000/svg"><rect id="Bath" visibility="hidden" width="9" height="9"/>
+      <rect id="Hall" style="fill:red; visibility : collapse" width="9" height="9"/>
+      <g class="room" visibility="hidden"><rect width="9" height="9"/><text x="1" y="1">Flur</text>
+      <rect id="Kitchen" visibility="visible" width="9" height="9"/></g></svg>"""
+    drawing = read_svg(text.encode(), "flat.svg")
+    assert ([shape.name for shape in drawing.shapes], drawing.labels) == (["Kitchen"], [])
+    assert drawing.left_out == ["2 hidden <rect>", '1 hidden <rect> in "room"', '1 hidden <text> in "room"']
