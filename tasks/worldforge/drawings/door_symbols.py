@@ -127,11 +127,10 @@ def _joined(cluster: Sequence[SymbolPart]) -> Iterator[Shape]:
     own = [part for part in cluster if part.direct] or list(cluster)
     size = max(max(_lengths(part.shape.box)) for part in own)
     solid = [part for part in own if part.shape.closed and not part.shape.curved]
-    frames = [_extent(group) for group in _touching(solid)]
-    frames = [box for box in frames if _is_flat(box) and max(_lengths(box)) >= _FRAME * size]
+    frames = [boxes for group in _touching(solid) if (boxes := _frames(group, _FRAME * size))]
     if frames:
-        for box in frames:
-            yield _boxed(named, box)
+        for boxes in frames:
+            yield _framed(named, boxes)
         return
     swings = [swing for part in cluster for swing in part.swings]
     if swings:
@@ -143,10 +142,32 @@ def _joined(cluster: Sequence[SymbolPart]) -> Iterator[Shape]:
     if _is_flat(box) or not lines:
         yield _boxed(named, box)
     else:  # a leaf that stands open beside its line in the wall
-        yield named._replace(points=lines[0], closed=False, curved=False, ways=lines, told=True)
+        yield named._replace(points=lines[0], closed=False, curved=False, ways=lines, told=None)
 
 
 Box = tuple[float, float, float, float]
+
+
+def _frames(group: Sequence[SymbolPart], least: float) -> list[Box]:
+    """Extents that may be a door's frame, the thickest first; a leaf that stands open at its frame is its own."""
+    boxes = [_extent(group)]
+    if not _is_flat(boxes[0]):
+        across = [part for part in group if _lengths(part.shape.box)[0] > _lengths(part.shape.box)[1]]
+        up = [part for part in group if part not in across]
+        boxes = [_extent(side) for parts in (across, up) for side in _touching(parts)]
+    wide = [box for box in boxes if _is_flat(box) and max(_lengths(box)) >= least]
+    return sorted(wide, key=lambda box: -min(_lengths(box)))
+
+
+def _framed(shape: Shape, boxes: Sequence[Box]) -> Shape:
+    """A door with that frame; of several the thickest is likelier to be the frame, and the others are leaves."""
+    made = _boxed(shape, boxes[0])
+    return made if len(boxes) == 1 else made._replace(ways=tuple(map(_middle_line, boxes)), told=True)
+
+
+def _middle_line(box: Box) -> Line:
+    (west, south, east, north), (x, y) = box, _between(box[:2], box[2:])
+    return ((west, y), (east, y)) if east - west > north - south else ((x, south), (x, north))
 
 
 def _touching(parts: Sequence[SymbolPart]) -> list[list[SymbolPart]]:

@@ -77,8 +77,8 @@ class Shape(NamedTuple):
     """Name of all shapes that are counted together where they are left out: `<rect> in "Furniture"`."""
     ways: tuple[Line, ...] = ()
     """Lines that a door with a swing may lie along, of which its wall decides; empty if its points say it."""
-    told: bool = True
-    """Whether the first of `ways` is likelier than the others."""
+    told: bool | None = True
+    """Whether the first of `ways` is likelier than the others; `None`: the nearest to a wall is."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:

@@ -22,6 +22,9 @@ _WIDEST_M = 2.4
 _LEAST_WINDOW = 8
 _AS_NEAR = 1.0
 """Difference of distances from walls, in units, that says nothing about which of two lines is the door."""
+_FURTHER = 4.0
+"""How much further from a wall than another line the likelier one may lie and still be the door, in units: doors are
+drawn on a face of thick walls, and open leaves stand at thin ones."""
 
 
 Wall = TypeVar("Wall", Contact, Side)
@@ -36,8 +39,8 @@ class DrawnWay(NamedTuple):
     """Lines from end to end that it may lie along: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
     """How far a door is open; None: the drawing does not say."""
-    told: bool = True
-    """Whether the first of several lines is likelier, where all lie in walls."""
+    told: bool | None = True
+    """Whether the first of several lines is likelier, where all lie in walls; `None`: the nearest to a wall is."""
     required: bool = True
     """Whether it has to fit into a wall: what a map shows of a door may be noise."""
 
@@ -139,11 +142,14 @@ def _choose(
         width_m = max(place.end - place.start for place in places) / UNITS_PER_M
         found.append((off, number, inner, outer, width_m))
     found.sort(key=lambda each: each[:2])
-    if not drawn.told and len(found) > 1 and found[1][0] - found[0][0] <= _AS_NEAR:
+    if drawn.told is False and len(found) > 1 and found[1][0] - found[0][0] <= _AS_NEAR:
         raise ConfigurationError(
             f"{file}: door {drawn.name}: both ends of its swing lie in walls; its leaf, drawn open, or a line along "
             "the wall in place of the swing, would be right"
         )
+    if drawn.told:
+        found = [each for each in found if each[0] <= found[0][0] + _FURTHER]
+        return min(found, key=lambda each: each[1])[2:]
     return found[0][2:]
 
 

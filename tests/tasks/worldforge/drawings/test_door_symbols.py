@@ -38,16 +38,22 @@ DOORS = {
     "two leaves": '<g class="door"><path d="M455 100h45A45 45 0 0 1 455 145"/>'
     '<path d="M455 190h45A45 45 0 0 0 455 145"/></g>',
     "two lines of a sliding door": '<g class="door"><path d="M454.6 100V147"/><path d="M455.4 143V190"/></g>',
+    "frame in the wall and leaf open at it": '<g class="door"><rect x="450" y="100" width="10" height="90"/>'
+    '<rect x="460" y="100" width="90" height="4"/></g>',
+    "the same, the leaf first": '<g class="door"><rect x="460" y="100" width="90" height="4"/>'
+    '<rect x="450" y="100" width="10" height="90"/></g>',
+    "parts that are called doors, too": '<g id="door-1"><path id="door-1-swing" d="M545 100 A90 90 0 0 1 455 190"/>'
+    '<line id="door-1-leaf" x1="455" y1="100" x2="545" y2="100"/></g>',
     "a symbol": '<defs><symbol id="s" class="door" viewBox="-10 0 20 100">'
     '<rect x="-10" width="20" height="100"/></symbol></defs>'
     '<use href="#s" x="446" y="100" width="18" height="90"/>',
 }
 
 
-def plan_of(doors: str, folder: Path) -> Floorplan:
+def plan_of(doors: str, folder: Path, rooms: str = ROOMS) -> Floorplan:
     path = folder / "plan.svg"
     path.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" data-metres-per-unit="0.01">{ROOMS}{doors}</svg>', encoding="utf-8"
+        f'<svg xmlns="http://www.w3.org/2000/svg" data-metres-per-unit="0.01">{rooms}{doors}</svg>', encoding="utf-8"
     )
     return planned(path, DrawingNotes(), 0)[2].floorplan
 
@@ -79,6 +85,22 @@ def test_doors_whose_swings_cross_in_one_layer_are_two(tmp_path: Path) -> None:
 def test_an_open_leaf_beside_another_wall_is_not_taken_for_the_door(tmp_path: Path) -> None:
     """Hinged 8 cm from the corner: the open leaf stands along the wall between kitchen and bedroom."""
     plan = plan_of('<path class="door" d="M455 272 H545 A90 90 0 0 0 455 182"/>' + OTHER, tmp_path)
+    assert [each.rooms for each in plan.passages] == [("Living room", "Kitchen"), ("Living room", "Bedroom")]
+
+
+def test_a_leaf_that_stands_nearer_to_a_wall_than_its_door_does_is_a_leaf(tmp_path: Path) -> None:
+    """Hinged 4 cm from the wall between kitchen and bedroom, and 5 cm from its own."""
+    rooms = """<g class="rooms"><rect id="Living room" width="400" height="400"/>
+      <rect id="Kitchen" x="400" width="400" height="400"/><rect id="Bedroom" y="400" width="800" height="400"/></g>"""
+    door = '<g class="door"><path d="M395 396H305"/><path d="M305 396A90 90 0 0 1 395 306"/></g>'
+    way = '<line class="door" x1="200" y1="400" x2="290" y2="400"/>'
+    plan = plan_of(door + way, tmp_path, rooms)
+    assert [each.rooms for each in plan.passages] == [("Living room", "Kitchen"), ("Living room", "Bedroom")]
+
+
+def test_of_a_leaf_and_a_line_without_a_swing_the_one_in_a_wall_is_the_door(tmp_path: Path) -> None:
+    """The leaf, which is drawn first, stands open 15 cm from the wall between kitchen and bedroom."""
+    plan = plan_of('<g class="door"><path d="M455 270H545"/><path d="M455 270V180"/></g>' + OTHER, tmp_path)
     assert [each.rooms for each in plan.passages] == [("Living room", "Kitchen"), ("Living room", "Bedroom")]
 
 
