@@ -11,7 +11,7 @@ import numpy as np
 
 from ...sdf.sdf_types import Pose
 from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, REST_S
-from ..proofs.overlaps import find_overlaps, motion_of_bodies
+from ..proofs.overlaps import find_overlaps, meet, motion_of_bodies
 
 _SETTLED_M = 0.05
 """Way that a body may go until it rests; what goes further has no place there."""
@@ -82,9 +82,9 @@ def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
     }
     found: set[str] = set()
     for overlap in find_overlaps(model, data):
-        bodies = [int(model.geom(part).bodyid[0]) for part in overlap.parts]
-        for body, part in zip(reversed(bodies), overlap.parts, strict=True):
-            if body in jointed and model.geom(part).bodyid[0] == 0:
+        bodies: list[int] = model.geom_bodyid[[*overlap.geoms]].tolist()
+        for body, other, part in zip(bodies, reversed(bodies), overlap.parts, strict=True):
+            if body == 0 and other in jointed:
                 found.add(part.partition(".")[0])
     return found
 
@@ -99,17 +99,16 @@ def _overlapping(model: mujoco.MjModel) -> dict[str, float]:
     for overlap in find_overlaps(model, data):
         if overlap.depth_m <= MAX_PENETRATION_M:
             break
-        for part in overlap.parts:
-            body = int(model.geom(part).bodyid[0])
-            if model.body_weldid[body] and _meet(model, *overlap.parts):
+        bodies: list[int] = model.geom_bodyid[[*overlap.geoms]].tolist()
+        for body in bodies:
+            if model.body_weldid[body] and _meet(model, *overlap.geoms):
                 name = model.body(body).name
                 found[name] = max(found.get(name, 0.0), overlap.depth_m)
     return found
 
 
-def _meet(model: mujoco.MjModel, one: str, other: str) -> bool:
+def _meet(model: mujoco.MjModel, one: int, other: int) -> bool:
     """Whether two geoms collide with each other at all."""
-    first, second = model.geom(one), model.geom(other)
-    bits = (int(first.contype[0]) & int(second.conaffinity[0])) | (int(second.contype[0]) & int(first.conaffinity[0]))
-    near = {int(model.body_parentid[int(geom.bodyid[0])]) for geom in (first, second)}
-    return bool(bits) and not (near & {int(first.bodyid[0]), int(second.bodyid[0])} - {0})
+    bodies: list[int] = model.geom_bodyid[[one, other]].tolist()
+    near = {int(model.body_parentid[body]) for body in bodies}
+    return meet(model, one, other) and not (near & {*bodies} - {0})

@@ -27,7 +27,7 @@ from ....schemas.worlds.world import (
 )
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, reachable, room_cells
 from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M
-from .overlaps import THROWN_M, Overlap, drift_m, find_overlaps, measure_stability
+from .overlaps import THROWN_M, Overlap, drift_m, find_overlaps, measure_stability, meet
 from .parts import room_at
 from .reach import ground_of, measure_ways, share, with_leaves
 from .scan import Scan
@@ -114,7 +114,9 @@ def check_world(
         origin_clear=site.origin_clear,
         max_penetration_m=round(overlaps[0].depth_m, 6) if overlaps else 0.0,
         penetrations=len(deep),
-        penetrating=[overlap.parts for overlap in deep[:MOST_TOLD]],
+        penetrating=[
+            (scan.called(one), scan.called(other)) for one, other in (each.geoms for each in deep[:MOST_TOLD])
+        ],
         geoms=int(np.count_nonzero(scan.model.geom_contype | scan.model.geom_conaffinity)),
         narrowest_passage_m=min((way.clear_width_m for way in ways), default=None),
         room_graph=ways,
@@ -142,10 +144,11 @@ def _unreached(world: World, reach: "_Reach") -> Iterator[Fault]:
 
 def _overlapping(world: World, scan: Scan, deep: Sequence[Overlap]) -> Iterator[Fault]:
     for overlap in deep[:MOST_TOLD]:
-        one, other = (scan.names.index(part) for part in overlap.parts)
+        one, other = overlap.geoms
         # The middle of what their boxes share.
         low, high = np.maximum(scan.low[one], scan.low[other]), np.minimum(scan.high[one], scan.high[other])
-        said = f"{' and '.join(overlap.parts)} overlap by {overlap.depth_m:.3f} m, more than {MAX_PENETRATION_M} m"
+        both = f"{scan.called(one)} and {scan.called(other)}"
+        said = f"{both} overlap by {overlap.depth_m:.3f} m, more than {MAX_PENETRATION_M} m"
         yield _fault(world, "overlaps", said, (low + high) / 2)
 
 
@@ -157,7 +160,8 @@ def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> It
         if not drift[joint] < MAX_DRIFT_M:
             body = int(scan.model.jnt_bodyid[joint])
             way = "flies away" if drift[joint] >= THROWN_M else f"moves {drift[joint]:.2f} m by itself"
-            yield _fault(world, "rest", f"{scan.model.body(body).name} {way}", scan.data.xpos[body])
+            name = scan.model.body(body).name or "a body without a name"
+            yield _fault(world, "rest", f"{name} {way}", scan.data.xpos[body])
 
 
 class _Reach(NamedTuple):
@@ -190,9 +194,8 @@ def goals_of(world: World) -> list[tuple[str, Point]]:
 
 def _matters(model: mujoco.MjModel, overlap: Overlap) -> bool:
     """Whether one of two parts can move, and they collide."""
-    one, other = (model.geom(part) for part in overlap.parts)
-    bits = (int(one.contype[0]) & int(other.conaffinity[0])) | (int(other.contype[0]) & int(one.conaffinity[0]))
-    return bool(bits) and any(int(geom.bodyid[0]) in model.jnt_bodyid for geom in (one, other))
+    bodies = model.geom_bodyid[[*overlap.geoms]]
+    return meet(model, *overlap.geoms) and bool(np.isin(bodies, model.jnt_bodyid).any())
 
 
 def _closed_off(site: Site, cells: Mapping[str, NDArray[np.bool_]], radius_m: float) -> list[str]:

@@ -21,7 +21,9 @@ class Overlap(NamedTuple):
     depth_m: float
     """How far one of them would have to be moved."""
     parts: tuple[str, str]
-    """Names of the geoms."""
+    """Names of the geoms; empty of those that have none."""
+    geoms: tuple[int, int]
+    """Their numbers."""
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
@@ -39,8 +41,20 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
     for one, other in geoms[_near(model, data, geoms)].tolist():
         depth_m = -mujoco.mj_geomDistance(model, data, one, other, 0.0, None)
         if depth_m > _LEAST_M:
-            found.append(Overlap(depth_m, (_name(model, one), _name(model, other))))
+            found.append(Overlap(depth_m, (_name(model, one), _name(model, other)), (one, other)))
     return sorted(found, reverse=True)
+
+
+def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
+    """Returns whether the bits of two geoms let them collide.
+
+    Args:
+        model: a world.
+        one: number of a geom.
+        other: number of another.
+    """
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    return bool((types[one] & affinities[other]) | (types[other] & affinities[one]))
 
 
 def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.intp]:

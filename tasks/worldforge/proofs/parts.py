@@ -117,7 +117,7 @@ class _Comparison:
     def _unknown(self, known: set[str]) -> Iterator[Fault]:
         for piece, geoms in self._solid.items():
             if piece not in known:
-                names = ", ".join(self._scan.names[geom] or "a part without a name" for geom in geoms[:3])
+                names = ", ".join(map(self._scan.called, geoms[:3]))
                 yield self._fault("parts", geoms, f"world.xml has {names}, which world.json does not")
         jointed = {int(body) for body in self._scan.model.jnt_bodyid}
         for name, body in self._bodies.items():

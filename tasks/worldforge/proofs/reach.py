@@ -62,7 +62,7 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
     faults: list[Fault] = []
     if not world.floorplan.passages:
         return ways, faults
-    boxes = np.array([bounds(outline) for _, outline in scan.standing])
+    boxes = np.array([bounds(outline) for _, outline in scan.standing]).reshape(-1, 4)
     for passage in world.floorplan.passages:
         width_m, obstacle = _clear(passage, scan, boxes)
         door = passage.door
@@ -76,7 +76,7 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
         )
         if width_m < MIN_PASSAGE_M - GRACE_M / 2:
             middle = tuple((a + b) / 2 for a, b in zip(passage.start, passage.end, strict=True))
-            beside = f" beside {scan.names[obstacle] or scan.pieces[obstacle]}" if obstacle is not None else ""
+            beside = f" beside {scan.called(obstacle)}" if obstacle is not None else ""
             said = f"{' - '.join(passage.rooms)} is {width_m:.2f} m wide{beside}"
             faults.append(Fault.placed("ways", said, middle, room_at(world, middle)))
     return ways, faults

@@ -71,6 +71,14 @@ class Scan:
         for name, value in found.items():
             object.__setattr__(self, name, value)
 
+    def called(self, geom: int) -> str:
+        """Returns what a sentence calls a geom: its name, else the piece that it is a part of.
+
+        Args:
+            geom: its number.
+        """
+        return self.names[geom] or self.pieces[geom] or "a part without a name"
+
     @cached_property
     def slices(self) -> Outlines:
         """Outlines of the solid parts at the height of a robot, as all stands at first."""

@@ -3,6 +3,7 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -145,6 +146,30 @@ def test_a_door_that_swings_by_itself_is_found(flat: World) -> None:
     assert checks.max_drift_m is not None
     assert checks.max_drift_m > 0.1
     assert any("free bodies stay within" in problem for problem in violations(checks))
+
+
+def test_nameless_parts_that_overlap_are_told_with_their_own_places(flat: World) -> None:
+    """As in an imported world, of which only what can move counts."""
+    world = with_piece(flat, "Carton", 0.0, 0.0, movable=True)
+    nameless = '<geom type="box" size=".1 .1 .1" pos="{} 0 {}"/>'
+    added = "".join(nameless.format(x, z) for x, z in ((2, 2), (0, 0.1), (2.05, 2)))
+    leaf = '<body name="leaf" pos="0 0 0.1"><geom type="box" size=".1 .1 .1"/></body>'
+    site = site_of(world, world_mjcf(world).replace("</worldbody>", f"{added}{leaf}</worldbody>"))
+    checks = check_world(world, replace(site, is_planned=False), placed=True)
+    told = [fault for fault in checks.faults or [] if fault.guarantee == "overlaps"]
+    parts = [set(fault.said.partition(" overlap by")[0].split(" and ")) for fault in told]
+    assert {"a part without a name", "Carton_99.carton"} in parts
+    assert {"leaf", "Carton_99.carton"} in parts
+    assert [fault.at for fault in told] == [pytest.approx((0.0, 0.0), abs=0.01)] * len(told)
+    assert {part for pair in checks.penetrating or [] for part in pair} >= {"a part without a name", "leaf"}
+
+
+def test_a_world_in_which_nothing_collides_is_measured(flat: World) -> None:
+    model = mujoco.MjModel.from_xml_string(proof_mjcf(flat))
+    model.geom_contype[:] = model.geom_conaffinity[:] = 0
+    checks = check_world(flat, planned_site(flat, model), placed=True)
+    assert checks.reachable_share == 0.0
+    assert len(violations(checks)) >= len(flat.floorplan.rooms)
 
 
 def test_proofs_are_told_line_by_line(flat: World) -> None:
