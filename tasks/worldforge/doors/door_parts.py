@@ -265,10 +265,28 @@ def _body(door: Door, write: WriteGeom, solid_only: bool) -> Iterator[str]:
         f'      <joint name="{door.id}" type="hinge" axis="0 0 {door.swing}" range="0 {door.max_angle_rad:g}" '
         f'ref="{angle:g}" damping="{_DAMPING_NMS:g}" frictionloss="{_FRICTION_NM:g}"/>'
     )
-    form = door.style.partition(" ")[0]
-    leaf_kg = MASS_KG.get(form, MASS_KG[FORMS[0]])
     for solid in door_solids(door, closed_frame=True):
-        mass = leaf_kg if solid.name.endswith(".leaf") else HANDLE_KG
         if solid.solid or not solid_only:
-            yield "  " + write(solid, f'mass="{mass:g}"')
+            yield "  " + write(solid, f'mass="{_mass_kg(door, solid):g}"')
     yield "    </body>"
+
+
+def _mass_kg(door: Door, solid: Solid) -> float:
+    form = door.style.partition(" ")[0]
+    return MASS_KG.get(form, MASS_KG[FORMS[0]]) if solid.name.endswith(".leaf") else HANDLE_KG
+
+
+def door_resistance(door: Door) -> dict[str, float]:
+    """Returns all that makes a door hard to turn, by the names that MJCF has for it.
+
+    Args:
+        door: the door.
+    """
+    found = {"damping": _DAMPING_NMS, "frictionloss": _FRICTION_NM, "armature": 0.0, "stiffness": 0.0}
+    found["mass"] = found["inertia"] = 0.0
+    for solid in door_solids(door, closed_frame=True):
+        if solid.solid:
+            (x, y, _), (along, across, _), mass_kg = solid.center, solid.size, _mass_kg(door, solid)
+            found["mass"] += mass_kg
+            found["inertia"] += mass_kg * (x * x + y * y + (along * along + across * across) / 12)
+    return found

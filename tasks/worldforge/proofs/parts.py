@@ -26,7 +26,7 @@ from ....schemas.worlds.world import (
     bounds,
     contains,
 )
-from ..doors.door_parts import door_solids
+from ..doors.door_parts import door_resistance, door_solids
 from ..furniture.placed_parts import Solid, solids_of
 from ..geometry.occupancy import wall_corners
 from ..seeds import GENERATOR_VERSION
@@ -39,6 +39,12 @@ _OUTLINE_M = 0.03
 _SAME_RAD = 1e-3
 _SAME_VOLUME = 5e-3
 """Share of a wall's volume or a floor's area by which halves of it may miss, of rounding."""
+_SAME_RESISTANCE = 0.01
+"""Share by which a door's resistance may miss, of rounding."""
+_MOST_TIMES = 5.0
+"""How many times harder to turn than this generator's doors those of earlier ones may be."""
+_LEAST_FELT = 0.5
+"""Resistance in N m and the like that a robot overcomes in any case."""
 
 _SHAPES = {
     "box": {int(mujoco.mjtGeom.mjGEOM_BOX)},
@@ -123,6 +129,10 @@ class _Comparison:
         for name, body in self._bodies.items():
             if body in jointed and name not in known:
                 yield self._fault("parts", (), f"world.xml has a body {name!r} that moves, which world.json does not")
+        if count := self._scan.model.neq + self._scan.model.nu + self._scan.model.ntendon:
+            yield self._fault(
+                "parts", (), f"world.xml has {count} constraints, motors and tendons, and no world has any"
+            )
 
     def _floor(self, name: str, room: Room) -> Iterator[Fault]:
         geoms = self._solid.get(name, [])
@@ -195,11 +205,11 @@ class _Comparison:
         hinge = (*door.hinge, 0.0)
         body = self._bodies.get(door.id)
         joints = [] if body is None else np.flatnonzero(model.jnt_bodyid == body).tolist()
-        if body is None or len(joints) != 1:
+        if body is None or len(joints) != 1 or model.jnt_type[joints[0]] != int(mujoco.mjtJoint.mjJNT_HINGE):
             yield self._placed("doors", hinge, f"{door.id} has no hinge in world.xml")
             return
         (joint,) = joints
-        turned = _turned_wrong(self._scan, joint, door)
+        turned = _turned_wrong(self._scan, joint, door) or _resisting(model, joint, door, exactly=self._is_ours)
         if turned:
             yield self._placed("doors", hinge, f"{door.id} {turned}")
         if self._is_ours:
@@ -247,6 +257,26 @@ def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
         return f"opens from {low:.2f} to {high:.2f} rad, not from 0 to {door.max_angle_rad:.2f}"
     if abs(open_rad - door.open_angle_rad) > _SAME_RAD:
         return f"is {open_rad:.2f} rad open, not {door.open_angle_rad:.2f}"
+    return ""
+
+
+def _resisting(model: mujoco.MjModel, joint: int, door: Door, *, exactly: bool) -> str:
+    """How much harder than described a door is to turn; empty if it is not. Earlier generators' doors may differ."""
+    dof = int(model.jnt_dofadr[joint])
+    found = {
+        "damping": model.dof_damping[dof],
+        "frictionloss": model.dof_frictionloss[dof],
+        "armature": model.dof_armature[dof],
+        "stiffness": model.jnt_stiffness[joint],
+        "mass": model.body_mass[model.jnt_bodyid[joint]],
+        "inertia": model.dof_M0[dof],
+    }
+    for name, right in door_resistance(door).items():
+        value, most = float(found[name]), max(_MOST_TIMES * right, _LEAST_FELT)
+        if exactly and abs(value - right) > _SAME_RESISTANCE * max(right, 1.0):
+            return f"turns otherwise than world.json has: its {name} is {value:.4g}, not {right:.4g}"
+        if not exactly and value > most:
+            return f"is hard to turn: its {name} is {value:.4g}, more than {most:.4g}"
     return ""
 
 

@@ -81,6 +81,17 @@ def added(text: str) -> Sabotage:
     return lambda folder: _edit(folder, add)
 
 
+def inertial(text: str) -> Sabotage:
+    """Gives the first door an inertia."""
+    return lambda folder: _edit(folder, lambda root: _named(root, "body:door-1").insert(0, ET.fromstring(text)))
+
+
+def welded(folder: Path) -> None:
+    """Holds the first door where it is."""
+    weld = '<equality><weld body1="door-1"/></equality>'
+    _edit(folder, lambda root: root.append(ET.fromstring(weld)))
+
+
 def _edit(folder: Path, change: Callable[[ET.Element], None]) -> None:
     tree = ET.parse(folder / "world.xml")
     change(tree.getroot())
@@ -210,6 +221,18 @@ DEEP: dict[str, tuple[Sabotage, set[str], str]] = {
     "a door that opens half": (geom("joint:door-1", range="0 0.7"), {"doors"}, "door-1 opens from 0.00 to 0.70"),
     "a door that falls": (geom("joint:door-1", axis="1 0 0"), {"doors"}, "door-1 turns about another axis"),
     "a door ajar otherwise": (geom("joint:door-1", ref="0.2"), {"doors"}, "door-1"),
+    "a door that is jammed": (geom("joint:door-1", damping="1000000"), {"doors"}, "damping is 1e+06, not 0.8"),
+    "a door that sticks": (geom("joint:door-1", frictionloss="50"), {"doors"}, "frictionloss is 50, not 0.4"),
+    "a door as of lead": (geom("joint:door-1", armature="500"), {"doors"}, "armature is 500, not 0"),
+    "a door on a spring": (geom("joint:door-1", stiffness="90"), {"doors"}, "stiffness is 90, not 0"),
+    "a leaf of lead": (geom("geom:door-1.leaf", mass="900"), {"doors"}, "mass is 900"),
+    "a door with another inertia": (
+        inertial('<inertial pos="0.4 0 1" mass="22.4" diaginertia="900 900 900"/>'), {"doors"}, "its inertia is 9",
+    ),
+    "a door that is welded": (
+        welded, {"parts"}, "world.xml has 1 constraints, motors and tendons",
+    ),
+    "a door that slides": (geom("joint:door-1", type="slide"), {"doors"}, "door-1 has no hinge"),
     "a leaf away": (without("geom:door-1.leaf"), {"doors"}, "door-1.leaf is missing"),
     "a hinge away": (without("joint:door-1"), {"doors"}, "door-1 has no hinge"),
     "a cup in a table": (moved("body:Cup", 0, 0, -0.02), {"parts", "overlaps"}, "overlap by"),
