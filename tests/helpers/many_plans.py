@@ -33,6 +33,8 @@ FEW = 20
 ENOUGH = 60
 LEAST_SHARE = 0.6
 MOST_OFTEN = 0.1
+OFTEN_OF_FEW = 1.5
+"""Largest share of a plan over its even share, where plans are few."""
 LEAST_EDGE_M = 0.8
 WIDE = {
     partition_shortlist: {"_REFINED": 3000},
@@ -68,8 +70,10 @@ class PlanCount:
 
     @property
     def is_varied(self) -> bool:
-        """Whether enough of the plans are shown, and none too often where there are enough."""
-        often = self.most_often_share <= max(MOST_OFTEN, 1.5 / max(self.exist, 1))
+        """Whether there are plans, enough of them are shown, and none is shown too often for their number."""
+        if self.exist == 0:
+            return False
+        often = self.most_often_share <= max(MOST_OFTEN, OFTEN_OF_FEW / self.exist)
         return self.shown_forms >= min(ENOUGH, LEAST_SHARE * self.exist) and often
 
 
@@ -108,7 +112,7 @@ def existing(body: WorldTemplateBody) -> tuple[int, int, float]:
         lists = partition_choice.shortlists(numbers)
     for share in LIMITS:
         for plans in lists:
-            fine = ~plans.misses[1 + len(numbers.types) :].any(axis=0) & (plans.off <= log(1 + share))
+            fine = ~plans.misses[1 + len(numbers.types) :].any(axis=0) & (plans.off <= round(log(1 + share), 6) + 1e-6)
             forms.update(plans.forms[fine].tolist())
             plain.update(plans.forms[fine & plans.plain].tolist())
         if len(forms) >= FEW:

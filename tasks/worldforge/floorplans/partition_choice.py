@@ -34,8 +34,9 @@ _WORSE_TOGETHER = 0.75
 _MORE_MISSES = 1
 """Preferences that a plan may miss beyond the best one."""
 
-_RATIO_LIMITS = (log(1.25), log(1.5))
-"""Largest deviations of a room's ratio; the second one is taken where the first leaves few forms."""
+_RATIO_LIMITS = tuple(round(log(ratio), 6) + 1e-6 for ratio in (1.25, 1.5))
+"""Largest deviations of a room's ratio; the second one is taken where the first leaves few forms. Many plans are exactly
+at a limit: another machine's last digit has to make no difference."""
 
 _FEW_FORMS = 20
 """Forms below which ratios give way further."""
@@ -44,7 +45,8 @@ _ODD_SHARE = 0.5
 """Most forms with other outlines than rectangles and clean L, T and U, over the number of those with such outlines."""
 
 _MANY_FORMS = 75
-"""Forms until which odd outlines are taken all the same: fifty worlds of a job differ, and so do 60 of 200 jobs."""
+"""While there are fewer forms than this, odd outlines are taken as well: enough for 50 different worlds of a job, or 60
+different plans among 200 seeds."""
 
 _ODD_ODDS = 0.5
 """Factor of the odds of plans with odd outlines, so that they come later."""
@@ -56,7 +58,7 @@ _TEMPERATURE = 1.5
 """Difference in cost that makes a plan come first a third as often."""
 
 _MOST_OFTEN = 0.06
-"""Largest chance of a form to come first, where there are enough; below a tenth, so that chance does not exceed it."""
+"""Largest chance of any form to come first; well below a tenth, so that counts of 200 seeds stay below a tenth, too."""
 
 _POOR = 5.0
 """Cost of the best plan above which L-shaped rooms are tried as well, unless one grants all."""
@@ -139,7 +141,7 @@ def plans_of(brief: Brief) -> Pool:
         if int(plain[chosen].sum()) >= _FEW_FORMS:
             break
     odds = np.exp((costs[chosen].min() - costs[chosen]) / _TEMPERATURE) * np.where(plain[chosen], 1.0, _ODD_ODDS)
-    return Pool(lists, [places[number] for number in chosen.tolist()], _capped(odds).tolist())
+    return Pool(lists, [places[number] for number in chosen.tolist()], capped(odds).tolist())
 
 
 def _one_of_each(ordered: NDArray[np.intp], forms: NDArray[np.int64], plain: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -151,15 +153,16 @@ def _one_of_each(ordered: NDArray[np.intp], forms: NDArray[np.int64], plain: NDA
     return each[plain[each] | (np.cumsum(~plain[each]) <= most)]
 
 
-def _capped(odds: Floats) -> Floats:
-    """The odds, with none above the largest chance, or all equal where there are too few for that."""
-    most = max(_MOST_OFTEN, 1 / len(odds))
+def capped(odds: Floats) -> Floats:
+    """Returns odds as shares, with none above the largest chance, or all equal where there are too few for that."""
+    if len(odds) * _MOST_OFTEN <= 1:
+        return np.full(len(odds), 1 / len(odds))
     shares = odds / odds.sum()
-    for _ in range(len(odds)):
-        if shares.max() <= most + 1e-9:
-            break
-        shares = np.minimum(shares, most)
-        shares /= shares.sum()
+    full = np.zeros(len(odds), bool)
+    while (shares > _MOST_OFTEN + 1e-9).any():
+        full |= shares >= _MOST_OFTEN
+        rest = np.where(full, 0.0, odds)
+        shares = np.where(full, _MOST_OFTEN, rest / rest.sum() * (1 - _MOST_OFTEN * full.sum()))
     return shares
 
 

@@ -151,7 +151,8 @@ def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist
     order = order[nature.valid[order]]
     cuts = cuts.take(order)
     sides = evaluator.floors(cuts)
-    off = np.abs(np.abs(np.log(sides[0] / sides[1])) - evaluator.preferred).max(axis=0)
+    # Rounded: another machine's last digit has to make no difference.
+    off = np.round(np.abs(np.abs(np.log(sides[0] / sides[1])) - evaluator.preferred).max(axis=0), 6)
     return Shortlist(
         evaluator,
         plans.take(order),

@@ -83,7 +83,7 @@ def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
     if names:
         return f"the best plan that grants it misses {' and '.join(names)}"
     if brief.diverse:
-        return "a plan that grants it was found, and this one differs from it so that worlds do (`diversity`)"
+        return "another plan grants it; this one was taken so that worlds differ (`diversity: 0` gives the best plan)"
     return "a plan that grants it was found, and its rooms lie together worse than these"
 
 
