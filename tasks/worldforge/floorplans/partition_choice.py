@@ -35,8 +35,8 @@ _MORE_MISSES = 1
 """Preferences that a plan may miss beyond the best one."""
 
 _RATIO_LIMITS = tuple(round(log(ratio), 6) + 1e-6 for ratio in (1.25, 1.5))
-"""Largest deviations of a room's ratio; the second one is taken where the first leaves few forms. Many plans are exactly
-at a limit: another machine's last digit has to make no difference."""
+"""Largest deviations of a room's ratio; the second one is taken where the first leaves few forms. Many plans are
+exactly at a limit: another machine's last digit has to make no difference."""
 
 _FEW_FORMS = 20
 """Forms below which ratios give way further."""
@@ -63,6 +63,9 @@ _MOST_OFTEN = 0.06
 _POOR = 5.0
 """Cost of the best plan above which L-shaped rooms are tried as well, unless one grants all."""
 
+_CLIMB_SEED = 1
+"""Seed of the search for L-shaped rooms where plans are not to differ."""
+
 _DRAWS = 4
 _WORSE = 0.2
 """Largest cost that bending may add to a plan."""
@@ -83,7 +86,7 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
     Args:
         brief: the preferences.
         seed: which plan of which order; whether it is the best one, the brief says.
-        dice: the source of chance for sizes and mirrored sides, and of searches for L-shaped rooms.
+        dice: the source of chance for sizes and mirrored sides, and of searches for L-shaped rooms if plans differ.
 
     Raises:
         WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
@@ -94,7 +97,8 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
     if not any((~plans.misses.any(axis=0)).any() for plans in lists):
         least = min((float(plans.cost[0]) for plans in lists), default=None)
         if least is None or least > _POOR:
-            bent = climb_to_partition(brief, dice, below=least)
+            climb_dice = dice if brief.diverse else Random(_CLIMB_SEED)  # noqa: S311 (chance, not secrecy)
+            bent = climb_to_partition(brief, climb_dice, below=least)
             if bent is not None:
                 return _mirrored(bent, dice)
     pool = plans_of(brief)

@@ -6,8 +6,8 @@ _PLANS_PER_ORDER = 2**12
 """Seeds of floor plans that share an order; a job has 50 floor plans at most, unless it is allowed more."""
 
 _FROM_BEST = 2**45
-"""Seeds from here on mean the best plan. Those below hold an order (32 bits) and a plan's number (12 bits); the last order
-may run on."""
+"""Seeds from here on mean the best plan. Those below hold an order (32 bits) and a plan's number (12 bits); the last
+order may run on."""
 
 
 class PlanSeed(NamedTuple):

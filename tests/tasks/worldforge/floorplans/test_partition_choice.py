@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import log
+from random import Random
 from unittest.mock import patch
 
 import numpy as np
@@ -13,7 +14,7 @@ from prefect_robomaker.schemas.worlds.world import Floorplan
 from prefect_robomaker.tasks.worldforge.floorplans import partition_choice
 from prefect_robomaker.tasks.worldforge.floorplans.brief import brief
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.floorplans.partition_choice import capped, plans_of
+from prefect_robomaker.tasks.worldforge.floorplans.partition_choice import capped, find_partition, plans_of
 from prefect_robomaker.tasks.worldforge.floorplans.plan_seed import PlanSeed
 from prefect_robomaker.tasks.worldforge.floorplans.plan_signature import signature_of
 from prefect_robomaker.tasks.worldforge.seeds import seeds_for
@@ -111,3 +112,13 @@ def test_no_form_comes_first_more_often_than_it_may(count: int) -> None:
 def test_a_template_without_plans_is_not_varied() -> None:
     found = PlanCount(2, 0, 0, 0.25, 0, 0, 0.0, 1.0, 1.0, [0.2], 0, 0)
     assert not found.is_varied
+
+
+def test_without_diversity_a_search_for_bent_rooms_finds_the_same_plan_each_time() -> None:
+    found: dict[bool, set[object]] = {}
+    with patch.object(partition_choice, "shortlists", lambda _: []):
+        for diverse in (True, False):
+            numbers = brief(FLAT.floorplan, diverse=diverse)
+            plans = [find_partition(numbers, PlanSeed(1, 0, diverse), Random(dice)) for dice in range(4)]
+            found[diverse] = {(plan.width, plan.height, plan.arms) for plan in plans}
+    assert len(found[True]) > 1 == len(found[False])
