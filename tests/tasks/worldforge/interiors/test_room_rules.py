@@ -1,15 +1,19 @@
 """Interiors keep the rules that `helpers/room_rules.py` counts, and each rule notices a world that breaks it."""
 
+import re
 from collections.abc import Callable, Iterable
 from functools import cache
 
 import pytest
-from helpers.room_rules import LINE, RULES, TEMPLATES, Case, broken, few_forms, same_pieces
+from helpers.paths import TESTS
+from helpers.room_rules import DENSE_SHARES, LINE, RULES, TEMPLATES, Case, broken, few_forms, is_fine, same_pieces
 
-from prefect_robomaker.schemas.worlds.world import Furniture, Preference, World
+from prefect_robomaker.schemas.worlds.world import Furniture, World
+from prefect_robomaker.tasks.worldforge.furniture import arrangement
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
-HOUSE = "house, dense"
+HOUSE, LOFT = "house, dense", "loft, 40 loose objects"
+DOCS = TESTS.parent / "docs"
 
 
 @cache
@@ -55,8 +59,10 @@ def without_worktop() -> World:
 
 
 def with_few_loose_objects() -> World:
-    wish = Preference(path="a.LooseObjects", wish="40", outcome="missed", reason="Bath has place for 4")
-    return case().world.model_copy(update={"wishes": [wish]})
+    """The loft without one of the loose objects asked for; its report still says that all are there."""
+    world = case(LOFT).world
+    one_of_them = next(one for one in world.furniture if one.movable and one.room == "Loft")
+    return world.model_copy(update={"furniture": [one for one in world.furniture if one is not one_of_them]})
 
 
 SABOTAGES: dict[str, Callable[[], World]] = {
@@ -77,8 +83,23 @@ SABOTAGES: dict[str, Callable[[], World]] = {
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_rule_notices_a_world_that_breaks_it(rule: str) -> None:
-    assert list(RULES[rule](case())) == []
-    assert list(RULES[rule](Case(TEMPLATES[HOUSE], SABOTAGES[rule]())))
+    whole = case(LOFT if rule == "loose_objects" else HOUSE)
+    assert list(RULES[rule](whole)) == []
+    assert list(RULES[rule](Case(whole.body, SABOTAGES[rule]())))
+
+
+def test_shares_of_dense_rooms_are_those_of_the_documentation(monkeypatch: pytest.MonkeyPatch) -> None:
+    emptied = {kind: (0.0, 0.0, full_m2) for kind, (_, _, full_m2) in arrangement._SHARES.items()}
+    monkeypatch.setattr(arrangement, "_SHARES", emptied)
+    assert list(RULES["density"](Case(TEMPLATES[HOUSE], SABOTAGES["density"]())))
+    told = re.findall(r"^\| (\w+) \| \d+ % \| (\d+) % \| (\d+) m² \|$", (DOCS / "worlds.md").read_text(), re.MULTILINE)
+    assert {kind: (int(share) / 100, float(full_m2)) for kind, share, full_m2 in told} == DENSE_SHARES
+
+
+def test_a_failed_proof_or_many_broken_rules_fail_the_count() -> None:
+    assert is_fine({"kitchens": ["a"] * 5, "proofs": []}, most=5)
+    assert not is_fine({"kitchens": ["a"] * 6, "proofs": []}, most=5)
+    assert not is_fine({"kitchens": [], "proofs": ["a"]}, most=5)
 
 
 @pytest.mark.parametrize(
