@@ -100,16 +100,32 @@ def test_small_kitchens_have_ovens_and_small_living_rooms_seats(worlds: int) -> 
         assert any(item.model_type in SEATS and item.room == "Living" for item in world.furniture), index
 
 
-def test_a_room_is_longer_for_its_width_on_its_floor_than_between_its_walls() -> None:
-    body = house([("Strip", "Living", 24.0, 4.0), ("Square", "Bedroom", 24.0, 1.0)], [], "1")
-    plan = generate_floorplan(body, seeds_for(1, 0, 0, diverse=False)[0])  # others may have notches
+STRIP_AND_SQUARE = [("Strip", "Living", 24.0, 4.0), ("Square", "Bedroom", 24.0, 1.0)]
+ALIKE = [("Strip", "Living", 24.0, 1.5), ("Square", "Bedroom", 24.0, 1.5)]
+
+
+def test_the_best_plan_of_rooms_that_fill_a_rectangle_has_floors_of_exactly_their_sides() -> None:
+    plan = generate_floorplan(house(ALIKE, [], "1"), seeds_for(1, 0, 0, diverse=False)[0])
+    assert len(plan.footprint) == 4
     for room in plan.rooms:
-        assert room.floor_area_m2 is not None
         long, short = floor_sides(room, plan.footprint)
+        assert room.floor_area_m2 == pytest.approx(long * short)
+        assert room.aspect_ratio == pytest.approx(long / short, abs=1e-4)
+
+
+@pytest.mark.parametrize("diverse", [False, True])
+@pytest.mark.parametrize("rooms", [STRIP_AND_SQUARE, ALIKE], ids=["strip and square", "alike"])
+def test_a_room_is_longer_for_its_width_on_its_floor_than_between_its_walls(rooms: Any, *, diverse: bool) -> None:
+    for number in range(3):
+        plan = generate_floorplan(house(rooms, [], "1"), seeds_for(1, number, 0, diverse=diverse)[0])
         # A line that is partly an outer wall takes 5 cm more of the floor there.
-        assert 0.97 * long * short < room.floor_area_m2 <= long * short + 1e-9
-        assert room.aspect_ratio == pytest.approx(long / short, rel=0.03)
-        assert room.floor_area_m2 < room.area_m2
+        least = 1.0 if len(plan.footprint) == 4 else 0.97
+        for room in plan.rooms:
+            long, short = floor_sides(room, plan.footprint)
+            assert room.floor_area_m2 is not None
+            assert least * long * short - 1e-9 <= room.floor_area_m2 <= long * short + 1e-9
+            assert room.aspect_ratio == pytest.approx(long / short, rel=1.0001 - least)
+            assert room.floor_area_m2 < room.area_m2
 
 
 def floor_sides(room: Room, footprint: list[tuple[float, float]]) -> tuple[float, float]:
