@@ -19,7 +19,7 @@ _COUNTERS: dict[Density, tuple[int, int]] = {"Sparse": (1, 1), "Moderate": (2, 3
 """Counters besides those with the sink and in corners: what a kitchen is tried with first, drawn between the two."""
 
 _TALL_CHANCES: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.4, "Dense": 0.7}
-"""Chance of a tall cupboard beside the fridge."""
+"""Chance of a tall cupboard beside the fridge, where two counters have place as well."""
 
 _LEAST_PIECES = 6
 """Pieces that a kitchen should have: fridge, stove, sink, dishwasher, and worktop on both sides of the stove."""
@@ -82,9 +82,8 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
         for form in forms
         for number in range(first, -1, -1)
     ]
-    # A form with fewer pieces than a kitchen should have comes after all others.
-    for styles, form, number in sorted(tried, key=lambda each: _is_poor(each[1], each[2], len(each[0]))):
-        if _settle(work, _options(work, form, _halves(work, styles, number, tall=tall and number > 0))):
+    for styles, form, number in sorted(tried, key=lambda each: _poverty(each[1], each[2], len(each[0]))):
+        if _settle(work, _options(work, form, _halves(work, styles, number, tall=tall and number > 1))):
             return
     halves = _halves(work, compact, 0, tall=False)
     for half in (halves.washing, halves.cooking):
@@ -92,9 +91,10 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
             _settle(work, _along_one_wall(work, half))
 
 
-def _is_poor(form: Form, counters: int, others: int) -> bool:
-    """Whether a kitchen has too few pieces, or no worktop between stove and sink."""
-    return others + counters + _FORMS.index(form) < _LEAST_PIECES or (form == "line" and counters == 0)
+def _poverty(form: Form, counters: int, others: int) -> int:
+    """Rank of a kitchen: 0 if it has all it should have, 1 with too few pieces, 2 without worktop before the sink."""
+    few = others + counters + _FORMS.index(form) < _LEAST_PIECES
+    return 2 if form == "line" and counters == 0 else int(few)
 
 
 def _options(work: RoomFurnishing, form: Form, halves: Halves) -> Iterator[tuple[float, Placed]]:

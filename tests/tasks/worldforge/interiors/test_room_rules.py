@@ -109,6 +109,11 @@ def test_rooms_are_what_an_architect_would_sign(name: str, seed: int) -> None:
     assert [place for places in broken(case(name, seed)).values() for place in places] == []
 
 
+def test_a_narrow_kitchen_has_fewer_pieces_rather_than_no_worktop() -> None:
+    narrow = Case(TEMPLATES["house"], generate_world(TEMPLATES["house"], *seeds_for(7, 5, 0), settle=False))
+    assert list(RULES["kitchens"](narrow)) == []
+
+
 def test_kitchens_that_are_all_alike_are_noticed() -> None:
     assert list(few_forms({"line": 19, "L": 1, "U": 1, "line with island": 3})) == [
         "1 of 24 kitchens have the form L",
