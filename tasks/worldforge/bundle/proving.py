@@ -33,6 +33,12 @@ _NOT_OF_THE_WORLD = {PREVIEW_FILE, "manifest.json"}
 _UNCOMPARED = {"contentHash", "proofs"}
 """Members of a description that say nothing of the world itself."""
 
+_LESS_COMPARED: dict[Guarantee, str] = {
+    "parts": "not compared: an earlier generator's parts are compared by outline only",
+    "description": "not compared: an earlier generator's floor plan is not drawn again",
+}
+"""Reasons why a world that names another generator does not pass as one of this generator's does."""
+
 
 def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = None, pushed: bool = False) -> WorldChecks:
     """Measures a stored world again, whichever generator version made it, and whether it was generated or imported.
@@ -62,6 +68,8 @@ def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = Non
         *_file_faults(folder, digests),
     ]
     absent: dict[Guarantee, str] = {} if site.is_planned else {"doors": "world.json of imported worlds has none"}
+    if site.is_planned and world.generator_version != GENERATOR_VERSION:
+        absent |= _LESS_COMPARED
     if digests is None:
         absent["files"] = "the folder has no manifest with digests"
     return checks.model_copy(update={"faults": faults, "not_compared": absent})

@@ -6,7 +6,7 @@ Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from ....schemas.worlds.world import Guarantee, RoomMeasures, StabilityChecks, World, WorldChecks
+from ....schemas.worlds.world import GazeboSource, Guarantee, RoomMeasures, StabilityChecks, World, WorldChecks
 
 MAX_PENETRATION_M = 0.005
 MIN_CELLS = 5
@@ -88,7 +88,7 @@ def proof_lines(world: World) -> list[ProofLine]:
     measured = (
         []
         if checks is None
-        else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks), *_file_lines(checks)]
+        else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks), *_file_lines(world, checks)]
     )
     return [*measured, *_origin_lines(world)]
 
@@ -162,9 +162,10 @@ _COMPARED: dict[Guarantee, tuple[str, str]] = {
     "files": ("Files and manifest", "as they were stored"),
 }
 """Names of the guarantees that files agree, and the words for that."""
+_IMPORTED = "the same pieces; floors, walls and other parts are not compared"
 
 
-def _file_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+def _file_lines(world: World, checks: WorldChecks) -> Iterator[ProofLine]:
     """Guarantees that the model and the files of a bundle agree; only `robomaker world prove` looks."""
     if checks.faults is None:
         return
@@ -176,7 +177,8 @@ def _file_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         elif checks.not_compared and guarantee in checks.not_compared:
             yield ProofLine(name, checks.not_compared[guarantee], "not measured")
         else:
-            yield ProofLine(name, agrees, "holds")
+            of_pieces = guarantee == "parts" and isinstance(world.source, GazeboSource)
+            yield ProofLine(name, _IMPORTED if of_pieces else agrees, "holds")
 
 
 def _origin_lines(world: World) -> Iterator[ProofLine]:

@@ -328,6 +328,31 @@ def test_imported_worlds_are_proven_by_the_same_code(house: Path, tmp_path: Path
         assert guarantees <= {fault.guarantee for fault in faults}, (name, broken)
 
 
+def verdicts(folder: Path) -> dict[str, tuple[str, str]]:
+    """Values and verdicts of all lines of a proof, by name."""
+    world = read_world(folder)
+    lines = proof_lines(world.model_copy(update={"checks": prove(world, folder)}))
+    return {line.name: (line.value, line.verdict) for line in lines}
+
+
+def test_a_world_that_names_an_earlier_generator_is_told_as_less_compared(tmp_path: Path) -> None:
+    earlier = shutil.copytree(Path(__file__).parent / "generators" / "2.1.0", tmp_path / "earlier")
+    (earlier / "floorplan.svg").write_text("")
+    found = verdicts(earlier)
+    assert found["Model and world.json"] == (
+        "not compared: an earlier generator's parts are compared by outline only", "not measured",
+    )  # fmt: skip
+    assert found["world_description.json"] == (
+        "not compared: an earlier generator's floor plan is not drawn again", "not measured",
+    )  # fmt: skip
+
+
+def test_an_imported_world_is_said_to_have_its_pieces_only_compared(house: Path) -> None:
+    assert verdicts(house)["Model and world.json"] == (
+        "the same pieces; floors, walls and other parts are not compared", "holds",
+    )  # fmt: skip
+
+
 def test_a_proof_is_no_part_of_the_stored_world(flat_bundle: Path) -> None:
     world = read_world(flat_bundle)
     checks = prove(world, flat_bundle)
