@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 
 from helpers.made_once import made_once
+from prefect_robomaker.schemas.wire.arns import world_id
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders
+from prefect_robomaker.tasks.worlds.generation import generate_world
 
 _CONTENT = "content"
 
@@ -52,3 +55,12 @@ def known_worlds(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.M
     monkeypatch.setattr(WorldBuilders, "__enter__", start_none)
     monkeypatch.setattr(WorldBuilders, "__exit__", end_none)
     monkeypatch.setattr(WorldBuilders, "build", copy)
+
+
+def make_worlds(service: Service, job: str, count: int, folder: Path) -> None:
+    """Makes the first worlds of a stored generation job in this process, without a flow run; the job stays running."""
+    stored = service.catalog.transition(job, "start")
+    with WorldBuilders(1, folder / "builders.log") as builders:
+        for index in range(count):
+            arn = service.arn("world", world_id(stored.id, index + 1))
+            assert generate_world(service, stored, index, arn, builders, lambda _, step: step()) is None

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.known_worlds import make_worlds
+from helpers.plan_templates import TEMPLATES
 from helpers.processes import wait_for
 from helpers.small_flat import BODY
 
@@ -68,6 +70,19 @@ def test_interiors_of_one_floor_plan_share_it(service: Service, generate: Callab
     assert plans[0]["floorplan"]["walls"] == plans[1]["floorplan"]["walls"]
     assert plans[0]["furniture"] != plans[1]["furniture"]
     assert call("DescribeWorld", {"world": worlds[0].arn}, service)["tags"] == {"night": "1"}
+
+
+@KNOWN
+@pytest.mark.parametrize(("members", "plans"), [({"diversity": 0}, 1), ({}, 4)])
+def test_floor_plans_of_a_job_differ_unless_none_are_to(
+    service: Service, submit: Callable[..., str], tmp_path: Path, members: dict[str, int], plans: int
+) -> None:
+    body = TEMPLATES["guide"].model_dump(mode="json", exclude_unset=True)
+    flat = call("CreateWorldTemplate", {"templateBody": body}, service)["arn"]
+    job = submit(4, template=flat, **members)
+    make_worlds(service, job, 4, tmp_path)
+    made = call("DescribeWorldGenerationJob", {"job": job}, service)["finishedWorldsSummary"]
+    assert (made["finishedCount"], made["planCount"]) == (4, plans)
 
 
 @KNOWN

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.known_worlds import make_worlds
 from helpers.small_flat import BODY, ROLE
 from helpers.swing_fixtures import upload_swinger
 
@@ -86,6 +87,16 @@ def test_worlds_that_are_there_are_found(plan: Plan, generate: Callable[..., dic
     assert parts["worlds"][0].why.startswith("found in generation-")
     assert parts["drive"][0].why == "its world is generated first"
     assert parts["others"][0].why == NO_SEED
+
+
+@pytest.mark.usefixtures("known_worlds")
+def test_jobs_with_and_without_diversity_share_no_world(
+    plan: Plan, service: Service, template: str, tmp_path: Path
+) -> None:
+    request = worlds(1, seed=7, diversity=0)["input"] | {"template": template}
+    make_worlds(service, call("CreateWorldGenerationJob", request, service)["arn"], 1, tmp_path)
+    parts = plan(template=TEMPLATE, same=worlds(1, seed=7, diversity=0), other=worlds(1, seed=7, diversity=1))
+    assert {name: [each.reuse for each in found] for name, found in parts.items()} == {"same": [True], "other": [False]}
 
 
 def test_applications_that_steps_would_make_are_what_their_archives_are_now(
