@@ -102,12 +102,12 @@ def as_a_robot_maps_it(picture: NDArray[np.uint8], seed: int, bump_cells: float)
     """Bumpy faces of walls, nothing known behind them, specks, cells that no ray hit, rays that left by a window."""
     rng = np.random.default_rng(seed)
     picture = np.pad(picture, 30, constant_values=205)
-    free = picture == 254
+    free: NDArray[np.bool_] = np.equal(picture, 254)
     bumps = ndimage.gaussian_filter(rng.standard_normal(free.shape), 2.0)
-    depth = ndimage.distance_transform_edt(free) - ndimage.distance_transform_edt(~free)
-    seen = np.asarray(depth > 0.7 + bump_cells * bumps / bumps.std())
-    made = np.full(free.shape, 205, np.uint8)
-    made[ndimage.binary_dilation(seen, iterations=2)] = 0
+    inside, outside = (np.asarray(ndimage.distance_transform_edt(each), float) for each in (free, ~free))
+    seen: NDArray[np.bool_] = np.asarray(inside - outside > 0.7 + bump_cells * bumps / bumps.std(), bool)
+    made: NDArray[np.uint8] = np.full(free.shape, 205, np.uint8)
+    made[np.asarray(ndimage.binary_dilation(seen, iterations=2), bool)] = 0
     chance = rng.random(free.shape)
     made[seen] = np.where(chance < 0.12, 205, np.where(chance > 0.995, 0, 254))[seen]
     for _ in range(3):

@@ -33,8 +33,8 @@ def corners(box: Box) -> Corners:
 
 def signature(*boxes: Box, doors: tuple[tuple[int, int], ...] = ()) -> PlanSignature:
     rooms = tuple(map(corners, boxes))
-    ends = [max(side) for side in zip(*(box[2:] for box in boxes), strict=True)]
-    return plan_signature(rooms, doors, len(outline(Partition(*ends, rooms, (1,) * len(rooms)))))
+    width, height = (max(side) for side in zip(*(box[2:] for box in boxes), strict=True))
+    return plan_signature(rooms, doors, len(outline(Partition(width, height, rooms, (1,) * len(rooms)))))
 
 
 def test_a_signature_says_who_touches_whom_where_and_who_is_joined() -> None:
