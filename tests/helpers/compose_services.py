@@ -49,15 +49,7 @@ class ComposedServices:
         made = self._machine.run(_words("setup"), self._environ("setup"), timeout=_READY_S)
         assert made.returncode == 0, made.stdout + self._logs()
         assert "RunJobWorker/machines  created" in made.stdout
-        self.start_worker()
-
-    def home(self, name: str) -> Path:
-        """The home of a service's user."""
-        return self._folder / name
-
-    def start_worker(self, **more: str) -> None:
-        """Starts the worker of this machine, as `docker compose start worker` does."""
-        self._start("worker", **more)
+        self._start("worker")
 
     def stop_worker(self) -> None:
         """Ends the worker of this machine, as `docker compose stop worker` does."""
@@ -99,7 +91,7 @@ class ComposedServices:
     def _environ(self, name: str) -> dict[str, str]:
         given: Mapping[str, str] = SERVICES["services"][name].get("environment", {})
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-        home = {"HOME": str(self.home(name)), "PATH": path}
+        home = {"HOME": str(self._folder / name), "PATH": path}
         return home | {key: _DEFAULT.sub(r"\1", value) for key, value in given.items()}
 
     def _log(self, name: str) -> Path:

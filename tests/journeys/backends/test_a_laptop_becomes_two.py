@@ -1,15 +1,9 @@
-"""The page "A laptop becomes two": its five commands are typed, on two machines with no network or file in common.
-
-It is skipped where SSH is not installed (`dropbear`, `ssh`, `scp`), unless CI was to install it. Nothing else runs a
-batch on a work pool of machines that are apart; that both machines of a pool run jobs of one batch is also in
-test_work_pools.py, where they have files in common.
-"""
+"""The page "A laptop becomes two": its five commands are typed, on two machines with no network or file in common."""
 
 import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -17,12 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
 from helpers.compose_services import ComposedServices
 from helpers.namespaced_machines import NEEDS_NETWORKS, Machine, namespaced_machine
 from helpers.paths import REPOSITORY
 from helpers.postgres_server import NEEDS_POSTGRESQL
-from helpers.processes import wait_for, working_below
 from helpers.required_programs import needs
 
 SSH = all(shutil.which(name) for name in ("ssh", "scp", "dropbear"))
@@ -34,10 +26,6 @@ pytestmark = [
     pytest.mark.timeout(2400),
 ]
 PAGE = REPOSITORY / "docs" / "machines.md"
-QUICKSTART = "deployments/specs/quickstart.yaml"
-DATA = Path(".local") / "share" / "robomaker"
-"""The folder of a user's home in which RoboMaker keeps everything, jobs that run among it."""
-WAIT_S = 900.0
 UP = "docker compose -f deployments/compose.yaml up --detach --build"
 # SSH reaches the second machine without a network in common: by a process that enters it.
 REACHED = """\
@@ -111,21 +99,7 @@ def services(kept: Path, laptop: Machine) -> ComposedServices:
 
 def entries(machine: Machine, folder: Path) -> list[str]:
     """Names of what a machine sees in a folder."""
-    done = machine.run(["ls", "-A", str(folder)], {})
-    assert done.returncode == 0, done.stdout
-    return done.stdout.splitlines()
-
-
-def endless(folder: Path) -> Path:
-    """The quickstart with jobs that last until they are cancelled, however fast the machines are."""
-    spec = yaml.safe_load((REPOSITORY / QUICKSTART).read_text())
-    del spec["steps"]["export"]
-    batch = spec["steps"]["drive"]["input"]
-    batch["batchPolicy"]["timeoutInSeconds"] = 7200
-    batch["createSimulationJobRequests"]["value"] |= {"maxJobDurationInSeconds": 7200, "trials": {"seeds": 1_000_000}}
-    path = folder / "endless.yaml"
-    path.write_text(yaml.safe_dump(spec))
-    return path
+    return machine.run(["ls", "-A", str(folder)], {}).stdout.splitlines()
 
 
 def test_five_commands_make_a_laptop_two(laptop: Machine, second: Machine, services: ComposedServices) -> None:
@@ -134,9 +108,8 @@ def test_five_commands_make_a_laptop_two(laptop: Machine, second: Machine, servi
     services.up()
     assert not [*entries(laptop, second.folder), *entries(second, laptop.folder)], "neither sees the other's files"
 
-    environ = {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"}
-
     def shell(*lines: str) -> str:
+        environ = {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"}
         text = "\n".join(lines)
         done = laptop.run(["bash", "-euo", "pipefail", "-c", text], environ, cwd=REPOSITORY, timeout=900)
         assert done.returncode == 0, done.stdout
@@ -148,31 +121,16 @@ def test_five_commands_make_a_laptop_two(laptop: Machine, second: Machine, servi
     def on_the_second(found: list[str]) -> int:
         return sum(place.startswith(str(second.home)) for place in found)
 
-    shell(*typed[:2])
-    with (second.home / "prefect-robomaker" / "deployments" / "machines.env").open("a") as settings:
-        settings.write("ROBOMAKER_MAX_JOBS=1\n")
-    assert "4 of 4" in shell(typed[0], *typed[2:])
+    assert "4 of 4" in shell(*typed)
     before = places()
     assert len(before) == 4, "the jobs of both machines are in the store that they share"
 
     services.stop_worker()
     (record,) = laptop.home.rglob("run.json")
     job = json.loads(record.read_text())["jobs"][0]["label"]
-    once_more = typed[-1].replace(f"run {QUICKSTART}", f"rerun latest --job {job}")
+    once_more = typed[-1].replace("run deployments/specs/quickstart.yaml", f"rerun latest --job {job}")
     assert once_more != typed[-1]
     shell(typed[0], once_more)
     after = places()
     assert len(after) == 5
     assert on_the_second(after) == on_the_second(before) + 1, "the second machine ran it alone"
-
-    services.start_worker(ROBOMAKER_MAX_JOBS="1")  # so that two jobs at once are one on each machine
-    ordered = typed[-1].replace(f"robomaker run {QUICKSTART}", f"exec robomaker run {endless(laptop.home)}")
-    assert ordered != typed[-1]
-    words = ["bash", "-euo", "pipefail", "-c", f"{typed[0]}\n{ordered}"]
-    log = laptop.folder / "endless.log"
-    run = laptop.start(words, environ, log, cwd=REPOSITORY)
-    homes = (services.home("worker") / DATA, second.home / DATA)
-    wait_for(lambda: all(map(working_below, homes)), "a job of one batch on each machine", WAIT_S)
-    run.send_signal(signal.SIGINT)
-    assert run.wait(WAIT_S) == 130, log.read_text()
-    wait_for(lambda: not any(map(working_below, homes)), "the end of both jobs", WAIT_S)
