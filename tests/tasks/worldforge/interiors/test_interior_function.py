@@ -59,7 +59,7 @@ def test_what_is_opened_or_worked_at_has_its_clearance(make_body: MakeBody, seed
             corner_counters += 1
             continue
         assert found == [], item.id
-    assert corner_counters <= 1
+    assert corner_counters <= 2  # kitchens in U have two corners
 
 
 @pytest.mark.parametrize("seed", SEEDS)
