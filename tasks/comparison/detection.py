@@ -1,4 +1,4 @@
-"""How many trials a specification needs so that two of its runs answer a question: planned before anything runs."""
+"""Planned number of trials with which two runs of a specification answer a question."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the import of Gazebo worlds costs; prints figures and asserts no time. Times are CPU time of this process."""
+"""Cost of importing Gazebo worlds; prints figures and asserts no time. Times are CPU time of this process."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false

@@ -12,19 +12,8 @@ with no edge under 0.8 m and outer walls of one thickness; and no plan misses mo
 
 import sys
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
-from types import ModuleType
 
-ROOT = Path(__file__).resolve().parents[2]
-
-# Processes that this one starts run these lines, too.
-sys.path.insert(0, str(ROOT / "tests"))
-if find_spec("prefect_robomaker") is None or find_spec("prefect_robomaker.tasks") is None:
-    # What installing the package does: its layers lie beside it.
-    package = ModuleType("prefect_robomaker")
-    package.__path__ = [str(ROOT / "prefect_robomaker"), str(ROOT)]
-    sys.modules["prefect_robomaker"] = package
+import many_worlds  # noqa: F401 (finds the package in a checkout)
 
 if __name__ == "__main__":
     sys.exit(import_module("helpers.many_plans").main())

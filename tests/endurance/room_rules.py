@@ -29,7 +29,7 @@ MOST_TOLD = 12
 
 
 def looked_at(work: tuple[str, int]) -> tuple[dict[str, list[str]], list[tuple[str, tuple[str, ...]]], float]:
-    """What is broken in a world, its kitchens, and CPU seconds that it took."""
+    """Broken rules of a world, its kitchens, and CPU seconds that it took."""
     name, number = work
     begun = time.process_time()
     try:

@@ -46,7 +46,7 @@ WIDE = {
 
 @dataclass
 class PlanCount:
-    """What was counted of one template."""
+    """Counts of one template."""
 
     rooms: int
     exist: int
@@ -163,7 +163,7 @@ def counted(name: str, seeds: int, job_seed: int) -> PlanCount:
 
 
 def missed(plan: Floorplan) -> int:
-    """How many wishes about the plan are missed."""
+    """Number of missed wishes about the plan."""
     return sum(wish.outcome == "missed" for wish in plan.wishes)
 
 

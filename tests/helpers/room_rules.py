@@ -25,7 +25,7 @@ FRONT_M = 0.6
 TILT_DEG = 15.0
 TABLE_TO_KITCHEN_M = 4.0
 TABLE_HALF_M = 1.3
-"""From a table's middle to where its chairs are pushed back."""
+"""Distance from a table's middle to chairs that are pushed back."""
 ZONED_FROM_M2 = 30.0
 DOOR_M = 0.8
 """Nothing stands nearer before a door."""

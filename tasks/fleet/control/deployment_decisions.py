@@ -59,8 +59,7 @@ def approve(job: str, by: str, service: Service) -> None:
         ResourceNotFoundException: there is no such job.
         InvalidParameterException: it does not wait for approval.
     """
-    found = _under_way(job, service)
-    _check_waits(found, service)
+    found = _waiting(job, service)
     _tell(found, Approved(by=by), service)
 
 
@@ -76,8 +75,7 @@ def reject(job: str, by: str, service: Service) -> None:
         ResourceNotFoundException: there is no such job.
         InvalidParameterException: it does not wait for approval.
     """
-    found = _under_way(job, service)
-    _check_waits(found, service)
+    found = _waiting(job, service)
     _tell(found, Stopped(why="rejected", by=by), service)
     with fleet_held(str(found.parent), service) as fleet:
         settle(fleet, service)
@@ -105,7 +103,9 @@ def _under_way(arn: str, service: Service) -> Resource:
     return job
 
 
-def _check_waits(job: Resource, service: Service) -> None:
+def _waiting(arn: str, service: Service) -> Resource:
+    """The deployment job, which has to wait for approval."""
+    job = _under_way(arn, service)
     stored = Rollouts(service.catalog).rollout(job.arn)
     if stored is None:
         raise InvalidParameterException(
@@ -116,6 +116,7 @@ def _check_waits(job: Resource, service: Service) -> None:
     ledger = Ledger(kept.rollout)
     if not ledger.waits_for_approval:
         raise InvalidParameterException(f"{job.arn} does not wait for approval: {_why_not(kept.rollout)}")
+    return job
 
 
 def _why_not(rollout: Rollout) -> str:

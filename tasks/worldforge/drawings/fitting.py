@@ -23,8 +23,8 @@ _LEAST_WINDOW = 8
 _AS_NEAR = 1.0
 """Difference of distances from walls, in units, that says nothing about which of two lines is the door."""
 _FURTHER = 4.0
-"""How much further from a wall than another line the likelier one may lie and still be the door, in units: doors are
-drawn on a face of thick walls, and open leaves stand at thin ones."""
+"""Largest excess of the likelier line's distance from a wall over another line's with which it is still the door, in
+units: doors are drawn on a face of thick walls, and open leaves stand at thin ones."""
 
 
 Wall = TypeVar("Wall", Contact, Side)

@@ -16,7 +16,7 @@ class PlanSeed(NamedTuple):
     order: int
     """Seed of an order of all plans that a template has."""
     rank: int
-    """How many plans come before it, from 0."""
+    """Number of plans that come before it, from 0."""
     diverse: bool
     """Whether plans differ; otherwise each is the best one, with sizes of its own."""
 

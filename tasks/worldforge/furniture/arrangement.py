@@ -48,7 +48,7 @@ _LARGE: dict[RoomType, tuple[tuple[float, tuple[str, ...]], ...]] = {
     "Living": ((30.0, ("Desks", "DeskChairs", "Bookcases")), (45.0, _DINING)),
     "Kitchen": ((20.0, _DINING),),
 }
-"""From how many square metres on a room has a corner to work and read in, to dine in."""
+"""Smallest floor area, in square metres, of a room with a corner to work and read in, or to dine in."""
 
 _DINES_FROM_M2 = 16.0
 """Floor area from which on a living room has place for a table beside the sofa and the television."""

@@ -14,7 +14,7 @@ TUCK_M = 0.13
 """How far chairs are pushed under their table."""
 
 DESK_SEAT_M = 0.12
-"""How far to the left of a desk's middle its chair stands: drawers are on the right."""
+"""Distance of a chair to the left of its desk's middle: drawers are on the right."""
 
 _LEG_GAP_M = 0.01
 """Between a chair that is pushed in and a leg of the table."""

@@ -50,9 +50,9 @@ class Halves(NamedTuple):
     """The two halves of a kitchen, each from its outer end to where they meet, and what else it may have."""
 
     cooking: list[Unit]
-    """From the fridge to the worktop beside the stove."""
+    """Pieces of the line, the fridge first, up to the worktop beside the stove."""
     washing: list[Unit]
-    """From the sink on."""
+    """Pieces of the line that begin with the sink."""
     corner: Unit
     counters: list[Unit]
     """Counters of each size, to fill a wall with."""

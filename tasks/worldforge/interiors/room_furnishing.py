@@ -37,10 +37,10 @@ _DENSE_WEIGHT = -2.5
 
 _WIDE_BED_M = 1.2
 _FOR_TWO_M2 = 12.0
-"""From this floor area on a bedroom has a bed for two: 2.5 m of wall for the bed and both its sides."""
+"""Smallest floor area of a bedroom with a bed for two: 2.5 m of wall for the bed and both its sides."""
 _DOUBLE_BED_M, _WIDEST_BED_M = 1.5, 1.8
 _MEALS_M = 3.8
-"""From the kitchen to the middle of a table at most: a few steps with a full plate."""
+"""Largest distance of a table's middle from the kitchen: a few steps with a full plate."""
 
 _TRIES = 6
 _HALF_SEAT_M = 0.3
@@ -414,7 +414,7 @@ class RoomFurnishing:
         return min((candidates.distance(pose, kitchen) for kitchen in self._kitchens), default=0.0)
 
     def _dining_score(self, pose: Pose) -> float:
-        """How well a table stands: in the middle of a dining room, aside in a living room, near the kitchen."""
+        """Rates a table's place: in the middle of a dining room, aside in a living room, near the kitchen."""
         away = self._to_kitchen_m(pose)
         if self.room.type != "Living":
             return pose.score - max(0.0, away - _MEALS_M)

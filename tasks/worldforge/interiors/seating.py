@@ -85,7 +85,7 @@ def _place_group(work: RoomFurnishing) -> bool:
 
 
 def _away(spot: Pose, work: RoomFurnishing) -> float:
-    """How far a spot is from all furniture: groups spread over the room."""
+    """Distance of a spot from all furniture: groups spread over the room."""
     return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
 
 

@@ -18,7 +18,7 @@ from .parts import room_at
 from .scan import GRACE_M, Scan, lidar_scan
 
 _OUTLINE_M = 0.02
-"""How far the outline of a piece, as its map has it, may reach over its parts."""
+"""Largest reach of a piece's outline, as its map has it, over its parts."""
 _MOST_PLACES = 3
 """Places that are told of each kind of difference; the number of all cells is told with them."""
 

@@ -35,14 +35,14 @@ from .scan import Scan, names_of
 _SAME_M = 1e-3
 """Five times the rounding of MJCF to a tenth of a millimetre, which moves both faces of a box."""
 _OUTLINE_M = 0.03
-"""How far parts of a piece may reach over the extents that are described of it: handles of cups and of doors do."""
+"""Largest reach of a piece's parts over its described extents: handles of cups and of doors have one."""
 _SAME_RAD = 1e-3
 _SAME_VOLUME = 5e-3
 """Share of a wall's volume or a floor's area by which halves of it may miss, of rounding."""
 _SAME_RESISTANCE = 0.01
 """Share by which a door's resistance may miss, of rounding."""
 _MOST_TIMES = 5.0
-"""How many times harder to turn than this generator's doors those of earlier ones may be."""
+"""Largest ratio between the resistance of earlier generators' doors and that of this one's."""
 _LEAST_FELT = 0.5
 """Resistance in N m and the like that a robot overcomes in any case."""
 
@@ -244,7 +244,7 @@ def room_at(world: World, place: Sequence[float]) -> str | None:
 
 
 def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
-    """How a door's hinge differs from its description; empty if it does not."""
+    """Says how a door's hinge differs from its description; empty if it does not."""
     model, data = scan.model, scan.data
     anchor, axis = data.xanchor[joint], data.xaxis[joint]
     open_rad = float(model.qpos0[model.jnt_qposadr[joint]])
@@ -261,7 +261,7 @@ def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
 
 
 def _resisting(model: mujoco.MjModel, joint: int, door: Door, *, exactly: bool) -> str:
-    """How much harder than described a door is to turn; empty if it is not. Earlier generators' doors may differ."""
+    """Says how much harder than described a door is to turn; empty if it is not. Earlier generators' doors may be."""
     dof = int(model.jnt_dofadr[joint])
     found = {
         "damping": model.dof_damping[dof],

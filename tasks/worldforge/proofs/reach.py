@@ -15,7 +15,7 @@ from .scan import GRACE_M, Outlines, Scan
 _JUNCTION_M = 0.051
 """Half an inner wall, where a wall across ends when the wall it meets has been taken away for an opening."""
 _BESIDE_M = 0.5
-"""How far beyond its described sides a passage may be wider."""
+"""Largest excess of a passage's width over its described sides."""
 
 
 def ground_of(world: World, scan: Scan) -> OccupancyGrid:

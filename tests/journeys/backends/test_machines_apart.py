@@ -53,7 +53,7 @@ def test_a_cluster_runs_a_batch_on_machines_that_are_apart(
     service: Service, order: Order, cluster: Cluster, begin: Callable[..., BatchOnCluster], s3_server: S3Server,
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    """On a work pool they do so in test_a_laptop_becomes_two.py."""
+    """The journey test_a_laptop_becomes_two.py shows the same on a work pool."""
     cluster.hidden = tmp_path
     cluster.add("first")
     cluster.add("second")

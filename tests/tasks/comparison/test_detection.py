@@ -1,4 +1,4 @@
-"""How many trials a specification's runs need: by what is assumed, by earlier runs, by worlds."""
+"""Planned numbers of trials: by what is assumed, by earlier runs, by worlds."""
 
 from typing import Literal
 

@@ -138,7 +138,7 @@ def test_the_folder_that_one_is_in_has_its_name_in_errors(tmp_path: Path, monkey
 
 @pytest.mark.parametrize("form", ["colcon", "tar", "folder"])
 def test_the_only_world_of_a_bundle_needs_no_name(service: Service, tmp_path: Path, form: str) -> None:
-    """Of a colcon bundle only packages are looked at: Gazebo's own worlds in its system do not count."""
+    """Only packages of a colcon bundle are looked at: Gazebo's own worlds in its system do not count."""
     files = package("house", "small", top="opt/built_workspace/house/share/")
     path = tmp_path / {"colcon": "bundle.tar", "tar": "bundle.tar.gz", "folder": "bundle"}[form]
     if form == "colcon":

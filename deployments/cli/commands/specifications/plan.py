@@ -103,7 +103,7 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
 def _needed(
     spec: "CheckedSpec", steps: "list[PlannedStep]", asked: "list[Question]", forecast: "Forecast | None"
 ) -> "list[PlannedPairs]":
-    """How many trials answer each question, by what earlier runs say and the probe measured."""
+    """Plans the number of trials that answers each question, by earlier runs and the probe."""
     from .....schemas.settings import Settings
     from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
     from .....tasks.comparison.nights import NightRun

@@ -63,7 +63,7 @@ def test_an_emptier_room_has_fewer(make_body: MakeBody) -> None:
 
 
 def depth_m(model: mujoco.MjModel, data: mujoco.MjData, one: str, other: str) -> float:
-    """How far two things are in each other at most, by their geoms."""
+    """Largest depth of two things in each other, by their geoms."""
     geoms = [[geom for geom in range(model.ngeom) if thing_of(model.geom(geom).name) == each] for each in (one, other)]
     return max(
         -mujoco.mj_geomDistance(model, data, first, second, 1.0, None) for first in geoms[0] for second in geoms[1]

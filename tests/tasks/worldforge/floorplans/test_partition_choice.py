@@ -1,4 +1,4 @@
-"""Which plans may be chosen, and in which order: different ones first, none worse than it may be."""
+"""Choice of plans and their order: different ones first, none worse than it may be."""
 
 from collections.abc import Iterator
 from math import log

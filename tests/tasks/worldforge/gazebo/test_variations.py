@@ -69,7 +69,7 @@ def test_a_crate_that_is_moved_into_a_wall_breaks_guarantees(house: Path, tmp_pa
 
 
 def slides_m(bundle: Path, tilt: float) -> float:
-    """How far the crate slides in half a second where down is tilted to the north by some radians."""
+    """Distance that the crate slides in half a second where down is tilted to the north by some radians."""
     model = mujoco.MjModel.from_xml_path(str(bundle / "world.xml"))
     model.opt.gravity[:] = 0.0, 9.81 * np.sin(tilt), -9.81 * np.cos(tilt)
     data = mujoco.MjData(model)

@@ -174,7 +174,7 @@ def test_beds_have_their_head_at_a_wall_and_nightstands_beside_it(make_body: Mak
 
 
 MOST_GAP_M = 0.07
-"""Where a line is partly an outer wall, 5 cm thicker on this side, furniture keeps that distance all along it."""
+"""Furniture keeps the same distance all along a line that is partly an outer wall, 5 cm thicker on this side."""
 
 
 def gap_behind(item: Furniture, plan: Floorplan) -> float:
