@@ -13,6 +13,7 @@ from typing import Any
 import hypothesis
 import pytest
 from _pytest.assertion import rewrite
+from hypothesis.internal.conjecture import providers
 
 from prefect_robomaker.schemas.settings import Settings
 
@@ -50,6 +51,10 @@ for _name, _options in {
 }.items():
     hypothesis.settings.register_profile(_name, deadline=None, suppress_health_check=_slow_machine, **_options)
 hypothesis.settings.load_profile("robomaker")
+if "--hypothesis-profile=search" not in sys.argv:
+    # Hypothesis also tries constants of all local modules that were imported so far. The examples of a test would then
+    # depend on which other tests its worker ran before: a fault was found on one machine and on no other.
+    providers.is_local_module_file = lambda _path: False
 _DEEPER = ("deep", "(deep or hypothesis)")
 """How expressions of markers begin that choose deep tests or those of hypothesis alone."""
 

@@ -16,7 +16,7 @@ PLANTED = {
     "schemas/planted.py": "from ..tasks import catalog\n",
     "schemas/wire/planted.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from . import planted_too\n",
     "schemas/wire/planted_too.py": "from . import planted\n",
-    "tasks/retention/planted.py": "from ..fleet import records\n",
+    "tasks/retention/planted.py": "from ..fleet import swu\n",
     "tasks/storage/planted.py": "from ..runtime import episode\n",
     "tasks/runtime/limits/planted.py": "from ..supervision import launcher\n",
     "tasks/worldforge/geometry/planted.py": "from ..viewer import viewer_page\n",

@@ -270,7 +270,11 @@ def border(rooms: Sequence[Corners]) -> list[Side]:
 
 
 def outline(plan: Partition) -> Corners:
-    """Returns the corners of the building's outline, counter-clockwise."""
+    """Returns the corners of the building's outline, counter-clockwise.
+
+    Raises:
+        ValueError: The outline comes twice to a corner, where a yard touches the outside.
+    """
     following: dict[tuple[int, int], tuple[int, int]] = {}
     for side in border(plan.rooms):
         low, high = ((along, side.at) if side.horizontal else (side.at, along) for along in (side.start, side.end))
@@ -278,6 +282,8 @@ def outline(plan: Partition) -> Corners:
     corners = [min(following)]
     while (corner := following[corners[-1]]) != corners[0]:
         corners.append(corner)
+        if len(corners) > len(following):  # caught in a loop that does not come by the first corner
+            raise ValueError(f"the outline comes twice to the corner {corner}")
     return turns(corners)
 
 
