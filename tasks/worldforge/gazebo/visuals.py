@@ -154,9 +154,9 @@ class Visuals:
         small = picture.convert("RGB")
         if max(small.size) > MOST_PIXELS:
             small.thumbnail((MOST_PIXELS, MOST_PIXELS), Image.Resampling.BOX)
-        # A palette of 256 colours is a third of the file, and no difference at this size.
+        # A palette of 256 colours is a fifth of the file, and no difference at this size.
         content = BytesIO()
-        small.quantize(256, method=Image.Quantize.FASTOCTREE).convert("RGB").save(content, "PNG", compress_level=6)
+        small.quantize(256, method=Image.Quantize.FASTOCTREE).save(content, "PNG", compress_level=6)
         stem = "".join(letter if letter.isalnum() else "_" for letter in (path.stem if path else "picture"))[:40]
         name = f"{stem}_{hashlib.sha256(content.getvalue()).hexdigest()[:10]}"
         self.files[f"textures/{name}.png"] = content.getvalue()

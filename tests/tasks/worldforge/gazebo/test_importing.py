@@ -123,11 +123,16 @@ def test_the_door_turns_and_the_crate_is_loose(house: Path) -> None:
     assert np.linalg.norm(data.body("crate").xpos - (0.8, -1.5, 0.2 + 0.0)) < 0.02
 
 
-def test_pictures_are_small_and_png(house: Path) -> None:
+def test_pictures_are_small_and_png_and_mujoco_sees_their_colours(house: Path) -> None:
     [picture] = (house / "textures").iterdir()
     with Image.open(picture) as opened:
-        assert opened.format == "PNG"
+        assert (opened.format, opened.mode) == ("PNG", "P")
         assert max(opened.size) <= 512
+        pixels = np.asarray(opened.convert("RGB"))
+    model = mujoco.MjModel.from_xml_path(str(house / "world.xml"))
+    [start] = model.tex_adr[model.tex_type == mujoco.mjtTexture.mjTEXTURE_2D]
+    seen = model.tex_data[start : start + pixels.size].reshape(pixels.shape)
+    assert (seen == pixels).all() or (seen == pixels[::-1]).all()
     assert sum(path.stat().st_size for path in house.rglob("*") if path.is_file()) < 1_000_000
 
 
