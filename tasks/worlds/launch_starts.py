@@ -7,9 +7,14 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 _XML = (".launch", ".launch.xml", "_launch.xml")
 _PYTHON = (".launch.py", "_launch.py")
+_YAML = (".launch.yaml", "_launch.yaml", ".launch.yml", "_launch.yml")
 _MOST_BYTES = 1 << 20
 """Read of a launch file; those that people write have a few thousand bytes."""
 _MOST_INCLUDES = 3
@@ -59,8 +64,8 @@ class LaunchStart:
 
 
 def is_read(path: Path) -> bool:
-    """Whether a file has the name of a launch file in XML or Python."""
-    return path.name.endswith(_XML + _PYTHON)
+    """Whether a file has the name of a launch file in XML, Python or YAML."""
+    return path.name.endswith(_XML + _PYTHON + _YAML)
 
 
 def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchFile:
@@ -80,12 +85,16 @@ def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchF
         text = _XML_COMMENT.sub("", text)
         return LaunchFile(path, text, _xml_arguments(text), package, origin)
     try:
+        if path.name.endswith(_YAML):
+            nodes = list(_mappings(YAML(typ="safe").load(text), set()))
+            words = "\n".join(value for node in nodes for value in node.values() if isinstance(value, str))
+            return LaunchFile(path, words, _yaml_arguments(nodes), package, origin)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of texts with backslashes
             tree = ast.parse(text)
         arguments = [_first(each) for each in _python_arguments(tree)]
         return LaunchFile(path, _strings(tree), arguments, package, origin)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError, YAMLError):
         return LaunchFile(path, "", [], package, origin)
 
 
@@ -151,6 +160,40 @@ def _xml_arguments(text: str) -> list[dict[str, float]]:
             if number is not None:
                 inside.setdefault(attributes.get("name", ""), number)
     return found
+
+
+def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
+    """All mappings in a YAML document, each once however many aliases it has."""
+    if id(node) in seen:
+        return
+    if isinstance(node, dict | list):
+        seen.add(id(node))
+        if isinstance(node, dict):
+            yield node
+        for child in node.values() if isinstance(node, dict) else node:
+            yield from _mappings(child, seen)
+
+
+def _yaml_arguments(nodes: Sequence[dict[Any, Any]]) -> list[dict[str, float]]:
+    """Numbers of arguments that stand by themselves, then of those that each included file gets as a list."""
+    own: list[tuple[str, float]] = []
+    found: list[dict[str, float]] = []
+    for node in nodes:
+        for entry in (node.get("arg"), node.get("let")):
+            numbers = list(_named_numbers(entry))
+            if isinstance(entry, list):
+                found.append(_first(numbers))
+            else:
+                own += numbers
+    return [_first(own), *found]
+
+
+def _named_numbers(entry: Any) -> Iterator[tuple[str, float]]:
+    for item in entry if isinstance(entry, list) else [entry]:
+        if isinstance(item, dict):
+            number = _number(item.get("default", item.get("value")))
+            if number is not None:
+                yield str(item.get("name", "")), number
 
 
 def _python_arguments(tree: ast.Module) -> Iterator[Iterator[tuple[str, float]]]:

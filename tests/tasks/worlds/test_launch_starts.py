@@ -27,6 +27,18 @@ def generate_launch_description():
     ])
 '''
 
+ROS_2_YAML = """launch:
+# {{arg: {{name: x_pos, default: 9}}}}
+- arg: {{name: x_pos, default: "3.5"}}
+- arg: {{name: y_pos, default: -1.0}}
+- group:
+  - let: {{name: yaw, value: "1.57"}}
+  - include:
+      file: $(find-pkg-share house)/launch/{world}
+      arg:
+      - {{name: x, value: "7"}}
+"""
+
 
 def start_of(folder: Path, world: str, **files: str) -> LaunchStart | None:
     """The start of a world in launch files; `__` in their names is a dot."""
@@ -45,6 +57,14 @@ def test_arguments_of_ros_1_are_read_without_what_is_commented_out(tmp_path: Pat
 def test_arguments_of_ros_2_are_read_wherever_they_stand(tmp_path: Path) -> None:
     found = start_of(tmp_path, "house.world", go__launch__py=ROS_2.format(world="house.world"))
     assert found == LaunchStart(3.5, -1.0, 0.1, 1.57, "go.launch.py")
+
+
+def test_arguments_in_yaml_are_read_without_comments_and_those_of_other_files(tmp_path: Path) -> None:
+    for name in ("go__launch__yaml", "go_launch__yml"):
+        found = start_of(tmp_path, "house.world", **{name: ROS_2_YAML.format(world="house.world")})
+        assert found == LaunchStart(3.5, -1.0, None, 1.57, name.replace("__", "."))
+    commented = "launch:\n# house.world\n- arg: {name: x_pos, default: 1}\n- arg: {name: y_pos, default: 1}\n"
+    assert start_of(tmp_path, "house.world", go__launch__yaml=commented) is None
 
 
 def test_a_dictionary_for_an_included_file_is_read(tmp_path: Path) -> None:
@@ -83,6 +103,26 @@ def test_the_start_of_another_world_is_not_taken(tmp_path: Path) -> None:
 )
 def test_odd_and_hostile_launch_files_say_no_start(tmp_path: Path, text: str) -> None:
     assert start_of(tmp_path, "house.world", go__launch__py=text, gone__launch="<launch/>") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "\0",
+        "[" * 20_000,
+        "house.world",
+        "launch: [arg: {name: x_pos, default: .inf}, arg: {name: y_pos, default: 1}, let: house.world]",
+        "launch: !!python/object/apply:os.abort []",
+        "a: &a {b: [*a, house.world], arg: [*a, 3, null]}",
+        "\n".join(
+            ["a0: &a0 {arg: {name: x, default: house.world}}"]
+            + [f"a{n}: &a{n} [{', '.join(9 * [f'*a{n - 1}'])}]" for n in range(1, 40)]
+        ),
+    ],
+)
+def test_odd_and_hostile_launch_files_in_yaml_say_no_start(tmp_path: Path, text: str) -> None:
+    assert start_of(tmp_path, "house.world", go__launch__yaml=text) is None
 
 
 def test_a_launch_file_that_is_gone_says_nothing(tmp_path: Path) -> None:
