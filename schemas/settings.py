@@ -35,6 +35,7 @@
 | `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
 | `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
 | `ROBOMAKER_PING_URL` | address that is called when a run begins and ends, for services that miss calls | none |
+| `ROBOMAKER_CONSOLE_URL` | address of the console in messages, as other machines reach it | that of `robomaker serve` |
 | `ROBOMAKER_LOG_FORMAT` | `json`: logs of `robomaker serve` and of job workers are lines of JSON | `text` |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
@@ -202,6 +203,13 @@ class Settings(Model):
         "may hold secrets. None: nothing is called.",
     )
 
+    console_url: str | None = Field(
+        default=None,
+        pattern=r"^https?://[^/\s?#]+(/[^\s?#]*[^\s?#/])?$",
+        description="Address of the console under which other machines reach it, such as "
+        "https://robots.example/console; messages and reports link to its pages. None: that of `robomaker serve`.",
+    )
+
     of_wings: Mapping[str, Model] = Field(default={}, description="Settings of wings, by the wing's name.")
 
     @classmethod
@@ -308,7 +316,14 @@ def _absolute_paths(name: str, given: str) -> tuple[Path, ...]:
     return paths
 
 
+def _console_url(_: str, given: str) -> str:
+    """The address without a slash at its end; one of a server alone means the console that `robomaker serve` has."""
+    url = given.rstrip("/")
+    return f"{url}/console" if re.fullmatch(r"https?://[^/\s?#]+", url) else url
+
+
 _READERS: Mapping[str, Callable[[str, str], Any]] = {
+    "console_url": _console_url,
     "notify": lambda _, given: tuple(given.split()),
     "notify_when": _notify_when,
     "trusted_proxies": _networks,

@@ -87,7 +87,7 @@ def carry_out(
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         asked = None if outage.is_on else api_url
-        _tell(record, command, asked, settings.home, as_json=arguments.output == "json")
+        _tell(record, command, asked, settings, as_json=arguments.output == "json")
     if interrupted and record.state != "succeeded":  # else it came too late to stop anything
         raise interrupted
     if record.report_path and wanted(arguments.open):
@@ -95,9 +95,9 @@ def carry_out(
     return record.exit_code
 
 
-def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: Path, *, as_json: bool) -> None:
+def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:
     """Prints how the run ended; with a link to the server's pages, if it is to be asked for one, and to the console."""
-    from ..console_note import console_of
+    from ...tasks.reporting.console_pages import pages_here
     from .output.comparison import changed_lines
     from .output.summary import print_summary
     from .prefect_server import pages
@@ -108,8 +108,7 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: 
         # Elsewhere the pages' address is not to be told from the API's.
         is_local = (api_url or "").startswith("http://127.0.0.1:")
         server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if api_url and is_local else ""
-        console = console_of(home)
-        page = f"{console}/runs/{record.run_id}" if console else ""
+        page = pages_here(settings).run(record.run_id)
         print_summary(record, command, sys.stdout, server=server, page=page, lost=changed_lines(record))
     sys.stdout.flush()
 

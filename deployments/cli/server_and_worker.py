@@ -90,10 +90,10 @@ def _run_server(
 ) -> None:
     # Imported late, while the worker already starts.
     from ...tasks.nights.taking_up import TakingUp
+    from ...tasks.reporting.console_pages import forget_console, note_console
     from ...tasks.service.service import Service
     from ..console.console import Console
     from ..console.rendering import HOME
-    from ..console_note import forget_console, note_console
     from ..endpoint.application import Endpoint, write_access_log
     from ..endpoint.calling.access_keys import AuditLog
     from ..endpoint.server import run_server
@@ -133,7 +133,7 @@ def _run_server(
         url = _url(arguments, port)
         facts = {"url": url, "console_url": f"{url}{HOME}", "pid": os.getpid(), **about}
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
-        note_console(settings.home, url)
+        note_console(settings.home, facts["console_url"])
         if variables is not None:
             look_for_missed = partial(_look_for_missed, settings)
             TakingUp(settings, variables, tell=_tell_of_left, look_for_missed=look_for_missed).start()

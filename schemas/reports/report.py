@@ -190,5 +190,8 @@ class ReportSummary(Model):
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
+    console_url: str = Field(
+        default="", description="Address of the console as other machines reach it; empty: none is known."
+    )
     report_path: Path | None = optional("The HTML report.")
     junit_path: Path | None = optional("The JUnit file.")

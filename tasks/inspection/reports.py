@@ -32,6 +32,7 @@ from ..catalog import Resource
 from ..comparison.nights import NightRun
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
+from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import ResultTable
 from ..service.service import Service
@@ -62,7 +63,9 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
     state = state_of(jobs)
     record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": EXIT_CODES[state]})
     report = _with_changes(report.model_copy(update={"state": state}), record)
-    return record.model_copy(update={"report_path": _publish(report, jobs, results, record.run_dir)})
+    return record.model_copy(
+        update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
+    )
 
 
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
@@ -81,8 +84,9 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     """
     report, jobs, results = _gathered(record, service)
     report = _with_changes(report, record)
-    path = _publish(report, jobs, results, record.run_dir)
-    summary = summarize(report, results)
+    pages = pages_elsewhere(service.settings)
+    path = _publish(report, jobs, results, record.run_dir, pages)
+    summary = summarize(report, results, pages.url)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
     return summary.model_copy(update={"report_path": path, "junit_path": junit})
@@ -173,9 +177,11 @@ def report_of_world(arn: str, service: Service) -> Report:
     )
 
 
-def _publish(report: Report, records: Sequence[JobRecord], results: ResultTable, folder: Path) -> Path:
+def _publish(
+    report: Report, records: Sequence[JobRecord], results: ResultTable, folder: Path, pages: ConsolePages
+) -> Path:
     path = write_report(report, folder / REPORT_NAME, results)
-    _show(report, records, path)
+    _show(report, records, path, pages)
     return path
 
 
@@ -413,7 +419,13 @@ def _reported_step(step: StepRecord) -> ReportedStep:
     )
 
 
-def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
+def _in_a_line(job: JobRecord, pages: ConsolePages) -> str:
+    page = pages.job(job.arn)
+    name = f"[{job.label}]({page})" if page else job.label
+    return f"**{name}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
+
+
+def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsolePages) -> None:
     # Imports Prefect, which the console does not need: it only reads.
     from ..execution.prefect_artifacts import artifact_key, show_jobs, show_picture, show_summary
 
@@ -432,8 +444,11 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
     outcomes = [classify(job.status, job.failure_code, job.verdict) for job in jobs]
     passed = f"{outcomes.count(Outcome.PASSED)} of {len(jobs)} jobs pass."
     lines = [f"# {report.name}: {report.state}", "", passed, "", f"Report: `{path}`"]
+    if page := pages.run(report.run_id):
+        lines += ["", f"[Run in the console]({page})"]
+    lines.append("")
     lines += [
-        f"- **{job.label}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
+        f"- {_in_a_line(job, pages)}"
         for job, outcome in zip(jobs, outcomes, strict=True)
         if outcome is not Outcome.PASSED
     ]

@@ -1,21 +1,24 @@
-"""Telling of runs: of one that has ended, and of one that waits for room on the disk."""
+"""Sends notifications of runs: of one that has ended, if it is worth one, and of one that waits for disk space."""
 
 import logging
+import platform
 import re
 import time
 from collections.abc import Callable, Sequence
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
+from ...schemas.reports.changes import Losses
 from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepProgress
 from ...schemas.reports.run_record import JobRecord, RunRecord
-from ...schemas.settings import Settings
+from ...schemas.settings import NotifyWhen, Settings
 from ...schemas.wire.errors import RobomakerError
 from ..inspection.run_records import is_night, run_before, since_last_good
+from ..reporting.console_pages import pages_elsewhere
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
-from .notification_texts import WORST, Message, failed_jobs, is_due, message_of
+from .notification_texts import WORST, Message, failed_jobs, message_of
 from .sending import send, unknown_channels
 
 _logger = logging.getLogger(__name__)
@@ -36,7 +39,8 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
         since = since_last_good(record) if is_night(record) else None
         if is_due(service.settings.notify_when, record, before, since):
             pictures = _pictures(failed_jobs(record)[:WORST], service)
-            problems = send(service.settings.notify, message_of(record, before, since), pictures)
+            message = message_of(record, before, since, pages_elsewhere(service.settings), platform.node())
+            problems = send(service.settings.notify, message, pictures)
         else:
             problems = []
     except Exception as error:
@@ -44,6 +48,32 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
         problems = [f"{type(error).__name__}: {error}"]
     for problem in problems:
         listener(Note(f"not notified: {problem}"))
+
+
+def is_due(
+    when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None, since: Losses | None = None
+) -> bool:
+    """Whether a notification about a run is to be sent, by the setting (failures, changes, all, ...).
+
+    A run that succeeds and judges less than earlier ones is no recovery; it is told of where failures or changes are.
+    A run that was cancelled says nothing about the robot, and is told only where all are.
+
+    Args:
+        when: what is to be told.
+        record: the run.
+        before: the last run of the specification before it that was not cancelled; None: there is none.
+        since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
+    """
+    if "always" in when:
+        return True
+    if record.state == "canceled":
+        return False
+    good, was_good = record.state == "succeeded", before is None or before.state == "succeeded"
+    if good and since is not None and since.has_losses:
+        return bool(when & {"failure", "change"})
+    if good:
+        return not was_good and bool(when & {"recovery", "change"})
+    return "failure" in when or ("change" in when and was_good)
 
 
 def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, bytes]:

@@ -1,4 +1,4 @@
-"""Notifications, their text and whether one is sent: pure functions of a run and of the one before it."""
+"""Texts of notifications: pure functions of a run and of the one before it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from ...schemas.reports.changes import Losses, SinceLastRun
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.runs.plan import Requirement
-from ...schemas.settings import NotifyWhen
+from ..reporting.console_pages import NO_CONSOLE, ConsolePages
 from ..reporting.nights.changes import (
     judged_otherwise_in_words,
     losses_in_words,
@@ -40,32 +40,6 @@ class Message:
     good: bool
 
 
-def is_due(
-    when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None, since: Losses | None = None
-) -> bool:
-    """Whether a notification about a run is to be sent, by the setting (failures, changes, all, ...).
-
-    A run that succeeds and judges less than earlier ones is no recovery; it is told of where failures or changes are.
-    A run that was cancelled says nothing about the robot, and is told only where all are.
-
-    Args:
-        when: what is to be told.
-        record: the run.
-        before: the last run of the specification before it that was not cancelled; None: there is none.
-        since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
-    """
-    if "always" in when:
-        return True
-    if record.state == "canceled":
-        return False
-    good, was_good = record.state == "succeeded", before is None or before.state == "succeeded"
-    if good and since is not None and since.has_losses:
-        return bool(when & {"failure", "change"})
-    if good:
-        return not was_good and bool(when & {"recovery", "change"})
-    return "failure" in when or ("change" in when and was_good)
-
-
 def failed_jobs(record: RunRecord) -> list[JobRecord]:
     """Lists the jobs that did not pass, worst first; cancelled jobs are left out.
 
@@ -75,7 +49,13 @@ def failed_jobs(record: RunRecord) -> list[JobRecord]:
     return sorted(failed, key=lambda job: (_outcome(job) != "broken", -len(_missed(job))))
 
 
-def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun | None = None) -> Message:
+def message_of(
+    record: RunRecord,
+    before: RunRecord | None,
+    since: SinceLastRun | None = None,
+    pages: ConsolePages = NO_CONSOLE,
+    host: str = "",
+) -> Message:
     """Makes the notification about a run.
 
     Args:
@@ -83,6 +63,8 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
         before: the last run of the specification before it; None: there is none.
         since: what is other than in the run before, with all losses since the last good one; None: it is not one of
             the nights.
+        pages: pages of the console that open where the message is read.
+        host: name of the machine that has the report; empty: it is not said.
     """
     lost = losses_in_words(since, WORST) if since is not None else []
     good = record.state == "succeeded" and not lost
@@ -94,7 +76,8 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
     if since is not None:
         lines += [requirement_in_words(each) for each in since.requirements[:WORST]]
         lines += [trend_in_words(each) for each in since.shrinking[:WORST]]
-    lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
+    for number, job in enumerate(failures[:WORST], start=1):
+        lines += [f"{number}. {_line(job)}", *filter(None, [pages.job(job.arn)])]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
     lines += lost
@@ -104,8 +87,10 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
         lines.append(judged_otherwise_in_words(since.other_requirements))
     if lines[-1]:
         lines.append("")
+    if page := pages.run(record.run_id):
+        lines.append(f"Run: {page}")
     if record.report_path:
-        lines.append(f"Report: {record.report_path}")
+        lines.append(f"Report: {record.report_path}{f' on {host}' if host else ''}")
     if failures:
         lines.append(f"Run these again: robomaker rerun {record.run_id} --failed")
     missed = newly_missed_briefly(since.requirements) if since is not None else ""

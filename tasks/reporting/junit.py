@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from ...schemas.reports.report import JobCase, ReportSummary, StepSuite
+from .console_pages import ConsolePages
 
 # What XML 1.0 has no place for.
 _IMPOSSIBLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -57,7 +58,8 @@ def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
 
 def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
     name = f"{summary.name}.{step.name}"
-    cases = [_case(job, name) for job in step.jobs]
+    pages = ConsolePages(summary.console_url)
+    cases = [_case(job, name, pages) for job in step.jobs]
     if step.error:
         failed = _told("error", step.status, step.error)
         cases.insert(0, _element("testcase", failed, name=step.operation, classname=name, time=_seconds(0.0)))
@@ -79,18 +81,22 @@ def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
 
 def _properties(step: StepSuite, summary: ReportSummary) -> Iterator[tuple[str, str]]:
     yield from (("run", summary.run_id), ("operation", step.operation))
+    pages = ConsolePages(summary.console_url)
+    if page := pages.run(summary.run_id):
+        yield "page", page
     for job in step.jobs:
-        for name, value in _facts(job):
+        for name, value in _facts(job, pages):
             yield f"{job.test}.{name}", value
 
 
-def _facts(job: JobCase) -> Iterator[tuple[str, str]]:
+def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
     facts = {"job": job.name, "seed": job.seed, "world": job.world, "output": job.output, "arn": job.arn}
+    facts |= {"page": pages.job(job.arn) or None}
     facts |= {"results taken over from": job.reused_from, "before": job.earlier}
     yield from ((name, str(value)) for name, value in facts.items() if value is not None)
 
 
-def _case(job: JobCase, suite: str) -> ElementTree.Element:
+def _case(job: JobCase, suite: str, pages: ConsolePages) -> ElementTree.Element:
     case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
     if job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
@@ -100,7 +106,7 @@ def _case(job: JobCase, suite: str) -> ElementTree.Element:
     elif job.outcome in _SKIPPED:
         case.append(_element("skipped", message=job.outcome))
     output = _element("system-out")
-    output.text = _clean("\n".join(_lines(job)))
+    output.text = _clean("\n".join(_lines(job, pages)))
     case.append(output)
     return case
 
@@ -109,9 +115,9 @@ def _is_error(job: JobCase) -> bool:
     return job.outcome == "broken" or (job.outcome in _SKIPPED and job.failure_code == _TIMED_OUT)
 
 
-def _lines(job: JobCase) -> Iterator[str]:
+def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
     """Summary of a job for people, one fact a line."""
-    yield from (f"{name}: {value}" for name, value in _facts(job))
+    yield from (f"{name}: {value}" for name, value in _facts(job, pages))
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
         yield f"{word if item.counts else 'does not count'}: {item.name}: {item.detail}"

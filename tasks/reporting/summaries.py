@@ -12,12 +12,13 @@ from .outcomes import Outcome, count_outcomes, outcome_of
 from .worlds import trials_share
 
 
-def summarize(report: Report, results: ResultTable | None = None) -> ReportSummary:
+def summarize(report: Report, results: ResultTable | None = None, console_url: str = "") -> ReportSummary:
     """Computes the numbers of a run's report: pass rates, counts and times.
 
     Args:
         report: its jobs and steps.
         results: the results of its trials; None: each job is one trial.
+        console_url: address of the console as other machines reach it; empty: none is known.
     """
     results = results or _results_of(report)
     labels = {world.arn: world.label for world in report.worlds}
@@ -37,6 +38,7 @@ def summarize(report: Report, results: ResultTable | None = None) -> ReportSumma
         since_last=report.since_last,
         rerun_of=report.rerun_of,
         forecast=report.forecast,
+        console_url=console_url,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
     )
 

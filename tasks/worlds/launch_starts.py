@@ -175,7 +175,7 @@ def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
 
 
 def _yaml_arguments(nodes: Sequence[dict[Any, Any]]) -> list[dict[str, float]]:
-    """Numbers of arguments that stand by themselves, then of those that each included file gets as a list."""
+    """Returns the default values of the launch file's own arguments, then the values it gives each file it includes."""
     own: list[tuple[str, float]] = []
     found: list[dict[str, float]] = []
     for node in nodes:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import platform
 import subprocess
 import sys
 from collections.abc import Callable
@@ -71,7 +72,7 @@ def run(settings: Settings, webhook: Webhook, prefect_server: str, events: list[
 
 @pytest.mark.deep
 def test_a_verdict_that_fails_is_told_with_its_picture(run: Run, webhook: Webhook, service: Service) -> None:
-    record = run(drive(limit_s=0.5))
+    record = run(drive(limit_s=0.5), console_url="https://robots.example/console")
 
     assert record.state == "failed"
     (got,) = webhook.got
@@ -79,7 +80,9 @@ def test_a_verdict_that_fails_is_told_with_its_picture(run: Run, webhook: Webhoo
     lines = got["message"].splitlines()
     world = record.jobs[0].world
     assert lines[2].startswith(f"1. {record.jobs[0].label} in {world}: be-quick: ")
-    assert f"Report: {record.report_path}" in lines
+    assert f"https://robots.example/console/jobs/{record.jobs[0].label}" in lines
+    assert f"Run: https://robots.example/console/runs/{record.run_id}" in lines
+    assert f"Report: {record.report_path} on {platform.node()}" in lines
     assert f"Run these again: robomaker rerun {record.run_id} --failed" in lines
     (picture,) = got["attachments"]
     assert base64.b64decode(picture["base64"]).startswith(b"\x89PNG")

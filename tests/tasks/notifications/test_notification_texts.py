@@ -14,7 +14,9 @@ from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.history import since_last_run
 from prefect_robomaker.tasks.comparison.nights import NightRun
-from prefect_robomaker.tasks.notifications.notification_texts import failed_jobs, is_due, message_of
+from prefect_robomaker.tasks.notifications.notices import is_due
+from prefect_robomaker.tasks.notifications.notification_texts import failed_jobs, message_of
+from prefect_robomaker.tasks.reporting.console_pages import ConsolePages
 
 MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
 
@@ -83,6 +85,22 @@ def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
         "and 1 more",
         "",
         "Report: /runs/night-1/report.html",
+        "Run these again: robomaker rerun night-1 --failed",
+    ]
+
+
+def test_pages_that_open_elsewhere_are_named_and_the_machine_that_has_the_report() -> None:
+    arn = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-b"
+    jobs = [JobRecord(label="sim-b", status="Completed", verdict="FAIL", verdict_reason="late", arn=arn)]
+
+    message = message_of(record("failed", jobs), None, None, ConsolePages("https://robots.example/console"), "lab-7")
+
+    assert message.body.splitlines()[2:] == [
+        "1. sim-b: late",
+        "https://robots.example/console/jobs/sim-b",
+        "",
+        "Run: https://robots.example/console/runs/night-1",
+        "Report: /runs/night-1/report.html on lab-7",
         "Run these again: robomaker rerun night-1 --failed",
     ]
 

@@ -48,6 +48,21 @@ def test_a_step_is_a_suite_and_a_job_a_case(report: Report) -> None:
     ]  # fmt: skip
 
 
+def test_pages_of_the_console_are_properties(report: Report) -> None:
+    jobs = [job.model_copy(update={"arn": f"arn:x:simulation-job/sim-{n}"}) for n, job in enumerate(report.jobs)]
+    summary = summarize(report.model_copy(update={"jobs": jobs}), None, "https://robots.example/console")
+    root = etree.fromstring(junit_xml(summary))
+    SCHEMA.assertValid(root)
+    properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
+    assert properties["page"] == f"https://robots.example/console/runs/{report.run_id}"
+    told = {case.get("name"): case.findtext("system-out") for case in root.iterfind(".//testcase")}
+    assert {
+        name: f"page: {properties[f'{name}.page']}" in (text or "") for name, text in told.items()
+    } == dict.fromkeys(told, True)
+    assert properties["w1.page"] == "https://robots.example/console/jobs/sim-0"
+    assert "page" not in {each.get("name") for each in parsed(report).iterfind(".//property")}
+
+
 def test_fail_is_a_failure_and_what_broke_an_error(report: Report) -> None:
     root = parsed(report)
     failure, error = root.find(".//failure"), root.find(".//error")

@@ -1,0 +1,90 @@
+"""Addresses of the console's pages, for messages, reports and summaries.
+
+`robomaker serve` notes its console's address in the data home while it runs. `ROBOMAKER_CONSOLE_URL` is the address
+under which other machines reach it, and goes before the note.
+"""
+
+import ipaddress
+import json
+import os
+import socket
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote, urlsplit
+
+from ...schemas.settings import Settings
+
+_NOTE = "console.json"
+_PATIENCE_S = 0.3
+"""Time that a console on this machine has to accept a connection; a lost one must not delay a summary."""
+
+
+class ConsolePages(NamedTuple):
+    """Addresses of pages below a console's address."""
+
+    url: str = ""
+    """Address of the console, without a slash at its end; empty: no console is known, and no page has an address."""
+
+    def run(self, run_id: str) -> str:
+        """Returns the address of a run's page; empty where no console is known."""
+        return f"{self.url}/runs/{quote(run_id)}" if self.url else ""
+
+    def job(self, arn: str | None) -> str:
+        """Returns the address of a simulation job's page; empty where no console or no job is known."""
+        return f"{self.url}/jobs/{quote(arn.rpartition('/')[2])}" if self.url and arn else ""
+
+
+NO_CONSOLE = ConsolePages()
+"""No page has an address."""
+
+
+def pages_here(settings: Settings) -> ConsolePages:
+    """Returns the pages that a browser on this machine can open; they may be pages of this machine alone."""
+    return ConsolePages(settings.console_url or _running(settings.home))
+
+
+def pages_elsewhere(settings: Settings) -> ConsolePages:
+    """Returns the pages that a browser on another machine can open."""
+    url = settings.console_url or _running(settings.home)
+    return ConsolePages("" if _is_of_this_machine(url) and not settings.console_url else url)
+
+
+def note_console(home: Path, url: str) -> None:
+    """Records the address of this process's console in the data home."""
+    part = home / f".{_NOTE}.{os.getpid()}.part"
+    part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
+    part.replace(home / _NOTE)
+
+
+def forget_console(home: Path) -> None:
+    """Deletes the record of the console's address, unless it is another server's."""
+    if _read(home).get("pid") == os.getpid():
+        (home / _NOTE).unlink(missing_ok=True)
+
+
+def _running(home: Path) -> str:
+    """Address of the console that `robomaker serve` has noted; empty while no server answers there."""
+    url = _read(home).get("url")
+    place = urlsplit(url) if isinstance(url, str) else None
+    if place is None or place.hostname is None or place.port is None:
+        return ""
+    try:
+        with socket.create_connection((place.hostname, place.port), _PATIENCE_S):
+            return str(url)
+    except OSError:
+        return ""
+
+
+def _is_of_this_machine(url: str) -> bool:
+    host = urlsplit(url).hostname or "localhost"
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost" or host.endswith(".localhost")
+
+
+def _read(home: Path) -> dict[str, object]:
+    with suppress(OSError, ValueError):
+        note = json.loads((home / _NOTE).read_bytes())
+        return note if isinstance(note, dict) else {}
+    return {}
