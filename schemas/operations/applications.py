@@ -21,6 +21,7 @@ from ..wire.common import (
     exactly_one,
     text,
 )
+from ..wire.job_configs import Boolean
 from ..wire.operation_shape import (
     CREATE_APPLICATION_ERRORS,
     CREATE_VERSION_ERRORS,
@@ -146,6 +147,7 @@ class ApplicationListRequest(Shape):
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
     filters: Filters | None = optional("Filter by `name`; absent: all applications.")
+    builtIn: Boolean | None = optional("Extension: `true` lists built-in applications, too.")
 
 
 def application_operations(

@@ -3,7 +3,8 @@
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, cast
 
 from sqlalchemy import (
@@ -21,6 +22,7 @@ from sqlalchemy import (
     func,
     insert,
     literal,
+    not_,
     null,
     or_,
     select,
@@ -171,7 +173,11 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
 
 
 def list_query(
-    kinds: Sequence[str], filters: Mapping[str, Sequence[str]], before: int | None, limit: int
+    kinds: Sequence[str],
+    filters: Mapping[str, Sequence[str]],
+    before: int | None,
+    limit: int,
+    without: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> Select[Any]:
     """Makes the database query for a page of a list of resources, newest first.
 
@@ -181,10 +187,13 @@ def list_query(
             tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.
         limit: how many rows at most.
+        without: names that are left out, by kind.
     """
     kind, order = resources.c.kind, resources.c.sequence
     query: Select[Any] = select(resources.c.sequence, *COLUMNS)
     query = query.where(kind == kinds[0] if len(kinds) == 1 else kind.in_(kinds))
+    for of_kind, names in without.items():
+        query = query.where(not_(and_(kind == of_kind, resources.c.name.in_(names))))
     for name, values in filters.items():
         if (column := _FILTERS.get(name)) is not None:
             query = query.where(column.in_(values))

@@ -1,8 +1,9 @@
 """Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime
+from types import MappingProxyType
 
 from sqlalchemy import Connection, Engine, bindparam, func, literal_column, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
@@ -177,6 +178,7 @@ class CatalogReader:
         after: str | None = None,
         scope: str = "",
         members: Sequence[str] | None = None,
+        without: Mapping[str, Collection[str]] = MappingProxyType({}),
     ) -> Page:
         """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
@@ -189,6 +191,7 @@ class CatalogReader:
             scope: for whom the list is made; page tokens of other scopes are refused.
             members: which members of the documents are read, for kinds whose documents are large;
                 `None`: all.
+            without: names that are left out, by kind.
 
         Raises:
             InvalidParameterException: the token is not of this list.
@@ -197,7 +200,7 @@ class CatalogReader:
         each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         listed = " ".join((scope, *each_kind))
         before = None if after is None else decode_page_token(listed, wanted, after)
-        query = list_query(each_kind, wanted, before, limit + 1)
+        query = list_query(each_kind, wanted, before, limit + 1, without)
         with self._transaction(self._engine) as connection:
             rows = connection.execute(query if members is None else only_members(query, members)).mappings().all()
         more = len(rows) > limit

@@ -24,7 +24,7 @@ from ...schemas.wire.errors import (
     ThrottlingException,
 )
 from ..catalog import NewResource, Page, Resource, Stored
-from ..service.service import Service, is_builtin
+from ..service.service import BUILTINS, Service, is_builtin
 from ..simulations.planning.applications import (
     LATEST,
     MAX_VERSIONS,
@@ -87,17 +87,19 @@ def list_applications(
 ) -> tuple[list[dict[str, Any]], str | None]:
     """Returns a page of applications, newest first, and the next page's token.
 
-    Built-in applications are listed only if the filter names them.
+    Built-in applications are listed only if the request says so, or its filter names them.
 
     Raises:
         InvalidParameterException: a filter is not known, or the token is not of this list.
     """
     kind = f"{role}-application"
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
-    page: Page = page_of(request, kinds, service, "name")
-    members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
     # Clients count: with the service, a fresh account had no applications.
-    described = [revision(each) for each in page.resources if request.filters or not is_builtin(each)]
+    built_in = [name for name, (kind_of_it, _) in BUILTINS.items() if kind_of_it == kind]
+    without = {} if request.builtIn or request.filters else {kind: built_in}
+    page: Page = page_of(request, kinds, service, "name", without=without)
+    members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
+    described = map(revision, page.resources)
     return [{key: each[key] for key in members if key in each} for each in described], page.next_token
 
 

@@ -14,10 +14,11 @@
 """
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from ...schemas.operations.registry import MODULES, OPERATIONS, parse_request
@@ -229,6 +230,7 @@ def page_of(
     *filters: str,
     most: int = 100,
     members: Sequence[str] | None = None,
+    without: Mapping[str, Collection[str]] = MappingProxyType({}),
 ) -> Page:
     """Reads the page of resources that a list request asks for, newest first.
 
@@ -239,6 +241,7 @@ def page_of(
         filters: names of the operation's filters: `name`, `status` or a label of the resource.
         most: entries per page, unless the request asks for fewer.
         members: which members of large documents are read; `None`: all.
+        without: names that are left out, by kind.
 
     Raises:
         InvalidParameterException: a filter is not known, or the token is not of this list.
@@ -256,4 +259,5 @@ def page_of(
         after=request.nextToken,
         scope=type(request).__name__.removesuffix("Request"),
         members=members,
+        without=without,
     )

@@ -31,6 +31,7 @@ class Difference:
     """Whether service models can say it; what only YAML and Python can is compared elsewhere."""
 
 
+BUILT_IN = "Extension: lists of applications that have the built-in ones, too."
 DIVERSITY = (
     "Extension: floor plans of a job that differ as long as there are others, or the best one again and again; and how "
     "many there are."
@@ -172,6 +173,10 @@ LONGER_PAGES: Mapping[str, int] = {
 DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(f"{shape}.seed", "Seed", None, SEED) for shape in _SEED_SHAPES),
     Difference("Seed", "long", None, SEED),
+    *(
+        Difference(f"List{role}ApplicationsRequest.builtIn", "Boolean", None, BUILT_IN)
+        for role in ("Robot", "Simulation")
+    ),
     Difference("CreateWorldGenerationJobRequest.diversity", "Diversity", None, DIVERSITY),
     Difference("Diversity", "integer", None, DIVERSITY),
     Difference("FinishedWorldsSummary.planCount", "Integer", None, DIVERSITY),

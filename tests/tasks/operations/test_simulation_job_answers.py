@@ -78,4 +78,30 @@ def test_built_in_applications_are_listed_where_they_are_asked_for(service: Serv
     assert listed("Robot") == listed("Robot", versionQualifier="ALL") == ["rover"]
     assert listed("Robot", filters=named("scout")) == ["scout"]
     assert listed("Simulation", filters=named("indoor-navigation")) == ["indoor-navigation"]
+    assert set(listed("Robot", builtIn=True)) == {"rover", "scout", "walker"}
+    assert set(listed("Simulation", builtIn=True)) == {"indoor-navigation", "recorded-run"}
+
+
+@pytest.mark.parametrize(
+    ("built_in", "expected"), [(False, ["rover-1", "rover-0"]), (True, ["rover-1", "rover-0", "walker", "scout"])]
+)
+def test_pages_of_applications_have_no_holes_where_built_in_ones_are_left_out(
+    service: Service, built_in: bool, expected: list[str]
+) -> None:
+    for number in range(2):
+        robot = {
+            "name": f"rover-{number}",
+            "robotSoftwareSuite": {"name": "General"},
+            "environment": {"uri": "python://r"},
+        }
+        call("CreateRobotApplication", robot, service)
+    pages: list[list[str]] = []
+    token: str | None = None
+    while not pages or token:
+        asked = {"maxResults": 1, "builtIn": built_in, **({"nextToken": token} if token else {})}
+        answer = call("ListRobotApplications", asked, service)
+        pages.append([each["name"] for each in answer["robotApplicationSummaries"]])
+        token = answer.get("nextToken")
+
+    assert sorted(pages, reverse=True) == sorted(([name] for name in expected), reverse=True)
     assert call("DescribeRobotApplication", {"application": "walker"}, service)["name"] == "walker"

@@ -22,6 +22,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--input", metavar="INPUT", default="{}", help="request: a file, JSON text, or - for standard input"
     )
+    parser.add_argument(
+        "--built-in",
+        action="store_true",
+        help="with ListRobotApplications, ListSimulationApplications: built-in ones, too",
+    )
     parser.add_argument("--wait", action="store_true", help="carry a job to its end and print its final description")
     add_output(parser, "json", "yaml")
     parser.epilog = _operations_by_group()
@@ -31,11 +36,16 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker call`: calls an API operation and prints its response."""
     from .....schemas.operations.registry import OPERATIONS
     from .....schemas.settings import Settings
+    from .....schemas.wire.errors import ConfigurationError
     from ...inputs.specifications import operation_name, read_request
     from ...job import order
 
     operation = operation_name(arguments.operation)
     request = read_request(arguments.input, operation)
+    if arguments.built_in:
+        if "builtIn" not in OPERATIONS[operation].request.model_fields:
+            raise ConfigurationError(f"--built-in is for lists of applications, and {operation} is none")
+        request = {**request, "builtIn": True}
     settings = Settings.from_environment(os.environ)
     if arguments.wait and OPERATIONS[operation].is_job:
         return order(operation, request, settings, arguments.output)

@@ -51,6 +51,17 @@ def test_without_input_the_request_is_empty(robomaker) -> None:
     assert json.loads(robomaker("call", "ListWorlds").out) == {"worldSummaries": []}
 
 
+def test_built_in_applications_are_listed_by_an_option_of_lists_of_applications(robomaker) -> None:
+    assert json.loads(robomaker("call", "ListRobotApplications").out) == {"robotApplicationSummaries": []}
+    listed = json.loads(robomaker("call", "list-robot-applications", "--built-in").out)["robotApplicationSummaries"]
+    assert {each["name"] for each in listed} == {"scout", "walker"}
+    refused = robomaker("call", "ListWorlds", "--built-in")
+    assert (refused.code, refused.err) == (
+        2,
+        "robomaker: --built-in is for lists of applications, and ListWorlds is none\n",
+    )
+
+
 def test_refusals_name_the_error_or_the_place(robomaker) -> None:
     missing = robomaker("call", "DescribeWorld", "--input", '{"world": "arn:aws:robomaker:x:y:world/z"}')
     assert missing.code == 2
