@@ -35,6 +35,7 @@ def summarize(report: Report, results: ResultTable | None = None) -> ReportSumma
         worlds=rates.by_world(results),
         rooms=rates.by_room(report.jobs),
         since_last=report.since_last,
+        parameters=report.parameters,
         rerun_of=report.rerun_of,
         forecast=report.forecast,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
