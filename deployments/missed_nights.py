@@ -128,7 +128,7 @@ def _name_of_spec(deployment: DeploymentResponse) -> str:
     text, path = deployment.parameters.get("text"), deployment.parameters.get("spec")
     try:
         text = Path(str(path)).read_text() if path else str(text)
-        return load_spec(text, str(path or deployment.name)).name
+        return load_spec(text, str(path or deployment.name), is_complete=False).name
     except (OSError, ValueError, RobomakerError):
         return deployment.name
 

@@ -6,7 +6,7 @@ for a caller in this process who watches.
 
 import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from datetime import datetime
@@ -22,6 +22,7 @@ from prefect.states import Cancelled
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
+from ..schemas.runs.parameter_values import param_options, set_options
 from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
@@ -128,21 +129,22 @@ def run_spec(
     return run.record()
 
 
-def _run_name() -> str:
-    """The name of a flow run of a pipeline: the file that it runs, or that the text it runs came from."""
+def run_name() -> str:
+    """Returns the name of a flow run of a pipeline: the file that it runs, or that the text it runs came from."""
     given = flow_run.parameters
     if continued := given.get("continues"):
         return f"{continued}, continued"
     return str(given.get("spec") or given.get("origin") or _NO_FILE)
 
 
-@flow(name="RunPipeline", flow_run_name=_run_name)
+@flow(name="RunPipeline", flow_run_name=run_name)
 def RunPipeline(
     spec: str | None = None,
     text: str | None = None,
     origin: str = _NO_FILE,
     reuse: bool = False,
     continues: str | None = None,
+    parameters: dict[str, Any] | None = None,
 ) -> Any:
     """Runs a specification (pipeline of world and simulation steps): a file, or the text that a deployment keeps.
 
@@ -152,6 +154,7 @@ def RunPipeline(
         origin: where the text came from.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         continues: id of a run whose process died; it is finished, and nothing else is run.
+        parameters: values of the specification's parameters by name; the others have their defaults.
     """
     pipeline, taking_up = _current.get(), None
     if pipeline is None:
@@ -168,7 +171,7 @@ def RunPipeline(
             else:
                 taking_up = TakingUp(settings, tell=tell_of_left)
                 taking_up.start()
-                pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
+                pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse, parameters=parameters)
     service = pipeline.service
     with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
         pipeline.run()
@@ -239,7 +242,15 @@ class PipelineRun:
         return cls(ordered_spec(run.order), once_catalog_answers(Service.current), _log, **as_ordered(run))
 
     @classmethod
-    def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
+    def of_parameters(
+        cls,
+        spec: str | None,
+        text: str | None,
+        origin: str,
+        *,
+        reuse: bool = False,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> "PipelineRun":
         """Makes the run from the Prefect flow's parameters.
 
         Raises:
@@ -250,17 +261,17 @@ class PipelineRun:
             text, origin = read_spec_file(Path(spec)), spec
         if text is None:
             raise ConfigurationError("there is nothing to run: give `spec`, the path of a file, or `text`")
-        checked = load_spec(text, origin)
+        checked = load_spec(text, origin, parameters)
         patience_s = 60.0 * Settings.from_environment(os.environ).store_patience_min
         service = once_catalog_answers(Service.current, patience_s=patience_s)
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         if not reuse:
             check_disk(checked, service)
-        command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
+        command = ["robomaker", "run", origin, *set_options(checked.parameters), *(["--reuse"] if reuse else [])]
         if name := deployment.name:
             command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]
-            command += ["--param=reuse=true"] if reuse else []
+            command += [*param_options(checked.parameters), *(["--param=reuse=true"] if reuse else [])]
         return cls(checked, service, _log, origin, command, reuse=reuse)
 
     def run(self) -> RunRecord:

@@ -34,6 +34,18 @@ def add_spec(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")
 
 
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Adds the options `--set` and `--parameters` (values of a specification's parameters) to a command's parser."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="value of a parameter of SPEC; may be given again, and counts before that of --parameters",
+    )
+    parser.add_argument("--parameters", metavar="FILE", help="values of parameters of SPEC: a YAML file, name: value")
+
+
 def add_world(parser: argparse.ArgumentParser) -> None:
     """Adds the argument for a world (its ARN, id or folder) to a command's parser."""
     parser.add_argument("world", metavar="WORLD", help="ARN or id of a world, or the folder of its bundle")

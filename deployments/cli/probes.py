@@ -12,6 +12,7 @@ from ...flows.pipelines import run_spec
 from ...schemas.reports.forecast import Forecast, Places
 from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ...schemas.reports.run_record import RunRecord
+from ...schemas.runs.parameter_values import set_options
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
@@ -116,7 +117,7 @@ def run_pass(
     service = Service.open(quiet)
     began = service.clock()
     named = replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-probe")
-    command = ["robomaker", "plan", spec_path, "--probe"]
+    command = ["robomaker", "plan", spec_path, *set_options(spec.parameters), "--probe"]
     try:
         record = run_spec(
             named,

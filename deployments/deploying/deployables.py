@@ -2,12 +2,13 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from ...schemas.operations.registry import OPERATIONS
 from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.parameters import Parameter
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import BucketNotFoundError, ConfigurationError
 from ...tasks.backends.backend import JOB_WORKER_FLOW
@@ -99,6 +100,14 @@ class Deployable:
     tags: tuple[str, ...]
     version: str | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    own_parameters: Mapping[str, Parameter] | None = None
+    """Parameters of its specification, which stand beside those of the flow; `None`: it is of no specification."""
+
+    values: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Their values in runs that are given no others."""
+
+    missing: tuple[str, ...] = ()
+    """Those that each run has to be given, as there is no value for them."""
 
     @property
     def full_name(self) -> str:
@@ -142,7 +151,14 @@ def job_worker_deployable(pool: str) -> Deployable:
     )
 
 
-def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, tags: Sequence[str] = ()) -> Deployable:
+def spec_deployable(
+    spec: CheckedSpec,
+    *,
+    origin: str,
+    name: str | None = None,
+    tags: Sequence[str] = (),
+    given: Collection[str] = (),
+) -> Deployable:
     """Returns a specification for deployment as a Prefect flow.
 
     Args:
@@ -150,6 +166,7 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
         origin: where it came from; problems of a run name it.
         name: of the deployment; absent: the specification's.
         tags: more tags.
+        given: parameters whose values the deployment keeps, in place of the specification's defaults.
 
     Raises:
         ConfigurationError: it is longer than Prefect takes.
@@ -161,12 +178,20 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
         )
     return Deployable(
         flow="RunPipeline",
-        entrypoint=f"{_FLOWS}.pipelines.RunPipeline",
+        # A worker of an earlier release runs what has no parameters, and refuses the rest.
+        entrypoint=f"{_FLOWS}.{'deployed_pipelines' if spec.declared else 'pipelines'}.RunPipeline",
         name=name or spec.name,
         description=_described(spec),
         tags=tuple(dict.fromkeys((TAG, "specification", *tags))),
         version=hashlib.sha256(spec.text.encode()).hexdigest()[:12],
-        parameters={"text": spec.text, "origin": origin},
+        parameters={
+            "text": spec.text,
+            "origin": origin,
+            **{parameter: value for parameter, value in spec.parameters.items() if parameter in given},
+        },
+        own_parameters=spec.declared,
+        values=spec.parameters,
+        missing=spec.missing,
     )
 
 

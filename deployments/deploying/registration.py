@@ -20,6 +20,7 @@ from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStat
 from prefect.utilities.callables import parameter_schema
 from pydantic import ValidationError
 
+from ...schemas.specs.parameters import PARAMETERS, Parameter
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
 from ...tasks.execution.dead_flow_runs import ensure_automation
@@ -33,14 +34,28 @@ _AT_ONCE = frozenset({"string", "integer", "number", "array"})
 _DEFAULT = re.compile(r"`?([\w.-]+)`? \(the default\)")
 
 
-def form_schema(flow: Flow[..., Any]) -> dict[str, Any]:
+def form_schema(flow: Flow[..., Any], own: Mapping[str, Parameter] | None = None) -> dict[str, Any]:
     """Makes the JSON schema of a flow's parameters for Prefect's run form.
 
     Of an optional type, a form makes one tab for the type and one for nothing, and opens that of nothing. So an
     optional text, number, choice or list is given as its type alone: what is left empty is not sent. The default of
     a choice, which the service fills in, is chosen already.
+
+    Args:
+        flow: the flow.
+        own: parameters of the specification that it runs, which are asked for one by one, and first; `None`: it is the
+            flow of no specification.
     """
-    return _shown(parameter_schema(flow).model_dump_for_openapi())
+    schema = _shown(parameter_schema(flow).model_dump_for_openapi())
+    if own is None:
+        return schema
+    flows_own = {name: each for name, each in schema["properties"].items() if name != PARAMETERS}
+    forms = {name: {**parameter.form, "title": name} for name, parameter in own.items()}
+    properties = {**forms, **flows_own}
+    for position, each in enumerate(properties.values()):
+        each["position"] = position
+    required = [name for name, parameter in own.items() if parameter.default is None]
+    return {**schema, "properties": properties, **({"required": required} if required else {})}
 
 
 def _shown(schema: Any) -> Any:
@@ -102,6 +117,12 @@ class Registered:
     id: str
     change: Literal["created", "updated"]
     pool: str
+    parameters: Mapping[str, Any]
+    """Values of the specification's parameters in runs that are given no others."""
+
+    missing: tuple[str, ...]
+    """Parameters that each run has to be given."""
+
     schedules: tuple[str, ...]
     """Cron expressions with their time zones, of active schedules."""
 
@@ -117,6 +138,8 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
         pool = _pool(target.pool, client)
         variables = _job_variables(pool, target, client)
         there = {(str(each.flow_id), each.name): each for each in _deployments(client)}
+        for each in deployables:
+            _check_scheduled(each, target, there, client)
         return [_register(each, target, variables, there, client) for each in deployables]
 
 
@@ -157,7 +180,7 @@ def _register(
         description=deployable.description,
         tags=list(deployable.tags),
         parameters=dict(deployable.parameters),
-        parameter_openapi_schema=form_schema(_flow(deployable.entrypoint)),
+        parameter_openapi_schema=form_schema(_flow(deployable.entrypoint), deployable.own_parameters),
         enforce_parameter_schema=True,
         work_pool_name=target.pool,
         job_variables=variables,
@@ -172,8 +195,29 @@ def _register(
         id=str(made),
         change="updated" if before else "created",
         pool=target.pool,
+        parameters=dict(deployable.values),
+        missing=deployable.missing,
         schedules=tuple(_in_words(each) for each in schedules if each.active is not False),
     )
+
+
+def _check_scheduled(
+    deployable: Deployable,
+    target: Target,
+    there: Mapping[tuple[str, str], DeploymentResponse],
+    client: SyncPrefectClient,
+) -> None:
+    """Refuses a schedule whose runs would lack values, as they start by themselves."""
+    if not deployable.missing:
+        return
+    before = there.get((str(client.create_flow_from_name(deployable.flow)), deployable.name))
+    if schedules := _schedules(target, before):
+        when = ", ".join(_in_words(each) for each in schedules)
+        named = " ".join(f"--set {name}=…" for name in deployable.missing)
+        raise ConfigurationError(
+            f"{deployable.full_name} runs by itself ({when}), and has no value for {', '.join(deployable.missing)}; "
+            f"{named}, or defaults in the specification, would be right"
+        )
 
 
 def _schedules(target: Target, before: DeploymentResponse | None) -> list[DeploymentScheduleCreate]:

@@ -1,8 +1,10 @@
 """Specifications of visitors: those that come with this package, and the check that all have to pass."""
 
 import os
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ...schemas.settings import max_worlds_per_job
 from ...schemas.specs.check import load_spec
@@ -13,17 +15,21 @@ SHIPPED = Path(__file__).parents[1] / "specs"
 """Folder of the specifications that come with this package."""
 
 
-def checked(text: str, filename: str) -> CheckedSpec:
+def checked(
+    text: str, filename: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True
+) -> CheckedSpec:
     """Checks the text of a specification, including the limit on worlds.
 
     Args:
         text: YAML or JSON.
         filename: what problems call it.
+        parameters: values of its parameters, as `load_spec` takes them.
+        is_complete: whether each parameter has to have a value, as for a run.
 
     Raises:
         SpecError: it has problems.
     """
-    spec = load_spec(text, filename)
+    spec = load_spec(text, filename, parameters, is_complete=is_complete)
     check_world_counts(spec, max_worlds_per_job(os.environ))
     return spec
 

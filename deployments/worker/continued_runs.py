@@ -1,10 +1,12 @@
 """Orders a flow run that finishes a run of a deployment whose process has died."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 from uuid import UUID
 
 import httpx
+from prefect.client.schemas.responses import DeploymentResponse
 from prefect.exceptions import ObjectNotFound, PrefectException
 
 from ...schemas.reports.run_record import Order
@@ -44,7 +46,7 @@ class Continuing:
                     return False
                 made = client.create_flow_run_from_deployment(
                     deployment.id,
-                    parameters={"continues": order.run_id},
+                    parameters={**_required(order, deployment), "continues": order.run_id},
                     name=name,
                     idempotency_key=f"{name} {len(order.interruptions) + 1}",
                 )
@@ -59,3 +61,9 @@ class Continuing:
         if order.flow_run is not None:
             tell_of_dead(order.flow_run, f"its process died; the flow run {name}, finishes it")
         return True
+
+
+def _required(order: Order, deployment: DeploymentResponse) -> Mapping[str, Any]:
+    """Values that Prefect asks for, or it refuses the flow run; the run itself goes on with those of its order."""
+    required = (deployment.parameter_openapi_schema or {}).get("required", ())
+    return {name: order.parameters[name] for name in required if name in order.parameters}

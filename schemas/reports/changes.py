@@ -35,11 +35,11 @@ class CellName(Model):
 class ChangedInput(Model):
     """An input of a job that changed between the last run in which the job passed and the failure after it."""
 
-    what: Literal["commit", "application", "version", "request", "requirements"] = Field(
+    what: Literal["commit", "parameter", "application", "version", "request", "requirements"] = Field(
         description="Kind of input; `request`: all that is asked for beside requirements."
     )
-    name: str = Field(default="", description="Name of the application or package.")
-    before: str | None = optional("Commit, digest or version before; absent: not known.")
+    name: str = Field(default="", description="Name of the parameter, application or package.")
+    before: str | None = optional("Commit, value, digest or version before; absent: not known.")
     after: str | None = optional("The same after.")
 
 

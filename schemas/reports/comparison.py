@@ -1,13 +1,13 @@
 """The comparison of two runs: what `robomaker compare -o json` prints."""
 
 from datetime import datetime
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model, optional
-from .changes import CellName, Losses, RequirementChange
+from .changes import CellName, ChangedInput, Losses, RequirementChange
 from .run_record import CaseOutcome, SourceCommit
 
 Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
@@ -29,6 +29,7 @@ class ComparedRun(Model):
     name: str = Field(description="Name of its specification.")
     started_at: datetime = Field(description="Start, UTC.")
     jobs: int = Field(description="How many jobs it has.")
+    parameters: dict[str, Any] = Field(default={}, description="Values of its specification's parameters.")
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
 
 
@@ -140,6 +141,9 @@ class Comparison(Losses):
     exit_code: int = Field(description="Exit code of the command line, `ANSWER_EXIT_CODES[answer]`.")
     why: str = Field(description="The answer's reason in words.")
     alpha: float = Field(description="Error probability of the test, and of the intervals of all metrics together.")
+    parameters: list[ChangedInput] = Field(
+        default=[], description="Parameters of the specification whose values differ, or that one run lacks."
+    )
     pairs: int = Field(description="Jobs that both runs have.")
     only_before: int = Field(description="Jobs that only the first run has.")
     only_after: int = Field(description="Jobs that only the second run has.")

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -51,6 +51,7 @@ class Night(Model):
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="Its trials; those that broke are not judged.")
     interruptions: int = Field(default=0, description="How many of its processes died before others finished it.")
+    parameters: dict[str, Any] = Field(default={}, description="Values of its specification's parameters.")
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
     changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
     report_path: Path | None = optional("Its HTML report.")

@@ -96,6 +96,7 @@ class Report(Model):
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
+    parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
@@ -186,6 +187,7 @@ class ReportSummary(Model):
     since_last: SinceLastRun | None = optional(
         "Changes since the last run of the specification; absent: it was not looked up."
     )
+    parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."

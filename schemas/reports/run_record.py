@@ -161,6 +161,9 @@ class RunRecord(Model):
     run_id: str = Field(description="Id of this run.")
     name: str = Field(description="Name of the specification.")
     spec_path: str = Field(description="The file that was run.")
+    parameters: dict[str, Any] = Field(
+        default={}, description="Values of the specification's parameters, defaults included."
+    )
     command: list[str] = Field(default=[], description="The command that runs it again.")
     state: RunState = Field(description="How it ended as a whole.")
     exit_code: int = Field(description="Exit code of the command line, `EXIT_CODES[state]`.")
@@ -218,6 +221,7 @@ class Order(Model):
     address: str | None = optional("Network address of the visitor, for the audit log.")
     audit_log: Path | None = optional("The server's audit log; absent: there is none.")
     name: str | None = optional("Name of the run; absent: that of the specification.")
+    parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters, all of them.")
     seed: int | None = optional("Seed in place of those of the specification; absent: none.")
     reuse: bool = Field(default=False, description="Whether it may take over worlds and results of earlier runs.")
     started_at: datetime | None = optional("When it began, UTC; absent: when its process begins.")

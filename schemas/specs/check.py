@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from heapq import heappop, heappush
 from pathlib import PurePath
@@ -13,16 +14,28 @@ from ..operations.registry import STEPS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, nearest, path_text, problems_of, some
+from .folding import fold_parameters
 from .inputs import InputCheck
 from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
+from .parameters import (
+    PARAMETERS,
+    Parameter,
+    ParameterValue,
+    Settled,
+    declaration_problems,
+    kind_of_parameters,
+    settle,
+)
 from .reference_typing import ANYTHING, Kind, Structure
 from .rooms import room_problems
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
-_HEAD = ("version", "name", "description")
+_HEAD = ("version", "name", "description", PARAMETERS)
 
 
-def load_spec(text: str, filename: str) -> CheckedSpec:
+def load_spec(
+    text: str, filename: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True
+) -> CheckedSpec:
     """Parses and checks a specification file: a pipeline of steps, or a single operation.
 
     A single operation is a file with `operation` and either `input` or the request's members themselves.
@@ -30,22 +43,44 @@ def load_spec(text: str, filename: str) -> CheckedSpec:
     Args:
         text: the file's content, YAML or JSON.
         filename: what the problems' places say.
+        parameters: values of its parameters by name: plain ones, `AsText`, or nodes of the file they are from. The
+            others have their defaults.
+        is_complete: whether each parameter has to have a value. One that is not complete cannot run.
 
     Raises:
         SpecError: with everything that is wrong.
     """
+    given = _Given(parameters or {}, is_complete)
     root = parse(text, filename)
     if not isinstance(root, MappingNode):
         raise SpecError([Problem(root.place, "", "a specification is a mapping with version, name and steps")])
     if "operation" not in root.entries or "steps" in root.entries:
-        return _Check(root, (), text, filename).run()
+        return _Check(root, (), text, filename, given).run()
     operation = root.entries["operation"]
     if not isinstance(root.entries.get("input"), MappingNode):
         request = {key: node for key, node in root.entries.items() if key != "operation"}
-        return _load_bare(MappingNode(root.place, request, root.key_places), operation, text, filename)
+        return _load_bare(MappingNode(root.place, request, root.key_places), operation, text, filename, given)
     step = {key: node for key, node in root.entries.items() if key not in _HEAD}
     head = {key: node for key, node in root.entries.items() if key in _HEAD}
-    return _load_single(head, MappingNode(root.place, step, root.key_places), text, filename, ())
+    return _load_single(head, MappingNode(root.place, step, root.key_places), text, filename, (), given)
+
+
+def declared_parameters(text: str) -> dict[str, Parameter]:
+    """Returns the parameters that a specification declares, for a form; none where they cannot be read.
+
+    Args:
+        text: the specification, YAML or JSON, which may have problems.
+    """
+    try:
+        found = child(parse(text, ""), PARAMETERS)
+        return _declared(found)
+    except (SpecError, ValidationError):
+        return {}
+
+
+def _declared(found: Node | None) -> dict[str, Parameter]:
+    entries = found.entries if isinstance(found, MappingNode) else {}
+    return {name: Parameter.model_validate(plain(node)) for name, node in entries.items()}
 
 
 def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
@@ -67,17 +102,25 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
     root = parse(text, filename)
     if not isinstance(root, MappingNode):
         raise SpecError([Problem(root.place, "", f"a request of {operation} is a mapping")])
-    return _load_bare(root, ScalarNode(root.place, operation, operation), text, filename)
+    return _load_bare(root, ScalarNode(root.place, operation, operation), text, filename, _Given())
 
 
-def _load_bare(request: MappingNode, operation: Node, text: str, filename: str) -> CheckedSpec:
+@dataclass(frozen=True)
+class _Given:
+    """Values that parameters were given."""
+
+    values: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    is_complete: bool = True
+
+
+def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, given: _Given) -> CheckedSpec:
     """Checks a request without anything around it."""
     step = MappingNode(request.place, {"operation": operation, "input": request}, request.key_places)
-    return _load_single({}, step, text, filename, ("input",))
+    return _load_single({}, step, text, filename, ("input",), given)
 
 
 def _load_single(
-    head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location
+    head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location, given: _Given
 ) -> CheckedSpec:
     """Checks a step without a pipeline around it, by putting one around it that the user does not see."""
     stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
@@ -89,28 +132,34 @@ def _load_single(
         "steps": MappingNode(step.place, {name: step}, {name: step.place}),
     }
     root = MappingNode(step.place, entries, {**step.key_places, "steps": step.place})
-    return _Check(root, ("steps", name, *hidden), text, filename).run()
+    return _Check(root, ("steps", name, *hidden), text, filename, given).run()
 
 
 class _Check:
     """One specification under check."""
 
-    def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str) -> None:
+    def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str, given: _Given) -> None:
         self._root = root
         self._hidden = hidden
         """Prefix of all locations, which the user did not write."""
         self._text = text
         self._filename = filename
+        self._given = given
+        self._declared: dict[str, Parameter] = {}
+        self._parameters: Kind | None = None
+        """Type of `parameters` in references; `None`: the file declares none."""
+        self._settled = Settled()
         self._problems: list[Problem] = []
 
     def run(self) -> CheckedSpec:
         """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
         self._check_document()
+        self._settle_parameters()
         nodes = self._step_nodes()
         if len(nodes) > MAX_STEPS:
             raise SpecError(self._problems)
         # A single step has nothing to refer to.
-        scope = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
+        scope: dict[str, Kind] = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
         steps = {
             name: step for name, node in nodes.items() if (step := self._check_step(name, node, scope)) is not None
         }
@@ -126,7 +175,30 @@ class _Check:
             text=self._text,
             steps=steps,
             order=order,
+            declared=self._declared,
+            parameters=self._settled.values,
+            missing=self._settled.missing,
         )
+
+    def _settle_parameters(self) -> None:
+        """Checks what is declared, gives each parameter its value, and puts the values in place of their references."""
+        found = self._root.entries.get(PARAMETERS)
+        self._parameters = None if found is None else ANYTHING
+        try:
+            self._declared = _declared(found)
+        except ValidationError:
+            return  # the document's check has told it
+        if self._declared:
+            self._parameters = kind_of_parameters(self._declared)
+        problems = [each for name, declared in self._declared.items() for each in declaration_problems(name, declared)]
+        if not problems:
+            self._settled = settle(self._declared, self._given.values, is_complete=self._given.is_complete)
+            problems += self._settled.problems
+        # Where one has no value, what refers to it is checked by its type.
+        self._root, more = fold_parameters(self._root, self._declared, self._settled.values)
+        for each in (*problems, *more):
+            place = each.place or (key_place if each.about_key else value_place)(self._root, each.location)
+            self._problems.append(Problem(place, path_text(self._shown(each.location)), each.message))
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
         place = (key_place if at_key else value_place)(self._root, location)
@@ -145,8 +217,11 @@ class _Check:
 
     def _step_nodes(self) -> dict[str, MappingNode]:
         steps = self._root.entries.get("steps")
+        if isinstance(steps, MappingNode) and PARAMETERS in steps.entries:
+            words = f"no step may be named {PARAMETERS!r}, which references reach parameters by; choose another name"
+            self._report(("steps", PARAMETERS), words, at_key=True)
         entries = steps.entries if isinstance(steps, MappingNode) else {}
-        return {name: node for name, node in entries.items() if isinstance(node, MappingNode)}
+        return {name: node for name, node in entries.items() if isinstance(node, MappingNode) and name != PARAMETERS}
 
     def _output_kind(self, step: MappingNode) -> Kind:
         operation = _operation(step)
@@ -165,15 +240,18 @@ class _Check:
         if if_exists != "fail" and operation in STEPS and operation not in REUSABLE:
             message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
             self._report((*location, "ifExists"), message)
+        parameters: Mapping[str, ParameterValue] = {}
         place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
         if not isinstance(request, MappingNode):
             return None
         if operation in STEPS:
             shown = self._shown((*location, "input"))
-            check = InputCheck(operation, request, scope, shown, place).run()
+            known = {} if self._parameters is None else {PARAMETERS: self._parameters}
+            check = InputCheck(operation, request, {**scope, **known}, shown, place).run()
             self._problems.extend(check.problems)
             needs |= check.names & scope.keys()
+            parameters = self._settled.values if PARAMETERS in check.names else {}
         return CheckedStep(
             name=name,
             operation=operation,
@@ -182,6 +260,7 @@ class _Check:
             if_exists=if_exists,
             location=self._shown((*location, "input")),
             place=place,
+            parameters=parameters,
         )
 
     def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:

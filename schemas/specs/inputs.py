@@ -17,6 +17,7 @@ from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, RequestProblem, nearest, path_text
+from .folding import is_folded
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
 from .reference_typing import (
     ANYTHING,
@@ -35,7 +36,7 @@ from .reference_typing import (
     members_of,
     without_none,
 )
-from .references import ReferenceMistake, parse_template
+from .references import PARAMETERS, ReferenceMistake, parse_template
 from .resolving import parts_of
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 
@@ -173,7 +174,7 @@ class InputCheck:
                     ("as",), f"is {variable!r}; letters, digits and _, with no digit in front, would be right"
                 )
             )
-        if variable in scope or variable == INDEX:
+        if variable in scope or variable in (INDEX, PARAMETERS):
             problems.append(RequestProblem(("as",), f"{variable!r} already means something else; choose another name"))
         return problems
 
@@ -211,7 +212,10 @@ class InputCheck:
         written = as_written(self.node, problem.location)
         found = _at(self.node, written)
         message = problem.message
-        if isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
+        if isinstance(found, ScalarNode) and is_folded(found):
+            hint = "; to_string(…) makes text of it" if "has to be text" in message else ""
+            message += f"{hint}; the value is that of {found.source}"
+        elif isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
             message += f'; put it in quotes: "{found.source}"'
         return Problem(place_of(problem, self.node, self.place), path_text((*self.location, *written)), message)
 

@@ -14,6 +14,7 @@ from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .model import FOR_EACH, REUSABLE, Spec, Step
+from .parameters import Parameter
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 
@@ -23,7 +24,7 @@ _DEFINITIONS: dict[str, Any] = {
     "Reference": {
         "type": "string",
         "pattern": r"\$\{\{[\s\S]*\}\}",
-        "description": "A reference `${{ step.member }}`: JMESPath over what earlier steps gave.",
+        "description": "A reference `${{ step.member }}`: JMESPath over what earlier steps gave and `parameters`.",
     },
 }
 
@@ -32,8 +33,8 @@ def spec_schema() -> dict[str, Any]:
     """Generates the JSON schema of specification files from the models, for editors."""
     models = [Spec, WorldTemplateBody, *(operation.request for operation in STEPS.values())]
     _, document = models_json_schema([(model, "validation") for model in models], ref_template=_REF)
-    # Step and Spec stay as they are; everything else may be written with references.
-    own = (Spec.__name__, Step.__name__)
+    # These stay as they are; everything else may be written with references.
+    own = (Spec.__name__, Step.__name__, Parameter.__name__)
     definitions = {
         name: schema if name in own else _with_references(schema) for name, schema in document["$defs"].items()
     }

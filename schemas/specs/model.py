@@ -18,7 +18,7 @@ makes one from text. What a step gives to later ones is its operation's response
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -29,10 +29,12 @@ from ..wire.base import Model, Shape
 from ..wire.common import text
 from ..wire.errors import Place
 from ..wire.request_problems import Location, RequestProblem
+from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]
+ParameterName = Annotated[str, text(1, 63, _NAME)]
 _SPEC_NAME = r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}"
 SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
 IfExists = Literal["fail", "reuse", "update"]
@@ -56,7 +58,7 @@ class Step(Model):
     input: dict[str, Any] = Field(
         default={},
         description="The operation's request. Values may be references `${{ step.member }}` to what earlier steps "
-        "gave; a list may be written as `{forEach: ${{ … }}, as: name, value: …}`.",
+        "gave, or `${{ parameters.name }}`; a list may be written as `{forEach: ${{ … }}, as: name, value: …}`.",
     )
     needs: list[StepName] = Field(
         default=[], description="Steps that have to end before this one; those it refers to are added by themselves."
@@ -74,6 +76,12 @@ class Spec(Model):
     version: Literal[1] = Field(description="Version of this form; 1.")
     name: SpecName = Field(description="The pipeline's name, part of the run's folder and the report's title.")
     description: str = Field(default="", description="Purpose of the pipeline, in words.")
+    parameters: dict[ParameterName, Parameter] = Field(
+        default={},
+        max_length=MAX_PARAMETERS,
+        description="Values that each run may be given anew, by name; inputs of steps refer to them as "
+        "`${{ parameters.name }}`.",
+    )
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
     )
@@ -98,6 +106,9 @@ class CheckedStep:
     place: Place
     """Place in the file where the input begins: at its key."""
 
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
+    """The specification's parameters, where a reference in the input needs them beside outputs of steps."""
+
 
 @dataclass(frozen=True)
 class CheckedSpec:
@@ -114,6 +125,15 @@ class CheckedSpec:
 
     order: tuple[str, ...]
     """Names of the steps; each comes after those it needs."""
+
+    declared: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    """Its parameters, as the file declares them."""
+
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
+    """Values of the parameters, defaults included."""
+
+    missing: tuple[str, ...] = ()
+    """Parameters without a value, which a run needs."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

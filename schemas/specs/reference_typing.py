@@ -66,6 +66,8 @@ class Record:
     """Type of a mapping with known members that no model describes, in a specification's expressions."""
 
     members: Mapping[str, "Kind"]
+    lacks: str = "this mapping has no member"
+    """Beginning of the sentence about a member that is not there."""
 
     def __str__(self) -> str:
         return "a mapping"
@@ -179,8 +181,10 @@ def _field(tree: Mapping[str, Any], scope: Kind) -> Kind:
         raise ReferenceMistake(f"{name!r} is asked of {scope}, which has no members{hint}")
     if name not in members:
         hint = nearest(name, members) or f"; there are {', '.join(members) or 'none'}"
-        owner = scope.model.__name__ if isinstance(scope, Structure) else "this mapping"
-        raise ReferenceMistake(f"{owner} has no member {name!r}{hint}")
+        lacks = (
+            f"{scope.model.__name__} has no member" if isinstance(scope, Structure) else "this mapping has no member"
+        )
+        raise ReferenceMistake(f"{scope.lacks if isinstance(scope, Record) else lacks} {name!r}{hint}")
     return members[name]
 
 

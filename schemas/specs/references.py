@@ -23,6 +23,9 @@ from .reference_typing import TEXT, Anything, Kind, Record, ReferenceMistake, Sc
 MAX_WORK = 1_000_000
 """Steps and values that an expression may take and make: a second or two, a hundred times what any here needs."""
 
+PARAMETERS = "parameters"
+"""Member of a specification that declares its parameters; references reach their values by the same name."""
+
 _CHARACTERS = 64  # of text that count as one value
 
 
@@ -30,26 +33,30 @@ class TooMuchWorkError(Exception):
     """Raised when evaluating a JMESPath expression takes too many steps or makes too much data."""
 
 
-def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any]) -> Any:
+def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any], interpreter: "Interpreter | None" = None) -> Any:
     """Evaluates a JMESPath expression with a limit on the work, for expressions from untrusted files.
 
     Args:
         tree: the parsed expression, `jmespath.compile(…).parsed`.
         scope: what it is evaluated in.
+        interpreter: bounds the work of several expressions together; `None`: that of this one.
 
     Raises:
         JMESPathError: it cannot be evaluated.
         TooMuchWorkError: it would take more than `MAX_WORK`.
     """
-    return _Interpreter().visit(tree, scope)
+    return (interpreter or Interpreter()).visit(tree, scope)
 
 
-class _Interpreter(TreeInterpreter):  # pyright: ignore[reportUntypedBaseClass] - jmespath has no types
+class Interpreter(TreeInterpreter):  # pyright: ignore[reportUntypedBaseClass] - jmespath has no types
+    """Evaluates JMESPath expressions, `MAX_WORK` steps and values in all."""
+
     def __init__(self) -> None:
         super().__init__()
         self._left = MAX_WORK
 
     def visit(self, node: Any, *args: Any, **kwargs: Any) -> Any:
+        """Evaluates a node of an expression."""
         self._spend(1)
         value: Any = super().visit(node, *args, **kwargs)
         # Only these make values that were not there before; a list of one value twice counts it twice.
@@ -95,20 +102,26 @@ class Reference:
             ReferenceMistake: it cannot work.
         """
         if unknown := sorted(self.names() - scope.keys()):
+            if unknown[0] == PARAMETERS:
+                raise ReferenceMistake("there are no parameters: the specification declares none")
             hint = nearest(unknown[0], scope)
             if not hint:
                 hint = f"; there are {some(scope)}" if scope else "; this file has no steps to refer to"
             raise ReferenceMistake(f"there is no step or variable {unknown[0]!r}{hint}")
         return infer(self.tree, Record(scope))
 
-    def value(self, scope: Mapping[str, Any]) -> Any:
+    def value(self, scope: Mapping[str, Any], interpreter: Interpreter | None = None) -> Any:
         """Evaluates the reference, given the values of the steps and variables.
+
+        Args:
+            scope: those values.
+            interpreter: bounds the work of several references together; `None`: that of this one.
 
         Raises:
             ReferenceMistake: there is nothing, or it cannot be evaluated.
         """
         try:
-            found = bounded_search(self.tree, scope)
+            found = bounded_search(self.tree, scope, interpreter)
         except JMESPathError as error:
             raise ReferenceMistake(f"{self.expression}: {_first_line(error)}") from error
         except TooMuchWorkError:
@@ -148,16 +161,21 @@ class Template:
                 raise ReferenceMistake(f"{reference.expression} is {kind}; only single values can stand inside text")
         return TEXT
 
-    def value(self, scope: Mapping[str, Any]) -> Any:
+    def value(self, scope: Mapping[str, Any], interpreter: Interpreter | None = None) -> Any:
         """Replaces the references by their values; a text that is one single reference keeps its value's type.
+
+        Args:
+            scope: the values of the steps and variables.
+            interpreter: bounds the work of several texts together; `None`: that of each reference.
 
         Raises:
             ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
         """
         if self.whole:
-            return self.whole.value(scope)
+            return self.whole.value(scope, interpreter)
         return "".join(
-            part if isinstance(part, str) else _as_text(part.expression, part.value(scope)) for part in self.parts
+            part if isinstance(part, str) else _as_text(part.expression, part.value(scope, interpreter))
+            for part in self.parts
         )
 
 

@@ -16,7 +16,7 @@ from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, path_text, problems_of
 from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
-from .references import ReferenceMistake, parse_template
+from .references import PARAMETERS, ReferenceMistake, parse_template
 from .text import ListNode, MappingNode, Node
 
 _OPERATION = "StartSimulationJobBatch"
@@ -155,7 +155,8 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
     Raises:
         SpecError: a reference gives nothing or something that does not fit, with its place.
     """
-    resolved: dict[str, Any] = _resolve(step.input, outputs, step.location)
+    scope = {**outputs, PARAMETERS: step.parameters} if step.parameters else outputs
+    resolved: dict[str, Any] = _resolve(step.input, scope, step.location)
     body = resolved.get("templateBody")
     if isinstance(body, dict):
         resolved["templateBody"] = json.dumps(body, ensure_ascii=False)

@@ -20,7 +20,7 @@ from ...schemas.reports.comparison import (
 from ..reporting import Outcome
 from ..results.rates import margin_units
 from .difference_test import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
-from .failure_starts import appearances_of
+from .failure_starts import appearances_of, changed_parameters
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
@@ -72,6 +72,7 @@ def compare(
         exit_code=ANSWER_EXIT_CODES[answer],
         why=why,
         alpha=alpha,
+        parameters=changed_parameters(before, after),
         pairs=len(pairing.pairs),
         only_before=len(pairing.only_before),
         only_after=len(pairing.only_after),
@@ -119,7 +120,12 @@ def _judged(trials: TrialPairs, alpha: float) -> JudgedTrials:
 
 def _compared(run: NightRun) -> ComparedRun:
     return ComparedRun(
-        run_id=run.run_id, name=run.name, started_at=run.started_at, jobs=len(run.jobs), source=run.source
+        run_id=run.run_id,
+        name=run.name,
+        started_at=run.started_at,
+        jobs=len(run.jobs),
+        parameters=run.parameters,
+        source=run.source,
     )
 
 

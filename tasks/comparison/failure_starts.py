@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from ...schemas.reports.changes import ChangedInput, FailureStart
 from ...schemas.reports.run_record import JobRecord
+from ...schemas.runs.parameter_values import value_in_words
 from ..reporting import Outcome
 from .nights import JUDGED, TOLD, CellTable, NightRun, outcome_of
 from .pairing import Pair, pair_jobs
@@ -85,11 +86,17 @@ def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
 
 
 def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """Returns the differences between two whole runs: commit of the specification, and package versions."""
+    """Returns the differences between two whole runs: commit of the specification, parameters, package versions."""
     changed = []
     if before.source and after.source and before.source.commit != after.source.commit:
         changed.append(ChangedInput(what="commit", before=before.source.commit, after=after.source.commit))
-    return changed + _differences("version", before.versions, after.versions)
+    return changed + changed_parameters(before, after) + _differences("version", before.versions, after.versions)
+
+
+def changed_parameters(before: NightRun, after: NightRun) -> list[ChangedInput]:
+    """Returns the parameters of the specification whose values differ between two runs, and those that one lacks."""
+    ours, theirs = ({name: value_in_words(value) for name, value in run.parameters.items()} for run in (before, after))
+    return _differences("parameter", ours, theirs)
 
 
 def applications_of(run: NightRun) -> dict[str, str]:

@@ -141,6 +141,7 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         trials=len(run.results),
         success=rates.of_table("", run.results),
         interruptions=run.interruptions,
+        parameters=run.parameters,
         source=run.source,
         changed=changed_nights(before, run) if before else [],
         report_path=run.report_path,

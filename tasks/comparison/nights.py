@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class NightRun:
     jobs: Sequence[JobRecord]
     versions: dict[str, str] = field(default_factory=dict)
     source: SourceCommit | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
+    """Values of the specification's parameters."""
     report_path: Path | None = None
     results_path: Path | None = None
     """The table of its results; None: each job is one trial."""
@@ -55,6 +58,7 @@ class NightRun:
             jobs=record.jobs,
             versions=record.versions,
             source=record.source,
+            parameters=record.parameters,
             report_path=record.report_path,
             results_path=record.run_dir / RESULTS_FILE,
             interruptions=len(record.interruptions),

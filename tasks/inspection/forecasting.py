@@ -268,6 +268,9 @@ def check_forecast(
 
 def _place(spec: CheckedSpec, settings: Settings) -> Path:
     """Returns the path of the forecast; names and comments of the specification do not matter."""
-    steps = {name: [step.operation, plain(step.input), list(step.needs)] for name, step in spec.steps.items()}
+    steps = {
+        name: [step.operation, plain(step.input), list(step.needs), *([step.parameters] if step.parameters else [])]
+        for name, step in spec.steps.items()
+    }
     canonical = json.dumps([settings.backend, steps], sort_keys=True, default=str)
     return settings.home / _FOLDER / f"{hashlib.sha256(canonical.encode()).hexdigest()[:32]}.json"

@@ -120,6 +120,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         worlds=_worlds(record.steps, reported, service),
         jobs=reported,
         command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
+        parameters=record.parameters,
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),

@@ -91,8 +91,11 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     if not chosen:
         return None
     steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
+    # The requests have the values; the rerun keeps them, so that records and comparisons show the same ones.
+    parameters = {name: {"default": value} for name, value in record.parameters.items()}
+    spec = {"version": 1, "name": record.name, **({"parameters": parameters} if parameters else {}), "steps": steps}
     return Rerun(
-        spec_text=json.dumps({"version": 1, "name": record.name, "steps": steps}, indent=2, ensure_ascii=False) + "\n",
+        spec_text=json.dumps(spec, indent=2, ensure_ascii=False) + "\n",
         rerun_of=RerunOf(
             run_id=record.run_id,
             selection=selection.words,

@@ -93,6 +93,7 @@ def finish_run(
         run_id=facts.run_id,
         name=facts.checked.name,
         spec_path=facts.spec_path,
+        parameters=dict(facts.checked.parameters),
         command=list(facts.command),
         state="broken",
         exit_code=EXIT_CODES["broken"],

@@ -66,6 +66,7 @@ def keep_order(
             filename=checked.filename,
             name=checked.name,
             seed=checked.seed,
+            parameters=dict(checked.parameters),
             spec_path=facts.spec_path,
             command=list(facts.command),
             rerun_of=facts.rerun_of,
@@ -105,7 +106,7 @@ def ordered_spec(order: Order) -> CheckedSpec:
     Raises:
         SpecError: this release finds problems in it.
     """
-    spec = load_spec(order.text, order.filename)
+    spec = load_spec(order.text, order.filename, order.parameters)
     if order.name is not None:
         spec = replace(spec, name=order.name)
     return spec if order.seed is None else with_seed(spec, order.seed)

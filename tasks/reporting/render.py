@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
+from ...schemas.runs.parameter_values import value_in_words, values_in_words
 from ...schemas.wings import parts_of_wings
 from ..results.table import ResultTable
 from . import outcomes
@@ -24,6 +25,7 @@ from .nights.changes import (
     shared_since,
     since_in_words,
     trend_in_words,
+    value_change_in_words,
 )
 from .nights.history_view import view_history
 from .view import view_report
@@ -172,5 +174,8 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         place=place_in_words,
         requirement=requirement_in_words,
         trend=trend_in_words,
+        parameters=values_in_words,
+        value=value_in_words,
+        value_change=value_change_in_words,
     )
     return environment

@@ -36,6 +36,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         worlds=rates.by_world(results),
         rooms=rates.by_room(report.jobs),
         since_last=report.since_last,
+        parameters=report.parameters,
         rerun_of=report.rerun_of,
         forecast=report.forecast,
         console_url=console_url,

@@ -1,11 +1,15 @@
 """Files that the user names: specifications, and requests of operations."""
 
+import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ....schemas.operations.registry import OPERATIONS
 from ....schemas.specs.model import CheckedSpec
+from ....schemas.specs.parameters import AsText
+from ....schemas.specs.text import MappingNode, parse
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.visitor_specifications import SHIPPED, checked
 
@@ -30,11 +34,45 @@ def read_text(path: str) -> str:
         raise SpecError([problem]) from error
 
 
-def read_spec(path: str) -> CheckedSpec:
+def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Returns the values that a command line gives a specification's parameters, by `--set` and `--parameters`.
+
+    Args:
+        arguments: those of the command.
+
+    Returns:
+        Values by name, as `load_spec` takes them; those of a file know their place there.
+
+    Raises:
+        InputFileError: the file cannot be opened.
+        SpecError: the file is no mapping of names.
+        ConfigurationError: a word of `--set` has no `=`, or a name is there twice.
+    """
+    given: dict[str, Any] = {}
+    if arguments.parameters is not None:
+        root = parse(read_text(arguments.parameters), arguments.parameters)
+        if not isinstance(root, MappingNode):
+            raise SpecError([Problem(root.place, "", "values of parameters are a mapping, such as worlds: 20")])
+        given |= root.entries
+    named: set[str] = set()
+    for word in arguments.set:
+        name, is_given, text = word.partition("=")
+        if not is_given or not name:
+            raise ConfigurationError(f"--set is {word!r}; NAME=VALUE, such as worlds=20, would be right")
+        if name in named:
+            raise ConfigurationError(f"--set gives {name!r} two values; leave one out")
+        named.add(name)
+        given[name] = AsText(text)
+    return given
+
+
+def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True) -> CheckedSpec:
     """Reads and checks a specification file.
 
     Args:
         path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
+        parameters: values of its parameters; see `given_parameters`.
+        is_complete: whether each parameter has to have a value, as for a run.
 
     Raises:
         InputFileError: it cannot be opened.
@@ -42,7 +80,7 @@ def read_spec(path: str) -> CheckedSpec:
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
-    return checked(read_text(str(shipped) if is_shipped else path), path)
+    return checked(read_text(str(shipped) if is_shipped else path), path, parameters, is_complete=is_complete)
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from ....tasks.reporting.nights.changes import (
     shared_since,
     since_in_words,
     trend_in_words,
+    value_change_in_words,
     without_earlier_in_words,
 )
 
@@ -42,6 +43,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
             f"({100 * (1 - comparison.alpha):.4g}% interval {_points(rate.low)} to {_points(rate.high)})"
         )
+    lines += [f"  parameter     {value_change_in_words(change)}" for change in comparison.parameters]
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")
     lines.append(f"  pairs         {_pairs(comparison)}")

@@ -6,6 +6,7 @@ from typing import TextIO
 
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
+from ....schemas.runs.parameter_values import values_in_words
 from .answers import Cell, duration, print_lines
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
@@ -67,8 +68,10 @@ def summary_lines(
 
 
 def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
-    """Says which run it is a rerun of, what interrupted it, how it compares to its forecast, and what it took over."""
+    """Says its parameters, which run it is a rerun of, what interrupted it, how its forecast was, what it took over."""
     lines: list[list[Cell]] = []
+    if record.parameters:
+        lines.append([(f"with {values_in_words(record.parameters)}", "")])
     if rerun := record.rerun_of:
         lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
     if interrupted := interrupted_in_words(record.interruptions):

@@ -119,6 +119,16 @@ function tellTooLarge() {
   document.getElementById("live").replaceChildren(told);
 }
 
+// What was found replaces what was found before, also fields that are being filled in: the cursor stays where it is.
+function showFindings(form, html) {
+  const { name, selectionStart, selectionEnd } = document.activeElement ?? {};
+  document.getElementById("live").innerHTML = html;
+  const field = name && document.activeElement?.name !== name ? form.elements[name] : null;
+  if (!field?.closest?.("#live")) return;
+  field.focus();
+  if (selectionStart != null) field.setSelectionRange(selectionStart, selectionEnd);
+}
+
 // Forms that are looked at while they are filled in: what the server says of them so far, a moment after the last key.
 for (const form of document.querySelectorAll("form[data-live]")) {
   let timer = 0;
@@ -128,7 +138,7 @@ for (const form of document.querySelectorAll("form[data-live]")) {
     asked = new AbortController();
     try {
       const answer = await fetch(form.dataset.live, { method: "POST", body: new FormData(form), signal: asked.signal });
-      if (answer.ok) document.getElementById("live").innerHTML = await answer.text();
+      if (answer.ok) showFindings(form, await answer.text());
       else if (answer.status === 413) tellTooLarge();
     } catch (error) {
       if (error.name !== "AbortError") throw error;
@@ -136,6 +146,7 @@ for (const form of document.querySelectorAll("form[data-live]")) {
   };
   form.addEventListener("input", (event) => {
     if (event.target.type === "file") return;
+    asked.abort(); // its answer would take back what is typed now
     clearTimeout(timer);
     timer = setTimeout(ask, 600);
   });

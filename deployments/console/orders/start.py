@@ -2,15 +2,18 @@
 
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.run_record import Order, RerunOf, new_run_id
+from ....schemas.runs.parameter_values import set_options
+from ....schemas.specs.check import declared_parameters
 from ....schemas.specs.model import CheckedSpec
+from ....schemas.specs.parameters import AsText, Parameter
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
 from ....tasks.inspection.preflight import check_preconditions
 from ...endpoint.calling.access_keys import Call
@@ -27,6 +30,9 @@ START = "StartRun"
 
 _NEEDED = "StartSimulationJobBatch"
 """Operation that an access key has to permit for ordering runs."""
+
+_FIELD = "parameter."
+"""Beginning of the names of fields that have the values of the specification's parameters."""
 
 _AROUND = 2
 """How many lines are shown before and after one with a problem."""
@@ -57,6 +63,12 @@ class Draft:
     shipped: str = ""
     """The specification of the package that it is; empty: it is none."""
 
+    values: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Values of its parameters, as text; those that are left empty have their defaults."""
+
+    declared: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    """Its parameters; none where it cannot be read."""
+
     spec: CheckedSpec | None = None
     problems: list[ShownProblem] = field(default_factory=list)
     more_problems: int = 0
@@ -69,23 +81,23 @@ def show(visit: Visit) -> Response:
     runs_of(visit)
     name = visit.parameter("spec")
     text = shipped_specs().get(name, "")
-    return _page(visit, _checked(visit, Draft(text, f"{name}.yaml", name)) if text else Draft("", ""))
+    return _page(visit, _checked(visit, Draft(text, f"{name}.yaml", name), starts=False) if text else Draft("", ""))
 
 
 def check(visit: Visit) -> Response:
     """Checks a specification while it is being written; returns the HTML list of problems."""
     runs_of(visit)
-    return visit.page("spec_findings.html.j2", draft=_checked(visit, _draft(visit)))
+    return visit.page("spec_findings.html.j2", draft=_checked(visit, _draft(visit), starts=False))
 
 
 def take(visit: Visit) -> Response:
     """Handles the order form: checks the specification, and starts the run if asked and valid."""
     if visit.form.get("do") != "start":
         runs_of(visit)
-        return _answer(visit, _checked(visit, _draft(visit)))
+        return _answer(visit, _checked(visit, _draft(visit), starts=False))
     with visit.noted(START) as call:
         runs = runs_of(visit)
-        draft = _checked(visit, _draft(visit))
+        draft = _checked(visit, _draft(visit), starts=True)
         if draft.spec is not None:
             return begin(visit, runs, draft.spec, call, spec_path=draft.shipped)
         call.outcome = (AccessDeniedException if draft.is_refused else InvalidParameterException).__name__
@@ -110,7 +122,8 @@ def begin(
     """
     run_id = new_run_id(spec.name, visit.service.clock())
     path = spec_path or str(visit.service.settings.home / "runs" / run_id / "spec.yaml")
-    command = ["robomaker", "rerun", rerun_of.run_id, "--failed"] if rerun_of else ["robomaker", "run", path]
+    again = ["robomaker", "run", path, *set_options(spec.parameters)]
+    command = ["robomaker", "rerun", rerun_of.run_id, "--failed"] if rerun_of else again
     key = visit.key
     order = Order(
         run_id=run_id,
@@ -118,6 +131,7 @@ def begin(
         filename=spec.filename,
         spec_path=path,
         command=command,
+        parameters=dict(spec.parameters),
         rerun_of=rerun_of,
         key_id=key and key.id,
         address=visit.address,
@@ -152,27 +166,34 @@ def _draft(visit: Visit) -> Draft:
     text = text.replace("\r\n", "\n")  # as browsers send lines
     shipped = next((name for name, known in shipped_specs().items() if known.strip() == text.strip()), "")
     plain = re.sub(r"[^\w.\- ]", "_", filename)[:100]
-    return Draft(text, f"{shipped}.yaml" if shipped else plain or "specification.yaml", shipped)
+    values = {name.removeprefix(_FIELD): value for name, value in form.items() if name.startswith(_FIELD) and value}
+    return Draft(text, f"{shipped}.yaml" if shipped else plain or "specification.yaml", shipped, values)
 
 
-def _checked(visit: Visit, draft: Draft) -> Draft:
-    """A draft with what is wrong with it, or with what it would do."""
+def _checked(visit: Visit, draft: Draft, *, starts: bool) -> Draft:
+    """A draft with what is wrong with it, or with what it would do; a run that starts has to have all its values."""
     with _one_at_a_time():
+        declared = declared_parameters(draft.text)
+        # What was filled in for a parameter that is not there any more is kept for its return.
+        given = {name: AsText(value) for name, value in draft.values.items() if name in declared}
+        draft = replace(draft, declared=declared)
         try:
-            spec = checked(draft.text, draft.filename)
+            spec = checked(draft.text, draft.filename, given, is_complete=starts)
+            if spec.missing:
+                return replace(draft, spec=spec)
             if refused := problems_of_rights(visit.key, spec, visit.service.catalog):
                 return _with_problems(draft, refused, is_refused=True)
             check_preconditions(spec, visit.service)
         except SpecError as error:
             return _with_problems(draft, list(error.problems))
-    return Draft(draft.text, draft.filename, draft.shipped, spec)
+    return replace(draft, spec=spec)
 
 
 def _with_problems(draft: Draft, problems: list[Problem], *, is_refused: bool = False) -> Draft:
     lines = draft.text.split("\n")
     shown = [_shown(problem, lines) for problem in problems[:_MOST_PROBLEMS]]
     more = len(problems) - len(shown)
-    return Draft(draft.text, draft.filename, draft.shipped, problems=shown, more_problems=more, is_refused=is_refused)
+    return replace(draft, problems=shown, more_problems=more, is_refused=is_refused)
 
 
 def _shown(problem: Problem, lines: list[str]) -> ShownProblem:

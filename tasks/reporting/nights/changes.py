@@ -25,12 +25,20 @@ def change_in_words(change: ChangedInput) -> str:
     """Describes a changed input: `commit 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
     if change.what in ("request", "requirements"):
         return f"its {change.what}"
+    if change.what == "parameter":
+        return f"parameter {value_change_in_words(change)}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
     if change.before is None:
         return f"{what} {_short(change.after)} is new"
     if change.after is None:
         return f"{what} is gone"
     return f"{what} {_short(change.before)} → {_short(change.after)}"
+
+
+def value_change_in_words(change: ChangedInput) -> str:
+    """Describes a parameter whose value changed: `arm: a → b`; one that a run lacks: `arm: none → b`."""
+    before, after = ("none" if value is None else value or '""' for value in (change.before, change.after))
+    return f"{change.name}: {before} → {after}"
 
 
 def since_in_words(since: FailureStart) -> str:

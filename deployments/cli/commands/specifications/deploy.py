@@ -7,12 +7,12 @@ again changes a deployment in place; its schedule stays until --schedule or --no
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
-from ...arguments import add_output
+from ...arguments import add_output, add_parameters
 from ...inputs.options import spec_name
 from ...output.answers import print_either
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker deploy` to its parser."""
     parser.add_argument("specs", metavar="SPEC", nargs="*", help="specification, a YAML file")
+    add_parameters(parser)
     parser.add_argument("--operations", action="store_true", help="deploy the flows of all operations, too")
     parser.add_argument(
         "--job-worker", action="store_true", help="let the pool's workers take jobs of batches (ROBOMAKER_BACKEND)"
@@ -58,11 +59,13 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
     from ....deploying.deployables import job_worker_deployable, operation_deployables
     from ....deploying.job_variables import block_of_word, environment_of_words
+    from ...inputs.specifications import given_parameters
     from ...prefect_server import SHELL_SETUP, use_server, uses_local_server
 
     _check_usage(arguments)
-    specs = _read(arguments.specs)
-    deployables = _named(specs, arguments)
+    given = given_parameters(arguments)
+    specs = _read(arguments.specs, given)
+    deployables = _named(specs, arguments, given)
     environment = tuple(environment_of_words(arguments.env).items())
     for word in arguments.block:
         block_of_word(word)
@@ -117,6 +120,8 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         if len(arguments.specs) != 1:
             raise ConfigurationError(f"--name is {arguments.name!r}; it is for one SPEC, not {len(arguments.specs)}")
         spec_name(arguments.name)
+    if not arguments.specs and (arguments.set or arguments.parameters):
+        raise ConfigurationError("--set and --parameters are for a SPEC; operations have no parameters to keep")
     if not arguments.specs and (arguments.schedule or arguments.no_schedule):
         raise ConfigurationError("--schedule and --no-schedule are for a SPEC; operations run when they are called")
     if arguments.timezone and not arguments.schedule:
@@ -131,7 +136,7 @@ def _schedule(arguments: argparse.Namespace) -> "CronSchedule | None":
     return cron_schedule(arguments.schedule, **({"timezone": arguments.timezone} if arguments.timezone else {}))
 
 
-def _read(paths: Sequence[str]) -> "list[CheckedSpec]":
+def _read(paths: Sequence[str], given: Mapping[str, Any]) -> "list[CheckedSpec]":
     """Reads all specifications.
 
     Raises:
@@ -143,7 +148,7 @@ def _read(paths: Sequence[str]) -> "list[CheckedSpec]":
     problems: list[Problem] = []
     for path in paths:
         try:
-            specs.append(read_spec(path))
+            specs.append(read_spec(path, given, is_complete=False))
         except SpecError as error:
             problems += error.problems
     if problems:
@@ -151,11 +156,13 @@ def _read(paths: Sequence[str]) -> "list[CheckedSpec]":
     return specs
 
 
-def _named(specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace) -> "list[Deployable]":
+def _named(
+    specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace, given: Mapping[str, Any]
+) -> "list[Deployable]":
     from ....deploying.deployables import spec_deployable
 
     made = [
-        spec_deployable(spec, origin=path, name=arguments.name, tags=arguments.tag)
+        spec_deployable(spec, origin=path, name=arguments.name, tags=arguments.tag, given=given.keys())
         for path, spec in zip(arguments.specs, specs, strict=True)
     ]
     origins: dict[str, str] = {}
@@ -182,18 +189,24 @@ def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]
 
 
 def _lines(registered: "Sequence[Registered]") -> list[str]:
+    from .....schemas.runs.parameter_values import values_in_words
+
     width = max(len(each.name) for each in registered)
-    return [
-        f"{each.name.ljust(width)}  {each.change}{''.join(f', runs at {when}' for when in each.schedules)}"
-        for each in registered
-    ]
+    lines: list[str] = []
+    for each in registered:
+        told = [each.change, *(f"runs at {when}" for when in each.schedules)]
+        told += [f"with {values_in_words(each.parameters)}"] if each.parameters else []
+        told += [f"each run needs {', '.join(each.missing)}"] if each.missing else []
+        lines.append(f"{each.name.ljust(width)}  {', '.join(told)}")
+    return lines
 
 
 def _next_steps(registered: "Sequence[Registered]", api_url: str) -> list[str]:
     first = registered[0]
+    values = "".join(f" --param {name}=…" for name in first.missing)
     return [
         f"Start a worker:    prefect worker start --pool {first.pool}",
-        f"Run it now:        prefect deployment run {first.name} --watch",
+        f"Run it now:        prefect deployment run {first.name}{values} --watch",
         f"See its page:      {api_url.removesuffix('/api')}/deployments/deployment/{first.id}",
     ]
 

@@ -12,12 +12,13 @@ difference of so many points, or that nothing got worse by so many, with a chanc
 
 import argparse
 import os
+import shlex
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Literal
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_backend, add_output, add_spec
+from ...arguments import add_backend, add_output, add_parameters, add_spec, given_options
 from ...inputs.options import open_service, percentage
 from ...output.answers import in_columns, print_either
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker plan` to its parser."""
     add_spec(parser)
+    add_parameters(parser)
     parser.add_argument("--reuse", action="store_true", help="say what a run with --reuse would run, and why")
     parser.add_argument("--probe", action="store_true", help="run one job of each step and forecast the whole run")
     parser.add_argument("--machines", metavar="N", type=int, help="machines of the backend; for --probe (default: 1)")
@@ -56,12 +58,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker plan`: prints the steps of a specification, without running them."""
-    from ...inputs.specifications import read_spec
+    from ...inputs.specifications import given_parameters, read_spec
     from ...planning import planned
 
     _check(arguments)
     asked = _questions(arguments)
-    spec = read_spec(arguments.spec)
+    spec = read_spec(arguments.spec, given_parameters(arguments))
     steps = planned(spec)
     parts = _reuse(spec) if arguments.reuse else {}
     forecast = _forecast(spec, arguments) if arguments.probe else None
@@ -135,6 +137,8 @@ def _document(
 ) -> dict[str, object]:
     each = [asdict(step) | _reuse_as_json(parts.get(step.step)) for step in steps]
     document: dict[str, object] = {"schema_version": 1, "name": spec.name, "steps": each}
+    if spec.parameters:
+        document["parameters"] = dict(spec.parameters)
     if forecast is not None:
         document["forecast"] = {**forecast.model_dump(mode="json", exclude_none=True), "cpu_hours": forecast.cpu_hours}
     return document
@@ -148,6 +152,7 @@ def _lines(
     forecast: "Forecast | None",
     needed: "list[PlannedPairs]",
 ) -> Iterator[str]:
+    from .....schemas.runs.parameter_values import set_options
     from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
     from ...planning import after, counted
 
@@ -162,8 +167,9 @@ def _lines(
         yield "\n" + "\n".join(forecast_lines(forecast))
     for each in needed:
         yield "\n" + "\n".join(needed_lines(each))
-    options = f"{' --reuse' if arguments.reuse else ''}{f' --backend {arguments.backend}' if arguments.backend else ''}"
-    yield f"\nrobomaker run {arguments.spec}{options}"
+    command = ["robomaker", "run", arguments.spec, *set_options(spec.parameters)]
+    command += [*(["--reuse"] if arguments.reuse else []), *given_options(arguments, "backend")]
+    yield f"\n{shlex.join(command)}"
 
 
 def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":

@@ -9,10 +9,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_backend, add_open, add_output, add_report, add_spec, given_options
+from ...arguments import add_backend, add_open, add_output, add_parameters, add_report, add_spec, given_options
 from ...inputs.options import output_file, spec_name
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from .....schemas.runs.parameter_values import ParameterValue
     from .....schemas.settings import Settings
     from .....schemas.specs.model import CheckedSpec
 
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker run` to its parser."""
     add_spec(parser)
+    add_parameters(parser)
     parser.add_argument("--name", help="name of the run, in place of the specification's")
     parser.add_argument(
         "--seed", type=int, metavar="N", help="seed of worlds and simulations, in place of those in SPEC"
@@ -43,7 +47,13 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.reuse:
         _say_why_nothing_is_reused(spec, settings)
     return carry_out(
-        spec, settings, arguments, again(arguments), report=report, spec_path=arguments.spec, reuse=arguments.reuse
+        spec,
+        settings,
+        arguments,
+        again(arguments, spec.parameters),
+        report=report,
+        spec_path=arguments.spec,
+        reuse=arguments.reuse,
     )
 
 
@@ -61,18 +71,26 @@ def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> Non
         sys.stderr.write(f"{line}\n")
 
 
-def again(arguments: argparse.Namespace) -> list[str]:
-    """Returns the command line that repeats the same run."""
-    command = ["robomaker", "run", arguments.spec, *given_options(arguments, "name", "seed", "backend", "report")]
+def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValue]") -> list[str]:
+    """Returns the command line that repeats the same run.
+
+    Args:
+        arguments: those of the command.
+        parameters: all values of the specification's parameters: defaults, and those in a file, may change.
+    """
+    from .....schemas.runs.parameter_values import set_options
+
+    command = ["robomaker", "run", arguments.spec, *set_options(parameters)]
+    command += given_options(arguments, "name", "seed", "backend", "report")
     return [*command, "--reuse"] if arguments.reuse else command
 
 
 def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
     """The specification, with what the options put in place of its own values."""
     from .....schemas.specs.model import with_seed
-    from ...inputs.specifications import read_spec
+    from ...inputs.specifications import given_parameters, read_spec
 
-    spec = read_spec(arguments.spec)
+    spec = read_spec(arguments.spec, given_parameters(arguments))
     if arguments.name is not None:
         spec = dataclasses.replace(spec, name=spec_name(arguments.name))
     if arguments.seed is not None:

@@ -9,25 +9,30 @@ import sys
 from typing import Any
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
-from ...arguments import add_output
+from ...arguments import add_output, add_parameters
 from ...output.answers import print_problems
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker validate` to its parser."""
     parser.add_argument("specs", metavar="SPEC", nargs="+", help="specification, a YAML file")
+    add_parameters(parser)
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker validate`: checks specification files; exit code 2 if any has a problem."""
-    from ...inputs.specifications import InputFileError, read_spec
+    from ...inputs.specifications import InputFileError, given_parameters, read_spec
 
-    answers = []
+    given = given_parameters(arguments)
+    answers: list[dict[str, Any]] = []
     problems: list[Problem] = []
     for path in arguments.specs:
         try:
-            answers.append({"file": path, "valid": True, "steps": len(read_spec(path).steps), "problems": []})
+            spec = read_spec(path, given, is_complete=False)
+            answers.append({"file": path, "valid": True, "steps": len(spec.steps), "problems": []})
+            if spec.missing:
+                answers[-1]["missing_parameters"] = list(spec.missing)
         except SpecError as error:
             problems += error.problems
             answers.append({"file": path, "valid": False, "problems": [_as_json(each) for each in error.problems]})
@@ -40,7 +45,9 @@ def execute(arguments: argparse.Namespace) -> int:
         for answer in answers:
             if answer["valid"]:
                 steps = answer["steps"]
-                sys.stdout.write(f"{answer['file']}: valid, {steps} step{'s' if steps != 1 else ''}\n")
+                missing = answer.get("missing_parameters")
+                needs = f"; each run needs --set for {', '.join(missing)}" if missing else ""
+                sys.stdout.write(f"{answer['file']}: valid, {steps} step{'s' if steps != 1 else ''}{needs}\n")
         sys.stdout.flush()
         if problems:
             print_problems(problems)

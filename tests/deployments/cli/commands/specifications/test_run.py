@@ -135,7 +135,7 @@ def test_a_backend_that_is_none_is_refused_before_anything_starts(
 def test_the_command_that_does_the_same_again_names_the_backend() -> None:
     arguments = build_parser().parse_args(["run", "spec.yaml", "--backend", "dask:tcp://head:8786"])
 
-    assert again(arguments) == ["robomaker", "run", "spec.yaml", "--backend", "dask:tcp://head:8786"]
+    assert again(arguments, {}) == ["robomaker", "run", "spec.yaml", "--backend", "dask:tcp://head:8786"]
 
 
 @pytest.mark.parametrize(("letters", "code"), [("P", 0), ("F", 130), ("C", 130)])

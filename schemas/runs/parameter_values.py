@@ -1,0 +1,41 @@
+"""Values of a specification's parameters as text: for people, and as words of a command line that give them again."""
+
+import json
+import re
+import shlex
+from collections.abc import Mapping
+from typing import TypeAlias
+
+ParameterValue: TypeAlias = str | int | float | bool
+
+_JSON = re.compile(r'[-\["{0-9]|true$|false$|null$')
+"""Beginning of a text that JSON reads, or may read, as something else."""
+
+
+def set_options(values: Mapping[str, ParameterValue]) -> list[str]:
+    """Returns the words of a command line that give parameters their values: `["--set", "worlds=20"]`."""
+    return [word for name, value in values.items() for word in ("--set", f"{name}={value_in_words(value)}")]
+
+
+def param_options(values: Mapping[str, ParameterValue]) -> list[str]:
+    """Returns the same for `prefect deployment run`, which reads values as JSON."""
+    return [f"--param={name}={value_in_words(value, as_json=True)}" for name, value in values.items()]
+
+
+def value_in_words(value: ParameterValue, *, as_json: bool = False) -> str:
+    """Returns a parameter's value as people write it: `true`, `20`, `scout`.
+
+    Args:
+        value: the value.
+        as_json: whether a text that JSON would read as something else, such as `20`, gets quotes.
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str) and as_json and _JSON.match(value):
+        return json.dumps(value)
+    return str(value)
+
+
+def values_in_words(values: Mapping[str, ParameterValue]) -> str:
+    """Returns values with their names in one line, as a shell has them: `robot=scout worlds=20`."""
+    return " ".join(f"{name}={shlex.quote(value_in_words(value))}" for name, value in values.items())

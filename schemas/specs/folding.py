@@ -1,0 +1,100 @@
+"""Puts the values of a specification's parameters in the place of their references, before anything is checked.
+
+What reads the steps afterwards sees plain values at the places of their use. A text that also refers to steps or
+variables stays as it is: its parameters are in scope where it is resolved.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..wire.errors import Place
+from ..wire.json_values import is_list, is_object
+from ..wire.request_problems import Location
+from .parameters import Parameter, ParameterValue, ValueProblem, kind_of_parameters
+from .reference_typing import ReferenceMistake
+from .references import PARAMETERS, Interpreter, parse_template
+from .text import ListNode, MappingNode, Node, ScalarNode, child
+
+_OPENING = "${{"
+
+
+def fold_parameters(
+    root: MappingNode, declared: Mapping[str, Parameter], values: Mapping[str, ParameterValue]
+) -> tuple[MappingNode, list[ValueProblem]]:
+    """Replaces references to parameters in the inputs of all steps by the parameters' values.
+
+    Args:
+        root: the specification.
+        declared: its parameters.
+        values: their values; a reference to a parameter without one stays.
+
+    Returns:
+        The specification with values, and what is wrong with references that could not be evaluated. What is wrong
+        with the type of others is left to the check of the input.
+    """
+    steps = root.entries.get("steps")
+    if not declared or not isinstance(steps, MappingNode):
+        return root, []
+    fold = _Fold(declared, values)
+    entries: dict[str, Node] = {}
+    for name, step in steps.entries.items():
+        request = child(step, "input")
+        if isinstance(step, MappingNode) and request is not None:
+            step = replace(step, entries={**step.entries, "input": fold.node(request, ("steps", name, "input"))})
+        entries[name] = step
+    folded = replace(root, entries={**root.entries, "steps": replace(steps, entries=entries)})
+    return folded, fold.problems
+
+
+def is_folded(node: Node) -> bool:
+    """Whether a scalar has its value from a parameter, by a reference that stands in its place in the file."""
+    return isinstance(node, ScalarNode) and _OPENING in node.source and node.value != node.source
+
+
+@dataclass
+class _Fold:
+    """The folding of one specification, whose expressions share one limit of work."""
+
+    declared: Mapping[str, Parameter]
+    values: Mapping[str, ParameterValue]
+    problems: list[ValueProblem] = field(default_factory=list[ValueProblem])
+    _interpreter: Interpreter = field(default_factory=Interpreter)
+
+    def node(self, node: Node, location: Location) -> Node:
+        """Folds a node with everything in it."""
+        if isinstance(node, MappingNode):
+            entries = {key: self.node(value, (*location, key)) for key, value in node.entries.items()}
+            return replace(node, entries=entries)
+        if isinstance(node, ListNode):
+            items = [self.node(item, (*location, index)) for index, item in enumerate(node.items)]
+            return replace(node, items=tuple(items))
+        return self._scalar(node, location)
+
+    def _scalar(self, node: ScalarNode, location: Location) -> Node:
+        if not isinstance(node.value, str) or _OPENING not in node.value:
+            return node
+        try:
+            template = parse_template(node.value)
+            if not template.references or any(each.names() != {PARAMETERS} for each in template.references):
+                return node
+            template.kind({PARAMETERS: kind_of_parameters(self.declared)})
+        except ReferenceMistake:
+            return node  # the check of the input tells it
+        try:
+            value = template.value({PARAMETERS: self.values}, self._interpreter)
+        except ReferenceMistake as mistake:
+            if len(self.values) == len(self.declared):
+                self.problems.append(ValueProblem(location, str(mistake)))
+            return node
+        return _node_of(value, node.place, node.source)
+
+
+def _node_of(value: Any, place: Place, source: str) -> Node:
+    """A value as the file would have it: nothing in it is a reference."""
+    if is_object(value):
+        entries = {key: _node_of(each, place, source) for key, each in value.items()}
+        return MappingNode(place, entries, dict.fromkeys(entries, place))
+    if is_list(value):
+        return ListNode(place, tuple(_node_of(each, place, source) for each in value))
+    return ScalarNode(place, value.replace(_OPENING, f"${_OPENING}") if isinstance(value, str) else value, source)
