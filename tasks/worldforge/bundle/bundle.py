@@ -14,7 +14,8 @@ from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, World
 from ..doors.door_parts import leaf_outlines
 from ..geometry.occupancy import map_files, occupancy_grid
-from ..materials.textures import SKY, sky_png, texture_png, texture_size_m
+from ..materials.texture_files import texture_png
+from ..materials.textures import SKY, texture_size_m
 from ..model.description import description_text
 from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces
 from ..pictures.plan_svg import floorplan_svg
@@ -113,8 +114,8 @@ def _files(world: World) -> dict[str, bytes]:
 
 
 def _textures(world: World) -> dict[str, bytes]:
-    pictures = {name: texture_png(name) for name in surfaces(world) if texture_size_m(name) is not None}
-    return {f"{TEXTURES_FOLDER}/{name}.png": picture for name, picture in {**pictures, SKY: sky_png()}.items()}
+    pictured = [*(name for name in surfaces(world) if texture_size_m(name) is not None), SKY]
+    return {f"{TEXTURES_FOLDER}/{name}.png": texture_png(name) for name in pictured}
 
 
 NAMES_FILE = "names.json"

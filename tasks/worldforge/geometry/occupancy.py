@@ -8,13 +8,11 @@ the floor.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from math import ceil, cos, floor, hypot, sin, sqrt
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy import ndimage
 
 from ....schemas.worlds.world import Floorplan, Furniture, Point, Room, Wall
@@ -260,9 +258,8 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
     pixels = np.full(grid.occupied.shape, UNKNOWN_PIXEL, np.uint8)
     pixels[grid.free] = FREE_PIXEL
     pixels[grid.occupied] = OCCUPIED_PIXEL
-    picture = BytesIO()
     # A picture's first row is its top, which is north.
-    Image.fromarray(pixels[::-1]).save(picture, format="PPM")
+    picture = b"P5\n%d %d\n255\n" % (pixels.shape[1], pixels.shape[0]) + pixels[::-1].tobytes()
     # An unknown pixel is occupied with probability (255 - 205) / 255 = 0.1961; that must not be below
     # free_thresh, or the map server would read unknown as free.
     lines = [
@@ -275,4 +272,4 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
-    return {"map.pgm": picture.getvalue(), "map.yaml": ("\n".join(lines) + "\n").encode()}
+    return {"map.pgm": picture, "map.yaml": ("\n".join(lines) + "\n").encode()}

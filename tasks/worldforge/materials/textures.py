@@ -68,13 +68,15 @@ def texture(name: str) -> Pixels:
     return pixels
 
 
-@lru_cache(maxsize=64)
-def texture_png(name: str) -> bytes:
-    """Returns a surface's texture as PNG."""
+def painted_png(name: str) -> bytes:
+    """Paints a surface's texture, or the sky, as PNG; `texture_files.texture_png` has what it makes.
+
+    Args:
+        name: a surface whose finish is not plain, or `SKY`.
+    """
     # Of few colours, a third of the size; the eye does not see it.
-    picture = Image.fromarray(texture(name)).quantize(
-        _PALETTE_COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
-    )
+    pixels, colors = (_sky_pixels(), _SKY_COLORS) if name == SKY else (texture(name), _PALETTE_COLORS)
+    picture = Image.fromarray(pixels).quantize(colors, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", compress_level=6)
     return buffer.getvalue()
@@ -124,27 +126,21 @@ LAYOUT = 'gridsize="3 4" gridlayout=".U..LFRB.D.."'
 """How the picture's squares lie, as MJCF says it."""
 
 _SIDE_PIXELS = 160
-_COLORS = 96
+_SKY_COLORS = 96
 _ZENITH, _HORIZON = np.array([0.55, 0.71, 0.88]), np.array([0.88, 0.92, 0.95])
 _NEAR, _FAR = np.array([0.46, 0.58, 0.34]), np.array([0.64, 0.72, 0.55])
 _TREES, _TREES_FAR = np.array([0.33, 0.46, 0.30]), np.array([0.55, 0.66, 0.58])
 
 
-@lru_cache(maxsize=1)
-def sky_png() -> bytes:
-    """Returns the sky's cube map texture as PNG: three squares high, four wide."""
+def _sky_pixels() -> Pixels:
+    """The sky's cube map: three squares high, four wide."""
     side = _SIDE_PIXELS
     # Every side is the same, so that trees go on from one to the next.
     picture = np.zeros((3 * side, 4 * side, 3))
     picture[side : 2 * side] = np.tile(_horizon(side), (1, 4, 1))
     picture[:side, side : 2 * side] = _above(side)
     picture[2 * side :, side : 2 * side] = _NEAR
-    pixels = np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).quantize(
-        _COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
-    ).save(buffer, format="PNG", compress_level=6)  # fmt: skip
-    return buffer.getvalue()
+    return _bytes(picture)
 
 
 def _horizon(side: int) -> Array:

@@ -1,10 +1,12 @@
 """Procedural shapes that fill a box: bevelled, turned, stuffed and leafy ones; closed, a few hundred triangles each."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, wraps
 from math import cos, pi, sin
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry.parts import Color, Part, Vector
 from .ornaments import Floats, Ints, Mesh, Ornament, color_look, joined
@@ -18,29 +20,79 @@ _CLOTH_M = 0.004
 _GOLDEN = 2.399963
 """Angle between two leaves of a stem."""
 
+Unit = tuple[Floats, Ints]
+"""Points and triangles of a form before it is stretched to a size."""
+
+
+def _frozen(*arrays: NDArray[Any]) -> None:
+    """Keeps arrays that several meshes share from being changed."""
+    for array in arrays:
+        array.flags.writeable = False
+
+
+def filling(make: Callable[[], Unit]) -> Shape:
+    """Makes a shape of a form that is stretched so that it fills a box about the origin; the form is made once."""
+
+    @lru_cache(maxsize=1)
+    def unit() -> Unit:
+        points, triangles = make()
+        low, high = points.min(axis=0), points.max(axis=0)
+        points = (points - (low + high) / 2) / (high - low)
+        _frozen(points, triangles)
+        return points, triangles
+
+    @wraps(make)
+    def shape(size: Vector) -> Mesh:
+        points, triangles = unit()
+        return Mesh(points * np.array(size), triangles)
+
+    return shape
+
 
 def bevelled(size: Vector, radius: float) -> Mesh:
     """Makes the mesh of a box with rounded edges."""
     half = np.array(size) / 2
     radius = min(radius, *(0.98 * half))
-    points, triangles = _cube(np.array([-1.0, -0.5, 0.5, 1.0]))
-    inner = half - radius
+    signs, out, triangles = _rounded()
+    return Mesh(signs * (half - radius) + radius * out, triangles)
+
+
+@lru_cache(maxsize=1)
+def _rounded() -> tuple[Floats, Floats, Ints]:
+    """The octant of each point of a rounded box, the direction in which its edge bulges there, and the triangles."""
     # The second and third of four rows are where the rounding begins.
-    core = np.sign(points) * inner
-    out = np.where(np.abs(points) == 1.0, np.sign(points), 0.0)
+    points, triangles = _cube(np.array([-1.0, -0.5, 0.5, 1.0]))
+    signs = np.sign(points)
+    out = np.where(np.abs(points) == 1.0, signs, 0.0)
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    return Mesh(core + radius * out, triangles)
+    _frozen(signs, out, triangles)
+    return signs, out, triangles
 
 
 def block(size: Vector) -> Mesh:
     """Makes the mesh of a box with sharp edges."""
+    corners, triangles = _sharp()
+    return Mesh(corners * (np.array(size) / 2), triangles)
+
+
+@lru_cache(maxsize=1)
+def _sharp() -> Unit:
+    """A box that reaches from -1 to 1, each corner of a triangle being a point of its own."""
     points, triangles = _cube(np.array([-1.0, 1.0]))
-    return Mesh(points[triangles.ravel()] * (np.array(size) / 2), np.arange(triangles.size).reshape(-1, 3))
+    corners, numbered = points[triangles.ravel()], np.arange(triangles.size).reshape(-1, 3)
+    _frozen(corners, numbered)
+    return corners, numbered
 
 
 def stuffed(size: Vector) -> Mesh:
     """Makes the mesh of a cushion."""
-    through = int(np.argmin(size))
+    points, triangles = _cushion(int(np.argmin(size)))
+    return Mesh(points * (np.array(size) / 2), triangles)
+
+
+@lru_cache(maxsize=3)
+def _cushion(through: int) -> Unit:
+    """A cushion that reaches from -1 to 1 and is flat along an axis."""
     across = [axis for axis in range(3) if axis != through]
     count = 9
     row = np.sin(np.linspace(-pi / 2, pi / 2, count))
@@ -69,28 +121,36 @@ def stuffed(size: Vector) -> Mesh:
     seam = np.concatenate([np.stack([rim, below + rim, below + after], 1), np.stack([rim, below + after, after], 1)])
     if through == 1:
         seam = seam[:, ::-1]
-    return Mesh(np.concatenate(layers) * (np.array(size) / 2), np.concatenate([top, bottom, seam]))
+    points, triangles = np.concatenate(layers), np.concatenate([top, bottom, seam])
+    _frozen(points, triangles)
+    return points, triangles
 
 
 def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
     """Makes a shape that is rotated about z from a profile of radii and heights, 0 to 1."""
-
-    def make(size: Vector) -> Mesh:
-        return _filling(_turned(profile), size)
-
-    return make
+    return filling(lambda: _turned(profile))
 
 
 def mug(size: Vector) -> Mesh:
     """Makes the mesh of a mug with its handle towards +y."""
+    points, triangles = _mug()
+    return Mesh(points * (size[0] / 2, size[1] / 2, size[2]), triangles)
+
+
+@lru_cache(maxsize=1)
+def _mug() -> Unit:
+    """A mug of radius 1 and height 1 about the origin."""
     body = _turned(((0.86, 0.0), (1.0, 0.1), (1.0, 1.0), (0.9, 1.0), (0.88, 0.12)))
     # The ear stands out of the box, as a cylinder of the cup's size is what collides.
     ear = _tube([(0.0, 1.0 + 0.62 * sin(a), 0.5 - 0.3 * cos(a)) for a in np.linspace(0.1, pi - 0.1, 6)], 0.1)
     points, triangles = joined([body, ear])
-    return Mesh((points - (0, 0, 0.5)) * (size[0] / 2, size[1] / 2, size[2]), triangles)
+    points = points - (0, 0, 0.5)
+    _frozen(points, triangles)
+    return points, triangles
 
 
-def bush(size: Vector) -> Mesh:
+@filling
+def bush() -> Unit:
     """Makes the mesh of a plant with broad leaves."""
     leaves = []
     for index in range(30):
@@ -98,19 +158,21 @@ def bush(size: Vector) -> Mesh:
         turn, lean = index * _GOLDEN, 1.5 * (1 - share) ** 0.8
         root = (0.12 * cos(turn), 0.12 * sin(turn), 0.5 * share)
         leaves.append(_leaf(root, turn, lean, 0.62 + 0.2 * (index % 3), 0.24))
-    return _filling(joined(leaves), size)
+    return joined(leaves)
 
 
-def sprigs(size: Vector) -> Mesh:
+@filling
+def sprigs() -> Unit:
     """Makes the mesh of a plant with long narrow leaves."""
     leaves = [
         _leaf((0.0, 0.0, 0.0), index * _GOLDEN, 0.15 + 0.9 * (index / 22), 1.0 - 0.2 * (index % 4) / 4, 0.07)
         for index in range(22)
     ]
-    return _filling(joined(leaves), size)
+    return joined(leaves)
 
 
-def flowers(size: Vector) -> Mesh:
+@filling
+def flowers() -> Unit:
     """Makes the mesh of flowers."""
     heads = []
     for index in range(7):
@@ -118,10 +180,11 @@ def flowers(size: Vector) -> Mesh:
         points, triangles = _turned(((0.5, 0.0), (1.0, 0.55), (0.7, 0.8), (0.25, 0.6)), sections=5)
         center = (out * cos(turn), out * sin(turn), 1.0 - 0.5 * out + 0.1 * (index % 2))
         heads.append((points * 0.24 + center, triangles))
-    return _filling(joined(heads), size)
+    return joined(heads)
 
 
-def crumpled(size: Vector) -> Mesh:
+@filling
+def crumpled() -> Unit:
     """Makes the mesh of crumpled cloth."""
     sections, rings = 16, 5
     angles = np.arange(sections) * (2 * pi / sections)
@@ -132,30 +195,33 @@ def crumpled(size: Vector) -> Mesh:
         span = slice(ring * sections, (ring + 1) * sections)
         points[span, :2] *= outline[:, None]
         points[span, 2] *= 1 + 0.35 * np.sin(5 * angles + 2 * ring) * (ring < len(profile) - 1)
-    return _filling((points, triangles), size)
+    return (points, triangles)
 
 
-def fruit(size: Vector) -> Mesh:
+@filling
+def fruit() -> Unit:
     """Makes the mesh of a heap of fruit."""
     spots = [(0.42 * cos(a), 0.42 * sin(a), 0.0) for a in np.arange(5) * (2 * pi / 5)] + [(0.0, 0.0, 0.45)]
     ball = _turned([(sin(a), 1 - cos(a)) for a in np.linspace(0.5, pi - 0.5, 3)], sections=7)
-    return _filling(joined([(ball[0] * 0.34 + np.array(spot), ball[1]) for spot in spots]), size)
+    return joined([(ball[0] * 0.34 + np.array(spot), ball[1]) for spot in spots])
 
 
-def kettle(size: Vector) -> Mesh:
+@filling
+def kettle() -> Unit:
     """Makes the mesh of a kettle with its spout towards +x."""
     body = _turned(((0.7, 0.0), (0.75, 0.1), (0.62, 0.6), (0.4, 0.74), (0.1, 0.8)))
     spout = _tube([(0.5, 0.0, 0.3), (0.85, 0.0, 0.5), (1.0, 0.0, 0.68)], 0.1)
     bow = _tube([(-0.6 * cos(a), 0.0, 0.55 + 0.45 * sin(a)) for a in np.linspace(0.0, 0.8 * pi, 6)], 0.06)
-    return _filling(joined([body, spout, bow]), size)
+    return joined([body, spout, bow])
 
 
-def pan(size: Vector) -> Mesh:
+@filling
+def pan() -> Unit:
     """Makes the mesh of a pan with its handle towards +x."""
     body = _turned(((0.8, 0.0), (1.0, 1.0), (0.95, 1.0), (0.76, 0.12)))
     handle = _tube([(0.95, 0.0, 0.8), (2.3, 0.0, 1.1)], 0.13)
     points, triangles = joined([body, handle])
-    return _filling((points, triangles), size)
+    return (points, triangles)
 
 
 def curtain(size: Vector) -> Mesh:
@@ -192,7 +258,8 @@ def _side(first: int, count: int) -> Ints:
     return np.array([[a, b, c], [a, c, d]])
 
 
-def draped(size: Vector) -> Mesh:
+@filling
+def draped() -> Unit:
     """Makes the mesh of a towel over a rail along y."""
     count = 17
     y = np.linspace(-0.5, 0.5, count)
@@ -208,7 +275,7 @@ def draped(size: Vector) -> Mesh:
         faces += [np.stack([a, a + 1, b + 1], 1), np.stack([a, b + 1, b], 1)]
     ends = np.arange(len(rows)) * count
     fan = np.stack([np.full(4, ends[0]), ends[1:5], ends[2:6]], 1)
-    return _filling((np.concatenate(rows), np.concatenate([*faces, fan, fan[:, ::-1] + count - 1])), size)
+    return (np.concatenate(rows), np.concatenate([*faces, fan, fan[:, ::-1] + count - 1]))
 
 
 def _cube(row: Floats) -> tuple[Floats, Ints]:
@@ -282,13 +349,6 @@ def _leaf(root: Vector, turn: float, lean: float, length: float, wide: float) ->
     upper = [(0, 3, 4), (3, 2, 4), (2, 1, 4), (1, 0, 4)]
     lower = [(b, a, 5) for a, b, _ in upper]
     return points, np.array(upper + lower)
-
-
-def _filling(made: tuple[Floats, Ints], size: Vector) -> Mesh:
-    """Stretched so that it fills a box about the origin."""
-    points, triangles = made
-    low, high = points.min(axis=0), points.max(axis=0)
-    return Mesh((points - (low + high) / 2) / (high - low) * np.array(size), triangles)
 
 
 _ROUNDING_M = 0.012

@@ -37,15 +37,46 @@ class _Texts(dict[float, str]):
         return text
 
 
+class _StepTexts(dict[float, str]):
+    """Texts of numbers by how many ten-thousandths they are: a third as many as there are coordinates of meshes."""
+
+    def __missing__(self, steps: float) -> str:
+        if len(self) >= _MOST_TEXTS:
+            self.clear()
+        text = self[steps] = f"{steps / _STEPS + 0.0:g}"
+        return text
+
+
 _MOST_TEXTS = 1 << 15
 """Some 4 MB."""
 
+_STEPS = 1e4
+"""Steps of a written number in 1: MJCF has four decimals, a tenth of a millimetre."""
+
+_NEAR_HALF = 1e-6
+"""How near to the middle between two steps a product is unsure: below 10 km its error is a hundredth of that."""
+
 _text_of = _Texts().__getitem__
+_text_of_steps = _StepTexts().__getitem__
 
 
 def numbers(*values: float) -> str:
     """Formats numbers for MJCF."""
     return " ".join(map(_text_of, values))
+
+
+def number_texts(values: Floats) -> Iterator[str]:
+    """Yields the texts of many numbers, each as `numbers` has it, in half the time.
+
+    Args:
+        values: shape (n,), each below 10 km.
+    """
+    products = values * _STEPS
+    steps = np.rint(products)
+    # `round` knows on which side of the middle a number is, and multiplying does not.
+    for at in np.flatnonzero(np.abs(np.abs(products - steps) - 0.5) < _NEAR_HALF).tolist():
+        steps[at] = round(round(float(values[at]), 4) * _STEPS)
+    return map(_text_of_steps, steps.tolist())
 
 
 class Ornament(NamedTuple):
@@ -91,7 +122,7 @@ class Mesh:
         """
         if self.places is not None:
             return f'    <mesh name="{name}" file="{mesh_path(name)}"/>'
-        faces = " ".join(map(str, self.triangles.ravel().tolist()))
+        faces = _faces(self.triangles.astype(np.int64).tobytes())
         return f'    <mesh name="{name}" vertex="{_list(self.vertices)}" face="{faces}"/>'
 
     def obj_text(self) -> str:
@@ -104,6 +135,12 @@ class Mesh:
         return "\n".join([*lines, ""])
 
 
+@lru_cache(maxsize=64)
+def _faces(triangles: bytes) -> str:
+    """The text of triangles, 64-bit numbers; meshes of one form have the same ones at every size."""
+    return " ".join(map(str, np.frombuffer(triangles, np.int64).tolist()))
+
+
 def mesh_path(name: str) -> str:
     """Returns the path of a mesh's file, relative to the model."""
     return f"{MESHES_FOLDER}/{name}.obj"
@@ -111,11 +148,11 @@ def mesh_path(name: str) -> str:
 
 def _texts(values: Floats) -> Iterator[Iterator[str]]:
     """The numbers of each column."""
-    return (map(_text_of, column) for column in values.T.tolist())
+    return map(number_texts, values.T)
 
 
 def _list(values: Floats) -> str:
-    return numbers(*values.ravel().tolist())
+    return " ".join(number_texts(values.ravel()))
 
 
 def color_look(color: Color) -> str:

@@ -88,7 +88,13 @@ def proof_lines(world: World) -> list[ProofLine]:
     measured = (
         []
         if checks is None
-        else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks), *_file_lines(world, checks)]
+        else [
+            *_plan_lines(checks),
+            *_room_lines(checks),
+            *_physics_lines(checks),
+            _geoms_line(world, checks),
+            *_file_lines(world, checks),
+        ]
     )
     return [*measured, *_origin_lines(world)]
 
@@ -150,8 +156,18 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         count = checks.wishes
         granted = f"{count.satisfied} granted, {count.missed} missed, {count.contradictory} contradictory"
         yield ProofLine("Wishes of the template", granted, "")
-    yield ProofLine("Geoms", str(checks.geoms), "")
 
+
+def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
+    """How many geoms collide; a proof counts them, and stored worlds have what their generator counted."""
+    major = world.generator_version.partition(".")[0]
+    counted_all = checks.faults is None and major.isdecimal() and int(major) < _COUNTS_COLLIDING
+    more = ", those for the eye among them, which an earlier generator counted as well" if counted_all else ""
+    return ProofLine("Geoms that collide", f"{checks.geoms}{more}", "not measured" if counted_all else "")
+
+
+_COUNTS_COLLIDING = 3
+"""First generator whose worlds say how many geoms collide, and not how many there are."""
 
 _COMPARED: dict[Guarantee, tuple[str, str]] = {
     "parts": ("Model and world.json", "the same floors, walls and pieces"),

@@ -1,8 +1,10 @@
 """The catalogue of furniture: complete, well-sized, cheap to simulate, free of flicker."""
 
 import itertools
+import re
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
@@ -138,3 +140,22 @@ def test_a_style_of_another_version_is_named_in_the_error() -> None:
         parts_of(furniture("Sofas", known).model_copy(update={"style": "nine-seat pink"}))
     with pytest.raises(ValueError, match="model_type 'Pianos'"):
         parts_of(furniture("Sofas", known).model_copy(update={"model_type": "Pianos"}))
+
+
+_LOOSE = {"cups": "Cup", "plates": "Plate"}
+"""Words of the page for kinds that no template names."""
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "ellipsoid"])
+def test_the_page_names_all_that_mjx_in_jax_refuses_beside_boxes(shape: str) -> None:
+    page = (REPOSITORY / "docs" / "worlds-export.md").read_text()
+    (row,) = re.findall(rf"^\| {shape} \| (.*) \|$", page, re.MULTILINE)
+    named = {*re.findall(r"`(\w+)`", row), *(kind for word, kind in _LOOSE.items() if word in row)}
+    # Ellipsoids with three equal axes are written as spheres.
+    found = {
+        kind
+        for kind, style in LOOKS
+        for part in parts_of(furniture(kind, style))
+        if part.solid and part.shape == shape and (shape == "cylinder" or len({*part.size}) > 1)
+    }
+    assert named == found

@@ -1,22 +1,26 @@
-"""Textures: seamless, small, the same in every process, and different from each other."""
+"""Textures: seamless, small, the same on every machine, and different from each other."""
 
-import hashlib
 import io
 import itertools
-import subprocess
-import sys
+import tomllib
+from fnmatch import fnmatch
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.paths import REPOSITORY
 from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, WALL_MATERIALS
+from prefect_robomaker.tasks.worldforge.materials import texture_files
 from prefect_robomaker.tasks.worldforge.materials.materials import FLOORS, WALLS, finish_named, surface_finish
+from prefect_robomaker.tasks.worldforge.materials.texture_files import FOLDER, texture_png, textured, write_textures
 from prefect_robomaker.tasks.worldforge.materials.textures import (
+    SKY,
     mean_color,
+    painted_png,
     sample,
     texture,
-    texture_png,
     texture_size_m,
 )
 
@@ -77,14 +81,30 @@ def test_finishes_can_be_told_apart() -> None:
                 assert colors > 0.03 or surface_finish(one).pattern != surface_finish(other).pattern, (one, other)
 
 
-def test_another_process_makes_the_same_bytes() -> None:
-    names = TEXTURED[::6]
-    program = (
-        "import hashlib; from prefect_robomaker.tasks.worldforge.materials.textures import texture_png\n"
-        f"print(hashlib.sha256(b''.join(texture_png(name) for name in {names!r})).hexdigest())"
-    )
-    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert printed.strip() == hashlib.sha256(b"".join(texture_png(name) for name in names)).hexdigest()
+@pytest.mark.parametrize("name", [SKY, *TEXTURED])
+def test_what_comes_with_the_package_is_what_would_be_painted(name: str) -> None:
+    """The pixels are; how they are packed depends on the library, and the package's bytes do not."""
+    assert _pixels(texture_png(name)).tobytes() == _pixels(painted_png(name)).tobytes()
+
+
+def _pixels(png: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def test_every_texture_comes_with_the_package_and_nothing_else() -> None:
+    assert textured() == [SKY, *TEXTURED]
+    files = {path.name for path in FOLDER.iterdir()}
+    assert files == {f"{name}.png" for name in textured()}
+    data = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    patterns = data["prefect_robomaker.tasks.worldforge.materials"]
+    assert all(any(fnmatch(f"{FOLDER.name}/{name}", pattern) for pattern in patterns) for name in files)
+
+
+def test_textures_of_finishes_that_are_gone_go_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "floor_Tiles_pink.png").write_bytes(b"")
+    monkeypatch.setattr(texture_files, "textured", lambda: [SKY])
+    write_textures(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["sky.png"]
 
 
 def test_plain_surfaces_have_one_colour() -> None:

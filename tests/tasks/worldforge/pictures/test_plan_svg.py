@@ -126,6 +126,12 @@ def test_hostile_names_are_escaped(name: str) -> None:
     assert name.strip("\x00\x1b\ufffe") in {title or "" for title in titles}
 
 
+def test_names_of_all_printable_characters_are_drawn() -> None:
+    name = "".join(filter(str.isprintable, map(chr, range(0x110000))))
+    root = parsed(floorplan_svg(world(renamed(PLAN, name))))
+    assert any(name in (title.text or "") for title in root.iter(f"{SVG}title"))
+
+
 def test_a_long_name_is_cut_to_the_room_and_kept_whole_in_the_title() -> None:
     name = "N" * 255
     room = renamed(PLAN, name).rooms[0]
