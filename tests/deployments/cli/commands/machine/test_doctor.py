@@ -103,6 +103,27 @@ def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Pa
     assert ("open to all users" in finding.found) == (told == "warning")
 
 
+def test_what_a_home_takes_up_is_said_by_its_largest_folders(tmp_path: Path) -> None:
+    for name, size in (
+        ("objects/a/b", 3_000_000),
+        ("runs/1", 1_000_000),
+        ("prefect/log", 2_000_000),
+        ("jobs/x", 900_000),
+    ):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(b"x" * size)
+    (tmp_path / "runs" / "elsewhere").symlink_to("/usr")
+    tmp_path.chmod(0o700)
+    found = doctor_checks.check_home(tmp_path).found
+    assert f"{tmp_path}, 7 MB (objects 3 MB, prefect 2 MB, runs 1 MB), " in found
+
+
+def test_a_home_that_takes_long_to_measure_holds_doctor_up_no_longer(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(doctor_checks, "_LONGEST_WALK_S", 0.0)
+    (tmp_path / "objects").mkdir()
+    assert "at least 0 MB" in doctor_checks.check_home(tmp_path).found
+
+
 def test_a_home_that_is_a_file_is_a_finding(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "file")})
