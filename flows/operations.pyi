@@ -22,6 +22,7 @@ from ..schemas.runs.requirement_kinds.expression import ExpressionRequirement
 from ..schemas.runs.requirement_kinds.goal import GoalRequirement
 from ..schemas.runs.requirement_kinds.localization import LocalizationRequirement
 from ..schemas.runs.requirement_kinds.no_collision import CollisionRequirement
+from ..schemas.runs.requirement_kinds.off import OffRequirement
 from ..schemas.runs.requirement_kinds.path_length import PathLengthRequirement
 from ..schemas.runs.requirement_kinds.predicate import PredicateRequirement
 from ..schemas.runs.requirement_kinds.progress import ProgressRequirement
@@ -112,7 +113,7 @@ def ListSimulationJobBatches(*, nextToken: str | None = None, maxResults: int | 
 @flow
 def CancelSimulationJobBatch(*, batch: str) -> dict[str, Any]: ...
 @flow
-def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[AllRoomsRequirement | ClearanceRequirement | CoverageRequirement | ExpressionRequirement | GoalRequirement | LocalizationRequirement | CollisionRequirement | PathLengthRequirement | PredicateRequirement | ProgressRequirement | SpeedRequirement | TimeLimitRequirement | TopicRequirement | UprightRequirement] | None = None, trials: Trials | None = None, policy: str | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
+def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[AllRoomsRequirement | ClearanceRequirement | CoverageRequirement | ExpressionRequirement | GoalRequirement | LocalizationRequirement | CollisionRequirement | OffRequirement | PathLengthRequirement | PredicateRequirement | ProgressRequirement | SpeedRequirement | TimeLimitRequirement | TopicRequirement | UprightRequirement] | None = None, trials: Trials | None = None, policy: str | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
 @flow
 def DescribeSimulationJob(*, job: str) -> dict[str, Any]: ...
 @flow

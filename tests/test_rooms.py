@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("schemas", "tasks", "flows", "deployments")
 MOST_MODULES = 15
 """Side by side in one folder; the resources of the service are 12, with what they share."""
+ONE_FILE_FOR_ONE_KIND = ("schemas.runs.requirement_kinds",)
+"""Rooms in which a module is a kind, so that they grow with the kinds there are."""
 
 
 def source_files() -> Iterator[Path]:
@@ -65,6 +67,8 @@ def test_each_room_says_what_lives_there() -> None:
 
 def test_no_room_is_a_warehouse() -> None:
     modules = Counter(name.rpartition(".")[0] for name in MODULES if name not in ROOMS)
+    for room in ONE_FILE_FOR_ONE_KIND:
+        del modules[room]
     assert {room: count for room, count in modules.items() if count > MOST_MODULES} == {}
 
 

@@ -63,7 +63,7 @@ os._exit(0)
 """
 
 DRIVER = """
-import os, rclpy
+import os, rclpy, time
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
@@ -71,6 +71,11 @@ from std_msgs.msg import String
 rclpy.init()
 node = rclpy.create_node("driver")
 commands, words = node.create_publisher(Twist, "/cmd_vel", 10), node.create_publisher(String, "/words", 10)
+# Only what is said after bridge and recorder listen is recorded.
+deadline = time.monotonic() + 150
+while (words.get_subscription_count() < 1 or commands.get_subscription_count() < 2) and time.monotonic() < deadline:
+    time.sleep(0.05)
+time.sleep(1.0)
 seen = []
 def on_scan(scan):
     seen.append(scan)
@@ -163,7 +168,7 @@ def test_what_a_driver_says_is_recorded_at_the_simulated_time_at_which_it_says_i
 ) -> None:
     world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
     simulation = {"application": "indoor-navigation", "launchConfig": {}, "worldConfigs": [{"world": world}]}
-    options = {"ROBOMAKER_ROS": json.dumps({"suite": 2, "time": "lockstep", "answer_timeout_s": 60})}
+    options = {"ROBOMAKER_ROS": json.dumps({"suite": 2, "time": "lockstep", "answer_timeout_s": 200})}
 
     folder = performed("driver.py", options, is_recorded=True, simulationApplications=[simulation])
 

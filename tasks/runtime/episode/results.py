@@ -14,6 +14,7 @@ from pydantic_core import PydanticSerializationError
 from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
 from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirement_kinds.kind import NOT_READ
+from ....schemas.runs.requirement_kinds.off import NOT_THERE
 from ....schemas.wire.base import Model
 
 
@@ -247,11 +248,12 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     report = episode.report
     metrics = dict(report.metrics)
     remarks = dict(report.extra)
-    added = [requirement for finding in findings for requirement in finding.requirements]
+    added = _switched_off([item for finding in findings for item in finding.requirements], report)
     notes = [*report.notes, *(note for finding in findings for note in finding.notes)]
     told = [item for item in added if item.error != NOT_READ]  # the others are judged when the recording is read
     reached = _ended_at_its_goals(episode, told)
-    judged, own = _without(report, {requirement.name for requirement in added})
+    off = {item.name for item in added if item.kind == "off"}
+    judged, own = _without(report, {item.name for item in added}, off)
     own = [item.model_copy(update={"counts": not reached and item.counts}) for item in own]
     if reached and judged != "ERROR":
         judged = "NONE"
@@ -305,13 +307,33 @@ def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
     return episode.ended_by == "requirements" and bool(added) and all(requirement.satisfied for requirement in added)
 
 
-def _without(report: EnvironmentReport, replaced: Set[str]) -> tuple[Verdict, list[Requirement]]:
-    """Returns the environment's verdict and requirements, without those that the job's replace by name."""
+def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> list[Requirement]:
+    """Returns the job's requirements, those that switch off one of the environment's report being no error."""
+    own = {item.name: item for item in report.requirements}
+    there = f"; it has {', '.join(own)}" if own else ""
+    found: list[Requirement] = []
+    for item in added:
+        if item.error != NOT_THERE:
+            found.append(item)
+        elif item.name in own:
+            detail = f"switched off by the job: {own[item.name].detail}"
+            found.append(Requirement(name=item.name, kind=item.kind, satisfied=True, detail=detail, counts=False))
+        else:
+            found.append(item.model_copy(update={"error": NOT_THERE + there, "detail": item.detail + there}))
+    return found
+
+
+def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tuple[Verdict, list[Requirement]]:
+    """Returns the environment's verdict and requirements, without those that the job replaces or switches off."""
     kept = [item for item in report.requirements if item.name not in replaced]
     missed = [item for item in report.requirements if not item.satisfied]
     if report.verdict == "FAIL" and missed and all(item.name in replaced for item in missed):
-        return "PASS", kept
-    return report.verdict, kept
+        verdict: Verdict = "PASS"
+    else:
+        verdict = report.verdict
+    # Where all that it asked for is off, it has judged nothing that counts.
+    is_off = report.requirements and all(item.name in off for item in report.requirements)
+    return ("NONE" if is_off and verdict == "PASS" else verdict), kept
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
@@ -320,9 +342,11 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
     broken = [f"{item.name}: {item.detail}" for item in added if not item.satisfied]
-    instead = [item.name for item in added if item.satisfied and item.name in missed]
+    off = [item.name for item in added if not item.counts and item.name in missed]
+    instead = [item.name for item in added if item.counts and item.satisfied and item.name in missed]
     parts = (
         report.summary,
+        f"The job has switched {', '.join(off)} off." if off else "",
         f"The job's own {', '.join(instead)} counts instead." if instead else "",
         f"Not met: {'; '.join(broken)}." if broken else "",
     )

@@ -8,6 +8,7 @@ from typing import Any
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirement_kinds.kind import Look, NotMeasuredError, RequirementError, Rule
+from ....schemas.runs.requirement_kinds.off import OffRule
 from ....schemas.runs.requirements import JobRequirement, parse_requirements
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
@@ -130,7 +131,12 @@ class RequirementsObserver(Observer):
         return f"{cut} of {whole_s:g} s: {100 * (1 - self._time_s / whole_s):.0f} % were not driven"
 
     def _begin(self, environment: Any) -> None:
-        self._rules = make_rules(merged(self._plan.requirements, _own_requirements(environment)))
+        own = _own_requirements(environment)
+        self._rules = make_rules(merged(self._plan.requirements, own))
+        names = {requirement.name for requirement in own}
+        for rule in self._rules:
+            if isinstance(rule, OffRule):
+                rule.is_there = rule.asked.name in names
 
     def _bind(self, environment: Any) -> None:
         """Ties the rules to the model, which environments may replace."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RunResult
+from prefect_robomaker.schemas.runs.requirement_kinds.off import OffRequirement, OffRule
 from prefect_robomaker.tasks.runtime.episode.results import (
     EnvironmentReport,
     Episode,
@@ -86,6 +87,46 @@ def test_of_two_requirements_of_one_name_the_jobs_counts(satisfied: bool, others
     assert [item.name for item in result.requirements] == ["upright", "gentle"]
     assert result.requirements[1].kind == "no_collision"
     assert ("The job's own gentle counts instead." in result.summary) == satisfied
+
+
+OFF = OffRule(OffRequirement(kind="off", name="rooms")).judged(2.0, "environment")
+ROOMS = Requirement(name="rooms", satisfied=False, detail="1 of 2 rooms")
+GENTLE = Requirement(name="gentle", satisfied=True, detail="0 N, at most 20 N")
+ASKED = Requirement(name="quick", kind="time_limit", satisfied=True, detail="ended at 2 s")
+
+
+@pytest.mark.parametrize(
+    ("own", "asked", "verdict"),
+    [
+        ([ROOMS, GENTLE], [], "PASS"),
+        ([ROOMS, GENTLE.model_copy(update={"satisfied": False})], [], "FAIL"),
+        ([ROOMS], [], "NONE"),  # nothing is left that was judged
+        ([ROOMS.model_copy(update={"satisfied": True})], [], "NONE"),
+        ([ROOMS], [ASKED], "PASS"),
+        ([ROOMS], [ASKED.model_copy(update={"satisfied": False})], "FAIL"),
+    ],
+)
+def test_what_a_job_switches_off_of_the_environments_own_does_not_count(
+    own: list[Requirement], asked: list[Requirement], verdict: str
+) -> None:
+    passed = all(item.satisfied for item in own)
+    report = EnvironmentReport(verdict="PASS" if passed else "FAIL", summary="Told.", requirements=own)
+
+    result = make_result(episode(report), 1, [Findings(requirements=[OFF, *asked])])
+
+    assert result.verdict == verdict
+    [off] = [item for item in result.requirements if item.name == "rooms"]
+    assert (off.kind, off.counts, off.error) == ("off", False, None)
+    assert off.detail == "switched off by the job: 1 of 2 rooms"
+    assert ("The job has switched rooms off." in result.summary) == (not own[0].satisfied)
+
+
+@pytest.mark.parametrize(("own", "words"), [([GENTLE], "to switch off; it has gentle"), ([], "to switch off")])
+def test_switching_off_what_is_not_there_is_an_error(own: list[Requirement], words: str) -> None:
+    report = EnvironmentReport(verdict="PASS", requirements=own)
+    result = make_result(episode(report), 1, [Findings(requirements=[OFF, ASKED])])
+    assert result.verdict == "ERROR"
+    assert (result.reason or "").endswith(words)
 
 
 def test_a_run_that_was_cancelled_has_no_verdict() -> None:

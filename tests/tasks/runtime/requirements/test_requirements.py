@@ -268,6 +268,22 @@ def test_the_environments_own_requirements(judge: Callable[..., RunResult]) -> N
     assert result.verdict == "PASS"
 
 
+@pytest.mark.parametrize(("name", "verdict"), [("late", "PASS"), ("lat", "ERROR")])
+def test_one_of_the_environments_own_requirements_is_switched_off_by_its_name(
+    judge: Callable[..., RunResult], name: str, verdict: str
+) -> None:
+    def make() -> Any:
+        made: Any = environment()
+        made.requirements = lambda: [{"kind": "time_limit", "name": "late", "limit_s": 0.05}]
+        return made
+
+    assert judge({"kind": "time_limit", "name": "quick", "limit_s": 100}, make=make).verdict == "FAIL"
+    result = judge({"kind": "off", "name": name}, {"kind": "time_limit", "name": "quick", "limit_s": 100}, make=make)
+    assert result.verdict == verdict
+    [off] = [item for item in result.requirements if item.kind == "off"]
+    assert off.counts == (name == "lat")
+
+
 def test_the_robot_is_what_acts_what_is_named_or_what_the_environment_says(judge: Callable[..., RunResult]) -> None:
     away = {"kind": "goal", "x": 0.0, "y": 1.0, "within_m": 0.3}
 

@@ -1,0 +1,52 @@
+"""Switching off: a requirement of the environment's own does not count in this job."""
+
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from .kind import Look, Numbers, Requirement, RequirementKind, Rule, Scene
+
+NOT_THERE = "the environment has no requirement of this name to switch off"
+
+
+class OffRequirement(RequirementKind):
+    """Switches off the environment's requirement of the same name."""
+
+    violated_when = "never: the environment's own requirement of this `name` does not count; it has to have one"
+
+    kind: Literal["off"] = Field(description="`off`.")
+
+    @field_validator("stop")
+    @classmethod
+    def _ends_nothing(cls, stop: bool) -> bool:
+        if stop:
+            raise ValueError("is true; what is off ends no run: leave it out")
+        return stop
+
+
+class OffRule(Rule[OffRequirement]):
+    """Judges nothing, but is an error where the environment has no requirement of that name."""
+
+    def __init__(self, asked: OffRequirement) -> None:
+        super().__init__(asked)
+        self.is_there = False
+        """Whether the environment's `requirements()` have one of this name; its report may have one still."""
+
+    def bind(self, scene: Scene) -> Look:  # noqa: ARG002 - as of other rules
+        """Measures nothing."""
+        return lambda _time_s: None
+
+    def judged(self, end_s: float, ended_by: str) -> Requirement:  # noqa: ARG002 - as of other rules
+        """Returns what is listed in place of the environment's requirement; an error where none was found yet."""
+        name, error = self.asked.name, self.error or (None if self.is_there else NOT_THERE)
+        if error is not None:
+            return Requirement(
+                name=name, kind="off", satisfied=False, detail=f"could not be judged: {error}", error=error
+            )
+        return Requirement(name=name, kind="off", satisfied=True, detail=self._detail(), counts=False)
+
+    def _numbers(self) -> Numbers:
+        return Numbers()
+
+    def _detail(self) -> str:
+        return "the environment's own, switched off by the job"
