@@ -244,13 +244,15 @@ def _advice(detail: ErrorDetails) -> str:
         if advice := nearest_of(detail["input"], expected):
             return advice
     if kind == "string_pattern_mismatch":
-        return f"text {pattern_in_words(context['pattern'])} would be right"
+        of_room = detail["loc"][-3:-2] == ("Rooms",)
+        more = "; `OriginalName`, in bodies of version 2, takes any letters" if of_room else ""
+        return f"text {pattern_in_words(context['pattern'])} would be right{more}"
     if kind == "float_type":
         return "a number without quotes would be right" if _is_number(detail["input"]) else "a number would be right"
     if kind in _RIGHT:
         return f"{_RIGHT[kind].format_map(context)} would be right"
-    message = detail["msg"].removeprefix("Input should be ")
-    return message if message == detail["msg"] else f"{message} would be right"
+    message = detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    return f"{message} would be right" if detail["msg"].startswith("Input should be ") else message
 
 
 def _is_number(value: object) -> bool:

@@ -205,6 +205,11 @@ class Room(Model):
     wall_finish: str = Field(default="", description="Look of the wall material; empty: the first.")
 
     @property
+    def called(self) -> str:
+        """The name that people read: its `original_name`, in any letters, where it has one."""
+        return self.original_name or self.name
+
+    @property
     def floor_m2(self) -> float:
         """Floor area in m²; for worlds of older generators, the area inside the walls' centre lines."""
         return self.area_m2 if self.floor_area_m2 is None else self.floor_area_m2

@@ -15,6 +15,7 @@ from ....schemas.operations.world_generation_jobs import too_many_worlds
 from ....schemas.templates.parsing import parse_template_body
 from ....schemas.wire.errors import InvalidParameterException, ThrottlingException
 from ....schemas.worlds.world import FLOOR_MATERIALS, ROOM_TYPES, WALL_MATERIALS
+from ....tasks.worldforge.drawings.drawn_shapes import without_accents
 from ...endpoint.calling.scopes import check_scope
 from ..rendering import address
 from ..visit import Visit
@@ -115,13 +116,16 @@ def body_of(draft: WorldsDraft) -> str:
     Raises:
         InvalidParameterException: a field holds no number where there has to be one.
     """
+    named = draft.rooms
+    draft = replace(draft, rooms=tuple(replace(room, name=_plain(room.name, n)) for n, room in enumerate(named, 1)))
     rooms = [
         {
             "Type": room.type,
             "Name": room.name,
+            **({} if room.name == given.name else {"OriginalName": given.name}),
             "DesiredShape": {"Area": _number(room.area, f"area of {room.name}"), "AspectRatio": _ratio(room.ratio)},
         }
-        for room in draft.rooms
+        for room, given in zip(draft.rooms, named, strict=True)
     ]
     plan = {
         "Footprint": {"DesiredAspectRatio": _ratio(draft.outline)},
@@ -138,7 +142,8 @@ def body_of(draft: WorldsDraft) -> str:
     if (opening := DOORS[draft.doors]) is not None:
         door = {"InitialState": {"OpenPosition": {"Percent": opening}}}
         interior["Doorways"] = {"DoorwaySets": [{"Name": "all", "TargetSet": "Target.All", "Door": door}]}
-    version = "1" if opening is None else "2"  # the first has no doors
+    # The first has no doors, and no names in other letters.
+    version = "1" if opening is None and draft.rooms == named else "2"
     return json.dumps({"Version": version, "Buildings": [{"Floors": [{"Floorplan": plan, "Interior": interior}]}]})
 
 
@@ -190,6 +195,15 @@ def _free_name(draft: WorldsDraft) -> str:
     taken = {room.name for room in draft.rooms}
     first = len(taken) + 1
     return next(name for number in range(first, first + 9) if (name := f"Room {number}") not in taken)
+
+
+def _plain(name: str, number: int) -> str:
+    """The name of a room in the letters that templates allow; one with other signs stays, and the answer says so."""
+    bare = without_accents(name)
+    plain = re.sub(r"[^a-zA-Z0-9_\- ]", "_", bare)
+    if any(one != each and not each.isalpha() for one, each in zip(plain, bare, strict=True)):
+        return name
+    return plain if plain == bare or re.search("[a-zA-Z0-9]", bare) else f"Room {number}"
 
 
 def _ratio(text: str) -> dict[str, float]:

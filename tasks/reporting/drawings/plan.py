@@ -123,7 +123,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
         title,
         *_ground(world, frame, fixtures),
         group(
-            (draw_label(r.name, f"{r.area_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
+            (draw_label(r.called, f"{r.area_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
             class_="labels",
         ),
     )
@@ -142,7 +142,7 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, 
         if visit is not None:
             at = "" if visit.first_visit_s is None else f" at {visit.first_visit_s:.0f} s"
             note = f"visited{at}" if visit.visited else "not visited"
-        labels.append(draw_label(room.name, note, room.polygon, frame, crowd))
+        labels.append(draw_label(room.called, note, room.polygon, frame, crowd))
     lines, marks = trajectory.draw_trajectory(result, frame)
     return _plan(
         frame,
@@ -158,7 +158,7 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, 
 def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive: str) -> Markup:
     """Draws the floor plan for a running simulation; the robot's path so far is added to the group `drive`."""
     crowd = _furniture_points(world, frame)
-    labels = (draw_label(room.name, "", room.polygon, frame, crowd) for room in world.floorplan.rooms)
+    labels = (draw_label(room.called, "", room.polygon, frame, crowd) for room in world.floorplan.rooms)
     ground = _ground(world, frame, fixtures)
     return _plan(frame, title, *ground, element("g", id=drive), group(labels, class_="labels"))
 

@@ -65,7 +65,7 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
     room_box = widest_box(room)
     across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale
     area = f"{room.floor_m2:.1f} m²"
-    called = room.original_name or room.name
+    called = room.called
     wanted = max(len(called) * NAME_PX, len(area) * AREA_PX) * _GLYPH_WIDTH + 2 * _PADDING_PX
     upwards = wanted > across and up > across
     length = min(wanted, up if upwards else across)

@@ -163,7 +163,7 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
         name=name,
         arn=arn,
         verdict="not checked" if world.checks is None else "broken" if broken else "holds",
-        rooms=tuple(room.original_name or room.name for room in plan.rooms),
+        rooms=tuple(room.called for room in plan.rooms),
         area_m2=sum(room.floor_m2 for room in plan.rooms),
         pieces=len(world.furniture),
         plan=signature_of(plan).key,

@@ -89,7 +89,7 @@ def _verdict(world: World) -> dict[str, Any]:
 def _room(room: Room) -> dict[str, Any]:
     west, south, east, north = bounds(room.polygon)
     return {
-        "name": room.original_name or room.name,
+        "name": room.called,
         "area_m2": room.floor_m2,
         "x": room.goal[0],
         "y": room.goal[1],

@@ -107,6 +107,22 @@ def test_wrong_doorway_sets_are_refused(sets: dict[str, Any], message: str) -> N
     assert message in text
 
 
+def test_a_room_name_in_other_letters_is_told_where_it_may_be() -> None:
+    assert refusal({"Rooms": [{"Type": "Kitchen", "Name": "Küche"}]}) == (
+        'Buildings[0].Floors[0].Floorplan.Rooms[0].Name: "Küche": text of letters, digits, _, - and spaces would be '
+        "right; `OriginalName`, in bodies of version 2, takes any letters"
+    )
+    odd = {**doorways()["DoorwaySets"][0], "Name": "Türen"}
+    assert "OriginalName" not in refusal(Doorways={"DoorwaySets": [odd]})
+
+
+@pytest.mark.parametrize("name", ["a\x1b[31m", "a\x9b31m", "a\nb"])
+def test_original_names_have_no_control_characters(name: str) -> None:
+    told = refusal({"Rooms": [{"Type": "Kitchen", "Name": "Kuche", "OriginalName": name}]})
+    assert told.startswith("Buildings[0].Floors[0].Floorplan.Rooms[0].OriginalName: ")
+    assert told.endswith(f": a name has no control characters; remove U+{ord(name[1]):04X}")
+
+
 @pytest.mark.parametrize("version", ["1", None])
 def test_version_1_has_no_doors_and_no_original_names(version: str | None) -> None:
     assert refusal({"Rooms": ROOMS[:1]}, version, Doorways=doorways()) == (

@@ -48,7 +48,7 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, 
         colour, (x, y) = _GREEN if done else _ORANGE, room.goal
         for kind, scale, height in ((MarkerType.CYLINDER, _DISC, 0.005), (MarkerType.TEXT_VIEW_FACING, _LETTERS, 0.6)):
             pose = ros.Pose(ros.Vector3(x, y, height))
-            text = room.name if kind is MarkerType.TEXT_VIEW_FACING else ""
+            text = room.called if kind is MarkerType.TEXT_VIEW_FACING else ""
             space = "goals" if kind is MarkerType.CYLINDER else "names"
             markers.append(Marker(header, space, number, kind, pose, scale, colour, text=text))
     return MarkerArray(markers)

@@ -91,6 +91,18 @@ def test_ways_doors_and_materials_are_in_the_body(enter: Enter, plans: DrawnPlan
     assert doors["Door"]["InitialState"]["OpenPosition"]["Percent"] == 50
 
 
+def test_names_in_any_letters_are_kept_beside_plain_ones(enter: Enter, service: Service) -> None:
+    fields = {**TWO_ROOMS, **WAY, "room-0-name": "Küche", "room-1-name": "寝室", "room-1-floor": "Tiles"}
+    assert enter().send("/worlds/new", **fields, do="create").status_code == 303
+    [template] = service.catalog.list("world-template").resources
+    made = json.loads(template.document["templateBody"])
+    floor = made["Buildings"][0]["Floors"][0]
+    names = [(room["Name"], room["OriginalName"]) for room in floor["Floorplan"]["Rooms"]]
+    assert (made["Version"], names) == ("2", [("Kuche", "Küche"), ("Room 2", "寝室")])
+    assert floor["Floorplan"]["DesiredConnections"][0]["Location"] == ["Room 2", "Kuche"]
+    assert floor["Interior"]["Flooring"]["MaterialSets"][0]["TargetSet"] == {"RoomNames": ["Room 2"]}
+
+
 def test_ways_come_and_go_and_follow_their_rooms(enter: Enter) -> None:
     visitor = enter()
 
@@ -115,6 +127,7 @@ def test_ways_come_and_go_and_follow_their_rooms(enter: Enter) -> None:
         ("room-0-area", "9", "Room 1.DesiredShape.Area: 9.0: 10 or more would be right"),
         ("room-0-area", "wide", "it has to be a number"),
         ("room-0-name", "Hall <b>", "Room 1.Name"),
+        ("room-0-name", "Küche \x9b31m", "Room 1.Name"),
         ("height", "9", "Ceiling.Height"),
         ("seed", "-1", "a whole number"),
         ("room-0-floor", "Lava", "Flooring.MaterialSets[0].SampleSet.MaterialTypes[0]"),

@@ -83,6 +83,16 @@ def test_a_job_plan_shows_where_the_robot_was(world: World, make_result: Any) ->
     assert root.get("aria-label") == "Plan <1>"
 
 
+def test_rooms_are_called_what_their_users_called_them(world: World, make_result: Any) -> None:
+    first, *others = world.floorplan.rooms
+    rooms = [first.model_copy(update={"original_name": "Küche"}), *others]
+    world = world.model_copy(update={"floorplan": world.floorplan.model_copy(update={"rooms": rooms})})
+    frame = Frame.of_world(world)
+    assert "Küche" in plan.draw_job_plan(world, frame, "w", make_result("PASS", 3), "t")
+    assert "Küche" in plan.draw_open_plan(world, frame, "w", "t", "drive")
+    assert "Küche" in plan.draw_world_plan(world, frame, "w", "t")
+
+
 def test_the_start_mark_lies_where_the_robot_started(world: World, make_result: Any) -> None:
     result = make_result("PASS", 12)
     frame = Frame.of_world(world)

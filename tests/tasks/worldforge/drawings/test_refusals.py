@@ -18,6 +18,7 @@ CASES = {
     "open": ('<polyline class="room" id="Kitchen" points="0,0 4,0 4,4"/>', "'Kitchen': its outline is not closed"),
     "unknown kind": ('<rect class="room" id="Xyzzy" width="4" height="4"/>', "'Xyzzy': what kind of room"),
     "wrong type": ('<rect id="Kitchen" data-type="Pool" width="4" height="4"/>', "type is 'Pool'; one of Bedroom"),
+    "control": ('<rect id="Kitchen &#155;31m" width="4" height="4"/>', "its name has control characters; remove them"),
     "overlap": (ROOMS.replace('x="4"', 'x="3"') + DOOR, "Kitchen and Living overlap by 4.00 m2"),
     "crossed": (
         '<polygon id="Bath" points="0,0 4,0 4,4 1,4 1,2 6,2 6,1 0,1"/>' + ROOMS.replace('y="', 'y="9'),

@@ -7,6 +7,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene_markers import goal_markers
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 
 
@@ -44,6 +45,13 @@ def test_contacts_are_drawn_where_and_while_they_last(make_context, tmp_path: Pa
         assert (end.x - start.x, end.z - start.z) == pytest.approx((0, 0), abs=0.01)
         assert end.y >= start.y  # the wall in the south pushes the robot to the north
         assert arrow.text == f"{(end.y - start.y) / 0.01:.1f} N"
+
+
+def test_goals_are_called_what_users_called_their_rooms(make_context) -> None:
+    first, *others = make_context().world.floorplan.rooms
+    rooms = [first.model_copy(update={"original_name": "Küche"}), *others]
+    markers = goal_markers(rooms, [False] * len(rooms), 0.0, "map").markers
+    assert [marker.text for marker in markers if marker.text] == ["Küche", *(room.name for room in others)]
 
 
 def test_goals_turn_green_when_their_rooms_were_visited(make_context, tmp_path: Path) -> None:
