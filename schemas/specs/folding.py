@@ -8,15 +8,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ..runs.variables import secret_names
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location
-from .parameters import Parameter, ParameterValue, ValueProblem, kind_of_parameters
+from .parameters import NO_SECRETS, Parameter, ParameterValue, ValueProblem, kind_of_parameters
 from .reference_typing import ReferenceMistake
 from .references import PARAMETERS, Interpreter, parse_template
 from .text import ListNode, MappingNode, Node, ScalarNode, child
 
 _OPENING = "${{"
+_VARIABLES = "environmentVariables"
 
 
 def fold_parameters(
@@ -78,6 +80,8 @@ class _Fold:
             template = parse_template(node.value)
             if not template.references or any(each.names() != {PARAMETERS} for each in template.references):
                 return node
+            if location[-2:-1] == (_VARIABLES,) and secret_names({}, [str(location[-1])]):
+                self.problems.append(ValueProblem(location, f"is a secret by its name; {NO_SECRETS}"))
             template.kind({PARAMETERS: kind_of_parameters(self.declared)})
         except ReferenceMistake:
             return node  # the check of the input tells it

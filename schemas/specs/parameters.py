@@ -21,6 +21,7 @@ from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic_core import SchemaError
 
 from ..runs.parameter_values import ParameterValue, value_in_words
+from ..runs.variables import secret_names
 from ..wire.base import Model, optional
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
@@ -39,6 +40,8 @@ MAX_CHARACTERS = 2000
 
 OWN_NAMES = ("spec", "text", "origin", "reuse", "continues", PARAMETERS)
 """Parameters of the flow `RunPipeline`; in a deployment those of the specification stand beside them."""
+
+NO_SECRETS = "values of parameters are in records, reports and Prefect, so write it where it is used"
 
 _KINDS: Mapping[ValueType, Kind] = {"string": TEXT, "integer": WHOLE_NUMBER, "number": NUMBER, "boolean": BOOLEAN}
 _WANTED: Mapping[ValueType, str] = {
@@ -146,6 +149,8 @@ def declaration_problems(name: str, declared: Parameter) -> Iterator[ValueProble
     if name in OWN_NAMES:
         words = f"may not be named {name!r}, as a parameter of the flow RunPipeline is; choose another name"
         yield ValueProblem(location, words, about_key=True)
+    if secret_names({}, [name]):
+        yield ValueProblem(location, f"is a secret by its name; {NO_SECRETS}", about_key=True)
     problems = [*_unfit_members(declared)] or [*_wrong_values(declared)]
     for inside, message in problems:
         yield ValueProblem((*location, *inside), message)

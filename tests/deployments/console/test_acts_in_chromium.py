@@ -132,3 +132,37 @@ def test_worlds_and_runs_are_started_and_failed_jobs_run_again(
         served.process.terminate()
         assert served.process.wait(200) == 0, served.log.read_text()
     assert "Traceback" not in served.log.read_text()
+
+
+def test_a_value_can_be_typed_while_the_text_is_checked(serve: Serve, chromium: Browser, axe: str) -> None:
+    text = {
+        "version": 1,
+        "name": "flats",
+        "parameters": {"label": {"default": "flat", "description": "Name"}, "arm": {"enum": ["a", "b"]}},
+        "steps": {
+            "flat": {
+                "operation": "CreateWorldTemplate",
+                "input": {
+                    "name": "${{ parameters.label }}",
+                    "templateBody": {},
+                    "tags": {"x": "${{ parameters.arm }}"},
+                },
+            }
+        },
+    }
+    with serve() as served, chromium.page() as page:
+        served.wait_until_ready()
+        look_at(page, axe, f"{served.url}/console/runs/new")
+        fill(page, "#spec-text", json.dumps(text))
+        page.wait_for_text("Before it can start, arm needs a value.")
+        check_rules(page, axe)
+        page.evaluate("document.querySelector('[name=\"parameter.label\"]').focus()")
+        page.send("Input.insertText", text="my flt")
+        page.evaluate("document.activeElement.setSelectionRange(5, 5)")
+        page.evaluate("window.before = document.activeElement")
+        page.wait(lambda page: page.evaluate("!window.before.isConnected"), "the answer of the check")
+        page.send("Input.insertText", text="a")
+        assert page.evaluate("document.activeElement.name") == "parameter.label"
+        assert page.evaluate("document.activeElement.value") == "my flat"
+        assert page.evaluate("document.querySelector('[name=\"parameter.arm\"]').value") == ""
+        assert page.complaints == []

@@ -164,6 +164,27 @@ def test_names_of_the_flows_own_parameters_are_taken(name: str) -> None:
     assert problem.startswith(f"s.yaml:6:3: parameters.{name}: may not be named {name!r}")
 
 
+def test_a_secret_is_no_parameter_as_its_value_would_be_shown() -> None:
+    (problem,) = problems(declaring("{default: x}").replace("  more:", "  api_key:"), arm="a")
+    assert problem.startswith("s.yaml:6:3: parameters.api_key: is a secret by its name; values of parameters are in")
+
+    launch = '{application: scout, launchConfig: {environmentVariables: {WIFI_PASSWORD: "${{ parameters.more }}"}}}'
+    text = f"""\
+version: 1
+name: one
+parameters: {{more: {{default: x}}}}
+steps:
+  drive:
+    operation: CreateSimulationJob
+    input:
+      maxJobDurationInSeconds: 60
+      iamRole: arn:aws:iam::000000000000:role/test
+      robotApplications: [{launch}]
+"""
+    (problem,) = problems(text)
+    assert "WIFI_PASSWORD: is a secret by its name" in problem
+
+
 def test_the_names_that_are_taken_are_those_of_the_flow() -> None:
     from prefect_robomaker.flows.pipelines import RunPipeline
     from prefect_robomaker.schemas.specs.parameters import OWN_NAMES

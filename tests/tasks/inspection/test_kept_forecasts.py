@@ -68,3 +68,19 @@ def test_differences_in_words() -> None:
     assert told.difference == "as much"
     assert told.model_copy(update={"took_s": 75.0}).difference == "25 % less"
     assert told.model_copy(update={"forecast_s": 0.0}).error == 0.0
+
+
+@pytest.mark.parametrize("label", ["${{ parameters.label }}", "${{ first.name }} ${{ parameters.label }}"])
+def test_a_forecast_is_for_the_values_that_it_was_made_with(settings: Settings, label: str) -> None:
+    text = f"""\
+version: 1
+name: quick
+parameters: {{label: {{type: string}}}}
+steps:
+  first: {{operation: CreateWorldTemplate, input: {{name: flat, templateBody: {{}}}}}}
+  second: {{operation: CreateWorldTemplate, input: {{name: "{label}", templateBody: {{}}}}}}
+"""
+    keep_forecast(forecast(50.0), load_spec(text, "quick.yaml", {"label": "small"}), settings)
+
+    assert find_forecast(load_spec(text, "quick.yaml", {"label": "small"}), settings) is not None
+    assert find_forecast(load_spec(text, "quick.yaml", {"label": "large"}), settings) is None

@@ -146,3 +146,11 @@ def test_a_job_that_was_deleted_cannot_be_run_again(service: Service) -> None:
     gone = service.arn("simulation-job", "sim-gone")
     with pytest.raises(ResourceNotFoundException, match="there is no resource"):
         plan_rerun(record_of(drive=("CreateSimulationJob", gone)), Selection(), service)
+
+
+def test_a_rerun_keeps_the_values_that_the_run_had(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    """Its requests have them already; so its record shows the same ones, and no comparison calls them changed."""
+    values = {"worlds": 20, "arm": "b", "share": 0.5, "fast": False, "label": ""}
+    rerun = plan_rerun(batch[0].model_copy(update={"parameters": values}), Selection(), service)
+    assert rerun is not None
+    assert load_spec(rerun.spec_text, "rerun").parameters == values

@@ -210,3 +210,56 @@ def test_a_run_whose_process_was_killed_goes_on_when_a_visitor_says_so(enter: En
     assert red.send(f"/runs/{order.run_id}/take-up").status_code == 303
     assert runs.going() == [order.run_id]
     assert "/cancel" in red.get(f"/runs/{order.run_id}").text
+
+
+WITH_PARAMETERS = """\
+version: 1
+name: flats
+parameters:
+  worlds: {type: integer, minimum: 1, default: 4, description: How <many>}
+  fast: {type: boolean, default: true}
+  arm: {enum: [a, b]}
+steps:
+  flat:
+    operation: CreateWorldTemplate
+    input: {name: "flat ${{ parameters.worlds }}", templateBody: {Version: "1"}, tags: {arm: "${{ parameters.arm }}"}}
+"""
+
+
+def test_a_form_asks_for_parameters_with_their_defaults_and_choices(enter: Enter) -> None:
+    page = enter().send("/runs/new/check", **{"text": WITH_PARAMETERS, "parameter.worlds": "20"}).text
+    assert 'name="parameter.worlds" value="20" placeholder="4"' in page
+    assert "How &lt;many&gt;" in page
+    assert '<option value="">true</option><option>true</option><option>false</option>' in page
+    assert '<option value="">choose</option><option>a</option><option>b</option>' in page
+    assert "Before it can start, arm needs a value." in page
+    assert "valid" in page
+
+
+def test_a_run_is_ordered_with_the_values_of_the_form(enter: Enter, runs: Any) -> None:
+    fields = {"text": WITH_PARAMETERS, "parameter.worlds": "20", "parameter.arm": "b", "parameter.fast": ""}
+    answer = enter().send("/runs/new", **fields, do="start")
+    assert answer.status_code == 303
+    [order] = runs.orders
+    assert order.parameters == {"worlds": 20, "fast": True, "arm": "b"}
+    assert order.command[-6:] == ["--set", "worlds=20", "--set", "fast=true", "--set", "arm=b"]
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({}, "has neither a value nor a default"),
+        ({"parameter.arm": "c"}, "the value given is &#39;c&#39;; it has to be a or b"),
+        ({"parameter.arm": "a", "parameter.worlds": "0"}, "the value given is &#39;0&#39;; it has to be at least 1"),
+    ],
+)
+def test_nothing_is_ordered_with_wrong_values(enter: Enter, runs: Any, fields: dict[str, str], problem: str) -> None:
+    answer = enter().send("/runs/new", **{"text": WITH_PARAMETERS, **fields}, do="start")
+    assert answer.status_code == 400
+    assert problem.replace("&#39;0&#39;", "0") in answer.text
+    assert runs.orders == []
+
+
+def test_values_outlast_a_text_that_cannot_be_read_for_a_moment(enter: Enter) -> None:
+    page = enter().send("/runs/new/check", **{"text": WITH_PARAMETERS + "\n[", "parameter.worlds": "20"}).text
+    assert '<input type="hidden" name="parameter.worlds" value="20">' in page
