@@ -110,6 +110,20 @@ FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
 INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
 """JSON path of the interior in a body."""
 
+SERVICE_LEAST_AREA_M2 = 10.0
+"""Smallest area of a room that the service took; smaller ones are an extension."""
+
+LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
+    "Bathroom": 3.0,
+    "Bedroom": 5.0,
+    "Closet": 2.0,
+    "Dining": 5.0,
+    "Hallway": 2.0,
+    "Kitchen": 4.0,
+    "Living": 5.0,
+}
+"""Smallest area of a room of each type: the square of its least width, or a door of 0.9 m and a robot that turns."""
+
 SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
 Side = Annotated[float, Field(ge=1, le=4)]
 
@@ -152,7 +166,11 @@ class TemplateAspectRatio(Model):
 class TemplateShape(Model):
     """Size and aspect ratio that a world template wishes for a room."""
 
-    Area: float = Field(ge=10, le=300, description="Desired area in square metres.")
+    Area: float = Field(
+        ge=min(LEAST_AREAS_M2.values()),
+        le=300,
+        description="Desired area in square metres; below 10 m2 it is an extension of the service's format.",
+    )
     AspectRatio: TemplateAspectRatio = Field(description="Desired ratio of the sides; the room may be turned.")
 
 

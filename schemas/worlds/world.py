@@ -166,7 +166,11 @@ RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallwa
 """Types of rooms of any world; an `Area` is a room of an imported world, of which no more is known."""
 PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
 
-ROOM_TYPES: tuple[FurnishedRoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
+SERVICE_ROOM_TYPES: tuple[FurnishedRoomType, ...] = (
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet",
+)  # fmt: skip
+"""Types of rooms that templates of the service had; others are extensions."""
+ROOM_TYPES: tuple[FurnishedRoomType, ...] = SERVICE_ROOM_TYPES
 
 FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
 WALL_MATERIALS = ("Brick", "Concrete", "Stone", "Tiles", "WoodPanels", "WallPaint", "Wallpaper")

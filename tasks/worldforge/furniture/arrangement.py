@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 from ....schemas.worlds.world import Room, RoomType
+from .catalogue import COMPACT, SEATS
 from .catalogue import KITCHEN_RUN as KITCHEN_RUN
 from .catalogue import RULES as RULES
-from .catalogue import SEATS
 from .catalogue import Rule as Rule
 
 Density = Literal["Sparse", "Moderate", "Dense"]
@@ -71,6 +71,16 @@ INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Living": SEATS,
 }
 """Furniture without which a room does not deserve its type; one of several kinds is enough."""
+
+SMALL_ROOM_NEEDS: dict[RoomType, tuple[tuple[str, ...], ...]] = {
+    "Bathroom": (("Toilets",), ("Showers", "Baths"), ("VanityCounters",)),
+    "Bedroom": (("Beds",),),
+    "Closet": (("Storage", "Bookcases", "Dressers"),),
+    "Dining": (("DiningTables",),),
+    "Kitchen": (("Ovens",), ("Storage",), ("Fridges",)),
+    "Living": (SEATS,),
+}
+"""Furniture that makes a small room what it is called, of each group one kind."""
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Bathroom": (0.19, 0.30, 14.0),
@@ -163,4 +173,8 @@ def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[st
         "Closet": ["wardrobe", "shelves", "cupboard"],
     }
     wanted = suiting.get(room_type, ["cupboard", "shelves"])
-    return [form for form in forms if form in wanted] or [form for form in forms if form not in counters] or forms
+    return (
+        [form for form in forms if form.removesuffix(COMPACT) in wanted]
+        or [form for form in forms if form not in counters]
+        or forms
+    )

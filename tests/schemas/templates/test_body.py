@@ -155,7 +155,8 @@ def test_text_that_is_no_body_is_refused(text: str, message: str) -> None:
     [
         ({"Rooms": []}, f"{FLOORPLAN}.Rooms: []: "),
         ({"Rooms": [room(str(i)) for i in range(7)]}, f"{FLOORPLAN}.Rooms: "),
-        ({"Rooms": [room(area=9.9)]}, "Rooms[0].DesiredShape.Area: 9.9: 10 or more would be right"),
+        ({"Rooms": [room(area=1.9)]}, "Rooms[0].DesiredShape.Area: 1.9: 2 or more would be right"),
+        ({"Rooms": [room(area=4.9)]}, "Rooms[0].DesiredShape.Area: 4.9: 5 or more would be right for a Living"),
         ({"Rooms": [room(area=301)]}, "Rooms[0].DesiredShape.Area: 301: 300 or less would be right"),
         ({"Rooms": [room(x=0.9)]}, "Rooms[0].DesiredShape.AspectRatio.x: 0.9: 1 or more"),
         ({"Rooms": [room(y=4.1)]}, "Rooms[0].DesiredShape.AspectRatio.y: 4.1: 4 or less"),
@@ -266,7 +267,7 @@ def test_wrong_interiors_are_refused(interior: Any, message: str) -> None:
 
 
 def test_every_problem_is_a_line_of_its_own() -> None:
-    lines = refusal(body({"Rooms": [room(area=5, x=9)], "Roofs": 1})).splitlines()
+    lines = refusal(body({"Rooms": [room(area=1, x=9)], "Roofs": 1})).splitlines()
     assert len(lines) == 3
     assert all(line.startswith(FLOORPLAN) for line in lines)
 
