@@ -23,6 +23,12 @@ from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, Furnish
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 """Pydantic puts these into the locations of errors; error messages leave them out."""
 
+MOST_ROOMS = 12
+"""Rooms of a template: twice as many as the service took; a search for plans of 12 takes seconds."""
+
+MOST_CONNECTIONS = 24
+"""Ways that a template may wish for, two for each room; four at a room is the limit of a room."""
+
 NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
 
 
@@ -36,7 +42,9 @@ All = Annotated[Literal["Target.All"], Tag(CONSTANT_TAG)]
 class TemplateTargetSet(Model):
     """The rooms that a set of a world template applies to, by name or by type. A name has precedence over a type."""
 
-    RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
+    RoomNames: list[str] | None = Field(
+        default=None, min_length=1, max_length=MOST_ROOMS, description="Names of rooms."
+    )
     RoomTypes: list[FurnishedRoomType] | None = Field(
         default=None, min_length=1, max_length=7, description="Types of rooms."
     )
@@ -222,11 +230,13 @@ class TemplateFloorplan(Model):
     Rooms: list[TemplateRoom] = Field(
         default=[TemplateRoom(Type="Living", Name="My Living Room")],
         min_length=1,
-        max_length=6,
-        description="The rooms.",
+        max_length=MOST_ROOMS,
+        description="The rooms; more than 6 are an extension of the service's format.",
     )
     DesiredConnections: list[DesiredConnection] = Field(
-        default=[], max_length=12, description="Ways between rooms; more are added until every room is connected."
+        default=[],
+        max_length=MOST_CONNECTIONS,
+        description="Ways between rooms; more are added until every room is connected.",
     )
 
 
@@ -283,20 +293,24 @@ class FurnitureArrangement(Model):
 class TemplateFlooring(Model):
     """All floor materials that a world template asks for."""
 
-    MaterialSets: list[FloorMaterialSet] = Field(default=[], max_length=6, description="Floor materials by room.")
+    MaterialSets: list[FloorMaterialSet] = Field(
+        default=[], max_length=MOST_ROOMS, description="Floor materials by room."
+    )
 
 
 class TemplateWalls(Model):
     """All wall materials that a world template asks for."""
 
-    MaterialSets: list[WallMaterialSet] = Field(default=[], max_length=6, description="Wall materials by room.")
+    MaterialSets: list[WallMaterialSet] = Field(
+        default=[], max_length=MOST_ROOMS, description="Wall materials by room."
+    )
 
 
 class TemplateFurniture(Model):
     """All furniture that a world template asks for."""
 
     FurnitureArrangements: list[FurnitureArrangement] = Field(
-        default=[], max_length=6, description="Furniture by room; other rooms are furnished at random."
+        default=[], max_length=MOST_ROOMS, description="Furniture by room; other rooms are furnished at random."
     )
 
 

@@ -63,6 +63,14 @@ def test_templates_that_the_service_never_took_are_refused_and_every_extension_n
     assert json.loads(call("GetWorldTemplateBody", {"template": template}, strict)["templateBody"]) == {}
 
 
+def test_templates_with_more_rooms_than_the_service_took_are_refused(strict: Service) -> None:
+    many = [{"Name": f"Room {number}", "Type": "Bedroom"} for number in range(7)]
+    floors = [{"Floorplan": {"Rooms": many}}]
+
+    with pytest.raises(InvalidParameterException, match="Rooms: 7 rooms; the service took 6 at most"):
+        call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)
+
+
 def test_small_rooms_are_taken_by_default(service: Service) -> None:
     body = {"Buildings": [{"Floors": [{"Floorplan": {"Rooms": [small_room()]}}]}]}
 

@@ -44,6 +44,17 @@ def test_a_robot_enters_all_rooms_of_random_templates_of_small_rooms(worlds: int
         check(generate_world(extended_template(number), *seeds_for(number, 0, 0), settle=worlds > 3))
 
 
+@pytest.mark.parametrize("worlds", [1, pytest.param(15, marks=pytest.mark.deep)])
+def test_a_robot_enters_all_rooms_of_random_templates_of_many_rooms(worlds: int) -> None:
+    for number in range(worlds):
+        body = extended_template(number, rooms=(7, 12), most_ways=16)
+        world = generate_world(body, *seeds_for(number, 0, 0), settle=worlds > 1)
+        check(world)
+        assert [room.name for room in world.floorplan.rooms] == [room.Name for room in body.floorplan.Rooms]
+        granted = [abs(room.floor_m2 / room.desired_area_m2 - 1) <= 0.05 for room in world.floorplan.rooms]
+        assert sum(granted) >= 0.8 * len(granted)
+
+
 def test_a_room_behind_furniture_is_not_entered() -> None:
     """The independent look can fail: a cupboard before a doorway, and an unjoined room."""
     world = generate_world(template(FLAT, WAYS), *seeds_for(5, 0, 0), settle=False)
