@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from ..wire.base import Model, optional
 from ..wire.common import NO_CONTROLS
 from ..wire.json_values import is_list, is_object
-from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
+from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
 
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 """Pydantic puts these into the locations of errors; error messages leave them out."""
@@ -46,7 +46,7 @@ class TemplateTargetSet(Model):
         default=None, min_length=1, max_length=MOST_ROOMS, description="Names of rooms."
     )
     RoomTypes: list[FurnishedRoomType] | None = Field(
-        default=None, min_length=1, max_length=7, description="Types of rooms."
+        default=None, min_length=1, max_length=len(ROOM_TYPES), description="Types of rooms."
     )
 
 
@@ -129,6 +129,8 @@ LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
     "Hallway": 2.0,
     "Kitchen": 4.0,
     "Living": 5.0,
+    "Office": 4.0,
+    "Storage": 2.0,
 }
 """Smallest area of a room of each type: the square of its least width, or a door of 0.9 m and a robot that turns."""
 

@@ -6,6 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
+from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, SERVICE_ROOM_TYPES
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -68,6 +69,14 @@ def test_templates_with_more_rooms_than_the_service_took_are_refused(strict: Ser
     floors = [{"Floorplan": {"Rooms": many}}]
 
     with pytest.raises(InvalidParameterException, match="Rooms: 7 rooms; the service took 6 at most"):
+        call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ROOM_TYPES if kind not in SERVICE_ROOM_TYPES])
+def test_templates_with_types_of_rooms_that_the_service_did_not_have_are_refused(kind: str, strict: Service) -> None:
+    floors = [{"Floorplan": {"Rooms": [{"Name": "It", "Type": kind}]}}]
+
+    with pytest.raises(InvalidParameterException, match=rf"Rooms\[0\]\.Type: {kind}; the service had Bedroom, "):
         call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)
 
 

@@ -10,6 +10,8 @@ from prefect_robomaker.schemas.templates.body import LEAST_AREAS_M2, WorldTempla
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, Furniture, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
+from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at
+from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
 Wished = tuple[str, FurnishedRoomType, float, float]
@@ -98,6 +100,38 @@ def test_a_small_bathroom_has_a_toilet_a_basin_and_a_shower_or_says_why_not(area
         assert all(" or ".join(group) in missed for group in lacking), (number, kinds, missed)
         complete += not lacking
     assert complete >= 0.6 * worlds
+
+
+@pytest.mark.parametrize("worlds", SWEEP)
+@pytest.mark.parametrize(("office", "storage"), [(6.0, 3.0), (9.0, 4.0), (16.0, 12.0)])
+def test_an_office_has_desk_chair_and_shelves_and_a_storage_room_shelves(
+    office: float, storage: float, worlds: int
+) -> None:
+    rooms: list[Wished] = [*FLAT[:4], ("Office", "Office", office, 1.2), ("Store", "Storage", storage, 1.3)]
+    ways = [("Hall", "Living"), ("Hall", "Bed"), ("Hall", "Office"), ("Living", "Kitchen"), ("Kitchen", "Store")]
+    lit = complete = 0
+    for number in range(worlds):
+        world = generate_world(template(rooms, ways), *seeds_for(5, number, 0), settle=False)
+        check(world)
+        desks = [item for item in world.furniture if item.model_type == "Desks" and item.room == "Office"]
+        chairs = [item for item in world.furniture if item.model_type == "DeskChairs" and item.room == "Office"]
+        assert all(any(sits_at(chair, desk) for desk in desks) for chair in chairs)
+        complete += bool(desks) and len(chairs) >= 1 and bool({"Bookcases", "Storage"} & kinds_in(world, "Office"))
+        assert {"Bookcases", "Storage"} & kinds_in(world, "Store")
+        lit += any(window.room == "Office" for window in world.floorplan.windows)
+    assert complete >= 0.6 * worlds
+    assert lit >= 0.9 * worlds
+
+
+def test_a_plan_says_colours_of_further_types_only_where_it_has_them() -> None:
+    rooms: list[Wished] = [("Living", "Living", 12.0, 1.2), ("It", "Office", 8.0, 1.0)]
+    has, has_not = (
+        floorplan_svg(generate_world(template(some, []), *seeds_for(1, 0, 0), settle=False))
+        for some in (rooms, rooms[:1])
+    )
+    assert has.count(".fp-Office{fill:") == 2
+    assert 'class="fp-Office"' in has
+    assert "fp-Office" not in has_not
 
 
 @pytest.mark.parametrize("kind", ROOM_TYPES)
