@@ -157,7 +157,9 @@ class Settings(Model):
         description="How long a job waits for an object store that does not answer, in minutes.",
     )
     refuse_deprecated: bool = Field(
-        default=False, description="Whether requests are refused that the service refused in its last years."
+        default=False,
+        description="Whether requests are refused that the service refused in its last years, and world templates that "
+        "it never took.",
     )
     verdict_fails_run: bool = Field(
         default=True, description="Whether a flow run ends as failed in Prefect when a simulation's verdict is FAIL."

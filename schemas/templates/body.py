@@ -18,10 +18,16 @@ from pydantic_core import PydanticCustomError
 from ..wire.base import Model, optional
 from ..wire.common import NO_CONTROLS
 from ..wire.json_values import is_list, is_object
-from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
+from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
 
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 """Pydantic puts these into the locations of errors; error messages leave them out."""
+
+MOST_ROOMS = 12
+"""Rooms of a template: twice as many as the service took; a search for plans of 12 takes seconds."""
+
+MOST_CONNECTIONS = 24
+"""Ways that a template may wish for, two for each room; four at a room is the limit of a room."""
 
 NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
 
@@ -36,9 +42,11 @@ All = Annotated[Literal["Target.All"], Tag(CONSTANT_TAG)]
 class TemplateTargetSet(Model):
     """The rooms that a set of a world template applies to, by name or by type. A name has precedence over a type."""
 
-    RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
+    RoomNames: list[str] | None = Field(
+        default=None, min_length=1, max_length=MOST_ROOMS, description="Names of rooms."
+    )
     RoomTypes: list[FurnishedRoomType] | None = Field(
-        default=None, min_length=1, max_length=7, description="Types of rooms."
+        default=None, min_length=1, max_length=len(ROOM_TYPES), description="Types of rooms."
     )
 
 
@@ -110,6 +118,22 @@ FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
 INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
 """JSON path of the interior in a body."""
 
+SERVICE_LEAST_AREA_M2 = 10.0
+"""Smallest area of a room that the service took; smaller ones are an extension."""
+
+LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
+    "Bathroom": 3.0,
+    "Bedroom": 5.0,
+    "Closet": 2.0,
+    "Dining": 5.0,
+    "Hallway": 2.0,
+    "Kitchen": 4.0,
+    "Living": 5.0,
+    "Office": 4.0,
+    "Storage": 2.0,
+}
+"""Smallest area of a room of each type: the square of its least width, or a door of 0.9 m and a robot that turns."""
+
 SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
 Side = Annotated[float, Field(ge=1, le=4)]
 
@@ -152,7 +176,11 @@ class TemplateAspectRatio(Model):
 class TemplateShape(Model):
     """Size and aspect ratio that a world template wishes for a room."""
 
-    Area: float = Field(ge=10, le=300, description="Desired area in square metres.")
+    Area: float = Field(
+        ge=min(LEAST_AREAS_M2.values()),
+        le=300,
+        description="Desired area in square metres; below 10 m2 it is an extension of the service's format.",
+    )
     AspectRatio: TemplateAspectRatio = Field(description="Desired ratio of the sides; the room may be turned.")
 
 
@@ -204,11 +232,13 @@ class TemplateFloorplan(Model):
     Rooms: list[TemplateRoom] = Field(
         default=[TemplateRoom(Type="Living", Name="My Living Room")],
         min_length=1,
-        max_length=6,
-        description="The rooms.",
+        max_length=MOST_ROOMS,
+        description="The rooms; more than 6 are an extension of the service's format.",
     )
     DesiredConnections: list[DesiredConnection] = Field(
-        default=[], max_length=12, description="Ways between rooms; more are added until every room is connected."
+        default=[],
+        max_length=MOST_CONNECTIONS,
+        description="Ways between rooms; more are added until every room is connected.",
     )
 
 
@@ -265,20 +295,24 @@ class FurnitureArrangement(Model):
 class TemplateFlooring(Model):
     """All floor materials that a world template asks for."""
 
-    MaterialSets: list[FloorMaterialSet] = Field(default=[], max_length=6, description="Floor materials by room.")
+    MaterialSets: list[FloorMaterialSet] = Field(
+        default=[], max_length=MOST_ROOMS, description="Floor materials by room."
+    )
 
 
 class TemplateWalls(Model):
     """All wall materials that a world template asks for."""
 
-    MaterialSets: list[WallMaterialSet] = Field(default=[], max_length=6, description="Wall materials by room.")
+    MaterialSets: list[WallMaterialSet] = Field(
+        default=[], max_length=MOST_ROOMS, description="Wall materials by room."
+    )
 
 
 class TemplateFurniture(Model):
     """All furniture that a world template asks for."""
 
     FurnitureArrangements: list[FurnitureArrangement] = Field(
-        default=[], max_length=6, description="Furniture by room; other rooms are furnished at random."
+        default=[], max_length=MOST_ROOMS, description="Furniture by room; other rooms are furnished at random."
     )
 
 

@@ -21,6 +21,7 @@ from .body import (
     CONSTANT_TAG,
     FLOORPLAN_PATH,
     INTERIOR_PATH,
+    LEAST_AREAS_M2,
     OBJECT_TAG,
     DesiredConnection,
     TemplateTargetSet,
@@ -40,6 +41,11 @@ def rule_problems(body: WorldTemplateBody) -> Iterator[str]:
         if name in names[:index]:
             path = f"{FLOORPLAN_PATH}.Rooms[{index}].Name"
             yield f"{path}: {show(name)}: taken by Rooms[{names.index(name)}]; a name of its own would be right"
+    for index, room in enumerate(body.floorplan.Rooms):
+        least = LEAST_AREAS_M2[room.Type]
+        if room.DesiredShape.Area < least:
+            path = f"{FLOORPLAN_PATH}.Rooms[{index}].DesiredShape.Area"
+            yield f"{path}: {room.DesiredShape.Area:g}: {least:g} or more would be right for a {room.Type}"
     if len(set(names)) < len(names):
         return  # which room a name means is open
     yield from _connection_problems(body.floorplan.DesiredConnections, names)

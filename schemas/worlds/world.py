@@ -160,13 +160,21 @@ class WorldChecks(Model):
 
 
 Point = tuple[float, float]
-FurnishedRoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
+FurnishedRoomType = Literal[
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage"
+]
 """Types of rooms that templates and drawings have."""
-RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Area"]
+RoomType = Literal[
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage", "Area"
+]
 """Types of rooms of any world; an `Area` is a room of an imported world, of which no more is known."""
 PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
 
-ROOM_TYPES: tuple[FurnishedRoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
+SERVICE_ROOM_TYPES: tuple[FurnishedRoomType, ...] = (
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet",
+)  # fmt: skip
+"""Types of rooms that templates of the service had; others are extensions."""
+ROOM_TYPES: tuple[FurnishedRoomType, ...] = (*SERVICE_ROOM_TYPES, "Office", "Storage")
 
 FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
 WALL_MATERIALS = ("Brick", "Concrete", "Stone", "Tiles", "WoodPanels", "WallPaint", "Wallpaper")

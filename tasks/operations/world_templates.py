@@ -15,6 +15,7 @@ from ...schemas.operations.world_templates import (
     UpdateWorldTemplateRequest,
     UpdateWorldTemplateResponse,
 )
+from ...schemas.templates.extensions import body_extensions
 from ...schemas.templates.parsing import parse_template_body, unwrapped_text
 from ...schemas.wire.arns import new_id
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
@@ -131,7 +132,10 @@ def delete_world_template(request: DeleteWorldTemplateRequest, service: Service)
 def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:
     """The members of a template's document that its body decides."""
     given = text or _read_body(location, service)
-    return TemplateBody(version=parse_template_body(given).Version, template_body=unwrapped_text(given))
+    body = parse_template_body(given)
+    if service.settings.refuse_deprecated and (uses := list(body_extensions(body))):
+        raise InvalidParameterException(f"not of the service (ROBOMAKER_REFUSE_DEPRECATED): {'; '.join(uses)}")
+    return TemplateBody(version=body.Version, template_body=unwrapped_text(given))
 
 
 def _read_body(location: TemplateLocation | None, service: Service) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import MAX_CONNECTIONS_PER_ROOM, parse_template_body
-from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, ROOM_TYPES
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, SERVICE_ROOM_TYPES
 
 MOST_ROOMS = 6
 MOST_CONNECTIONS = 12
@@ -36,7 +36,7 @@ def random_template(seed: int) -> WorldTemplateBody:
 
 
 def _room(dice: Random, number: int) -> dict[str, Any]:
-    kind = dice.choice(ROOM_TYPES)
+    kind = dice.choice(SERVICE_ROOM_TYPES)
     # Small rooms are as frequent as large ones: each doubling of the area is as likely as the next.
     area = round(exp(dice.uniform(log(10), log(300))), 1)
     return {"Name": f"{kind} {number}", "Type": kind, "DesiredShape": {"Area": area, "AspectRatio": _ratio(dice)}}

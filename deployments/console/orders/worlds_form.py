@@ -12,6 +12,7 @@ from starlette.responses import RedirectResponse, Response
 from ....schemas.documents.worlds import WorldTemplateDocument
 from ....schemas.operations.registry import parse_request
 from ....schemas.operations.world_generation_jobs import too_many_worlds
+from ....schemas.templates.body import MOST_ROOMS
 from ....schemas.templates.parsing import parse_template_body
 from ....schemas.wire.errors import InvalidParameterException, ThrottlingException
 from ....schemas.worlds.world import FLOOR_MATERIALS, ROOM_TYPES, WALL_MATERIALS
@@ -21,7 +22,7 @@ from ..rendering import address
 from ..visit import Visit
 from .previews import NoPlanError, Previews
 
-MOST_ROOMS, MOST_WAYS = 6, 6
+MOST_WAYS = 12
 RATIOS = {"1:1": (1, 1), "4:3": (4, 3), "3:2": (3, 2), "2:1": (2, 1)}
 BY_TYPE = "by type"
 """Choice of a material by the type of the room."""

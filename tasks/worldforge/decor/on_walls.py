@@ -35,6 +35,7 @@ _ON_SHELVES: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("folded", "bottles_small", "soap", "herb", "candle"),
     "Closet": ("box", "box", "folded"),
     "Kitchen": ("jar", "jar", "jar_small", "herb", "plates", "jar_small"),
+    "Storage": ("box", "jar", "box"),
 }
 _USUALLY_ON_SHELVES = ("books", "plant", "frame", "vase")
 
@@ -170,6 +171,8 @@ _IN_ROOMS: dict[RoomType, tuple[str, ...]] = {
     "Hallway": ("coats", "mirror", "picture", "picture"),
     "Kitchen": ("shelf", "clock", "shelf"),
     "Living": ("picture", "shelf", "picture", "clock"),
+    "Office": ("shelf", "picture", "clock"),
+    "Storage": ("shelf",),
 }
 """Decorations on the walls of each type of room, the most important first."""
 

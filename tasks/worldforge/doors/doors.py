@@ -34,7 +34,7 @@ _MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
-_INTO: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5}
+_INTO: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
 """Reluctance to open into a room of a type."""
 _INTO_LARGER = 1.0
 _CORNER_SPAN_M = 2.0

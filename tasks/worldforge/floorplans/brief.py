@@ -28,10 +28,12 @@ MIN_SIDES_M: dict[RoomType, float] = {
     "Hallway": 1.3,
     "Kitchen": 2.0,
     "Living": 2.2,
+    "Office": 2.0,
+    "Storage": 1.2,
 }
 """Least width of a room between the centre lines of its walls."""
 
-HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Living"})
+HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Living", "Office"})
 """Types of rooms that want daylight."""
 
 PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
@@ -69,6 +71,8 @@ THROUGHNESS: dict[RoomType, float] = {
     "Hallway": 1.0,
     "Kitchen": 0.7,
     "Living": 0.95,
+    "Office": 0.4,
+    "Storage": 0.1,
 }
 """How acceptable it is to pass through a room of this type on the way to another."""
 
@@ -80,6 +84,8 @@ _AFFINITY: dict[RoomType, tuple[float, ...]] = {
     "Hallway": (1.0, 1.0, 0.8, 0.7, 0.9),
     "Kitchen": (0.1, 0.1, 0.5, 1.0, 0.75, 0.3),
     "Living": (0.45, 0.7, 0.35, 0.95, 0.95, 0.7, 0.6),
+    "Office": (0.1, 0.35, 0.3, 0.4, 1.0, 0.15, 0.8, 0.3),
+    "Storage": (0.2, 0.15, 0.1, 0.3, 0.9, 0.9, 0.35, 0.3, 0.05),
 }
 """How sensible a door is to a room of each type above and of the same type, in this order."""
 

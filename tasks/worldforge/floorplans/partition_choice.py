@@ -5,7 +5,7 @@ one comes again; so the plans of a generation job differ as long as there are ot
 """
 
 from functools import lru_cache
-from math import log, sqrt
+from math import ceil, log, sqrt
 from random import Random
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from .brief import EXTERIOR_WALL, Brief
 from .partition import UNITS_PER_M, Corners, Partition
 from .partition_climb import climb_to_partition
 from .partition_costs import Floats, as_partition
+from .partition_evolution import MOST_TRIED
 from .partition_notches import notched_shortlists
 from .partition_setbacks import setback_shortlist
 from .partition_shortlist import Shortlist, shortlist
@@ -32,7 +33,7 @@ _WORSE_TOGETHER = 0.75
 """The part of it that may come from how rooms lie together: about a way through a bedroom, less than a dark room."""
 
 _MORE_MISSES = 1
-"""Preferences that a plan may miss beyond the best one."""
+"""Preferences that a plan may miss beyond the best one, for each six rooms."""
 
 _RATIO_LIMITS = tuple(round(log(ratio), 6) + 1e-6 for ratio in (1.25, 1.5))
 """Largest deviations of a room's ratio; the second one is taken where the first leaves few forms. Many plans are
@@ -96,7 +97,7 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
     lists = shortlists(brief)
     if not any((~plans.misses.any(axis=0)).any() for plans in lists):
         least = min((float(plans.cost[0]) for plans in lists), default=None)
-        if least is None or least > _POOR:
+        if least is None or (least > _POOR and len(brief.areas_m2) <= MOST_TRIED):
             climb_dice = dice if brief.diverse else Random(_CLIMB_SEED)  # noqa: S311 (chance, not secrecy)
             bent = climb_to_partition(brief, climb_dice, below=least)
             if bent is not None:
@@ -135,7 +136,8 @@ def plans_of(brief: Brief) -> Pool:
     best = int(near[np.lexsort((costs[near], missed[near]))[0]])
     if not brief.diverse:
         return Pool(lists, [places[best]], [1.0])
-    fine = (missed <= missed[best] + _MORE_MISSES) & (costs <= costs[best] + _VARIETY_MARGIN)
+    sixes = ceil(len(brief.areas_m2) / MOST_TRIED)
+    fine = (missed <= missed[best] + sixes * _MORE_MISSES) & (costs <= costs[best] + sixes * _VARIETY_MARGIN)
     fine &= together <= together[best] + _WORSE_TOGETHER
     fine &= ~(misses[firm:] & ~misses[firm:, [best]]).any(axis=0)
     chosen = np.array([best])

@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 
 from .brief import Brief
 from .partition_costs import BatchEvaluator, Flags, Trees, all_trees
+from .partition_evolution import MOST_TRIED, trees_of
 from .partition_shortlist import Shortlist, Variants, best_first, most_different, refined
 from .plan_signature import is_plain
 
 _TREES = 24_000
 """About how many trees with a notch are cut: with more, a search takes notably longer."""
+
+_BRED = 300
+"""Trees of many rooms that get notches, the best ones."""
 
 _SETTLED, _REFINED = 960, 240
 """Plans whose walls are taken into account, and of these, plans that are refined; the best ones."""
@@ -28,7 +32,7 @@ def notched_shortlists(brief: Brief) -> list[Shortlist]:
     """Finds the best floor plans in a rectangle with one notch, and with two; both lists may be empty."""
     evaluator = BatchEvaluator(brief)
     rooms = len(brief.types)
-    trees = notched_trees(rooms)
+    trees = notched_trees(rooms) if rooms <= MOST_TRIED else _with_notches(trees_of(brief).take(np.arange(_BRED)))
     plain = Variants(
         trees,
         np.zeros((rooms, trees.plans)),
@@ -72,7 +76,11 @@ def notched_trees(rooms: int) -> Trees:
     Args:
         rooms: how many rooms there are, two to six.
     """
-    every, _ = with_notch(all_trees(rooms))
+    return _with_notches(all_trees(rooms))
+
+
+def _with_notches(trees: Trees) -> Trees:
+    every, _ = with_notch(trees)
     return every.take(np.arange(0, every.plans, max(1, every.plans // _TREES)))
 
 

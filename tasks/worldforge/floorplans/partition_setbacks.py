@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .brief import EXTERIOR_WALL, INTERIOR_WALL, RATIO_TOLERANCE, Brief
-from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, exposed
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, exposed
+from .partition_evolution import MOST_TRIED, trees_of
 from .partition_shortlist import (
     AREA_MARGIN,
     LEAST_EDGE,
@@ -180,17 +181,19 @@ def _shared(cuts: Cuts) -> Floats:
 def setback_shortlist(brief: Brief) -> Shortlist:
     """Finds the best floor plans with rectangular rooms and a set-back outline; may be empty."""
     evaluator = BatchEvaluator(brief)
-    every = _beginnings(len(evaluator.areas))
-    best = np.argsort(np.round(every.rough_cost(evaluator, roughly=True), 6), kind="stable")[:_JUDGED]
+    every = _beginnings(trees_of(brief))
+    # What judging takes grows with the square of the number of rooms.
+    judged = round(_JUDGED * min(1.0, (MOST_TRIED / len(brief.types)) ** 2))
+    best = np.argsort(np.round(every.rough_cost(evaluator, roughly=True), 6), kind="stable")[:judged]
     some = every.take(best).settled(evaluator)
     cuts, nature = some.judged(evaluator)
     refined = _refined(evaluator, some.take(most_different(cuts, nature.cost, _REFINED)))
     return best_first(evaluator, refined, every.trees.plans)
 
 
-def _beginnings(rooms: int) -> Setbacks:
+def _beginnings(trees: Trees) -> Setbacks:
     """All trees with rooms turned either way."""
-    trees = all_trees(rooms)
+    rooms = trees.leaves
     turns = np.array([*product((False, True), repeat=rooms)])
     each = min(len(turns), max(_LEAST_TURNS, _BEGINNINGS // trees.plans))
     columns = np.tile(np.arange(trees.plans), each)

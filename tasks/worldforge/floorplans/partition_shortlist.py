@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .brief import Brief
-from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, cut
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, cut
+from .partition_evolution import trees_of
 from .plan_signature import forms_of, has_small_steps, is_plain
 
 AREA_MARGIN = 0.03
@@ -139,7 +140,7 @@ def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
 def shortlist(brief: Brief) -> Shortlist:
     """Finds the best floor plans with rectangular rooms in a rectangle; may be empty."""
     evaluator = BatchEvaluator(brief)
-    trees = all_trees(len(brief.types))
+    trees = trees_of(brief)
     beginnings = _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS)
     return best_first(evaluator, refined(evaluator, beginnings), trees.plans)
 

@@ -23,6 +23,11 @@ _KEY_CHARACTERS = 12
 """Hexadecimal digits of a key: two of a million plans share one with a chance of one in five hundred."""
 
 
+_MOST_PAIRS = 21
+"""Pairs of rooms, those of seven rooms, whose sides fit into a whole number of 64 bits, with the outline's corners."""
+_WEIGHTS_SEED = 1
+
+
 class Side(IntEnum):
     """Side of a room on which another room touches it."""
 
@@ -95,9 +100,14 @@ def forms_of(cuts: Cuts) -> NDArray[np.int64]:
     back = (low[:, one] == high[:, other]) & meet[::-1]
     sides = ahead[0] * Side.EAST + back[0] * Side.WEST + ahead[1] * Side.NORTH + back[1] * Side.SOUTH
     places = len(Side) + 1
-    weights = places ** np.arange(len(one), dtype=np.int64)
+    if len(one) <= _MOST_PAIRS:
+        weights, beyond = places ** np.arange(len(one), dtype=np.int64), places ** len(one)
+    else:
+        # Sums wrap around: two of a million forms share a number with a chance of one in thirty million.
+        *drawn, beyond = np.random.default_rng(_WEIGHTS_SEED).integers(-(2**63), 2**63, len(one) + 1, dtype=np.int64)
+        weights = np.array(drawn)
     touches = np.min([weights @ np.array(turn)[sides] for turn in _TURNS], axis=0)
-    return touches + outline_corners(cuts) * places ** len(one)
+    return touches + outline_corners(cuts) * np.int64(beyond)
 
 
 def outline_corners(cuts: Cuts) -> NDArray[np.int64]:

@@ -1,8 +1,7 @@
 """Outcome of every preference about the floor plan: satisfied, missed or contradictory, with numbers."""
 
 from collections import Counter
-from collections.abc import Collection
-from itertools import permutations
+from collections.abc import Collection, Iterator, Sequence
 from math import log
 
 import numpy as np
@@ -32,7 +31,7 @@ _FORBIDDEN = (
     "ad ae af bd be bf cd ce cf",
     "ac ad ae af bc bd be bf ce cf de df",
 )
-"""The smallest sets of rooms and walls between them that no rectangle cut into up to six rectangles has: four that all
+"""The smallest sets of rooms and walls between them that no rectangle cut into rectangles has: four that all
 touch each other; two that touch, with three more that touch both; three that each touch three others; and six that
 each touch all but one."""
 
@@ -46,13 +45,37 @@ def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
     """
     rooms = sorted({room for request in requests for room in request})
     for walls in _FORBIDDEN:
-        letters = sorted({*walls} - {" "})
-        for chosen in permutations(rooms, len(letters)):
-            place = dict(zip(letters, chosen, strict=True))
+        for place in _placed(walls.split(), rooms, requests, {}):
             ways = sorted(_ordered(place[one], place[other]) for one, other in walls.split())
-            if pair in ways and all(way in requests for way in ways):
+            if pair in ways:
                 return ways
     return []
+
+
+def _placed(
+    walls: Sequence[str], rooms: Sequence[int], requests: Collection[Pair], before: dict[str, int]
+) -> Iterator[dict[str, int]]:
+    """Rooms in place of the letters of some walls, so that each wall is requested; rooms of low numbers come first.
+
+    Args:
+        walls: pairs of letters.
+        rooms: numbers of rooms.
+        requests: pairs of rooms, lower number first.
+        before: rooms in place of the first letters.
+    """
+    letters = sorted({*"".join(walls)})
+    if len(before) == len(letters):
+        yield before
+        return
+    letter = letters[len(before)]
+    for room in rooms:
+        place = {**before, letter: room}
+        if room not in before.values() and all(
+            _ordered(place[one], place[other]) in requests
+            for one, other in walls
+            if letter in (one, other) and one in place and other in place
+        ):
+            yield from _placed(walls, rooms, requests, place)
 
 
 def _ordered(one: int, other: int) -> Pair:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 from ....schemas.worlds.world import Room, RoomType
+from .catalogue import COMPACT, SEATS
 from .catalogue import KITCHEN_RUN as KITCHEN_RUN
 from .catalogue import RULES as RULES
-from .catalogue import SEATS
 from .catalogue import Rule as Rule
 
 Density = Literal["Sparse", "Moderate", "Dense"]
@@ -23,6 +23,8 @@ _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("Fridges", "Ovens", "Storage"),
     "Hallway": ("ConsoleTables",),
     "Closet": ("Storage",),
+    "Office": ("Desks", "DeskChairs", "Bookcases"),
+    "Storage": ("Storage", "Bookcases"),
 }
 _USUAL: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Dressers", "Desks", "DeskChairs"),
@@ -32,6 +34,8 @@ _USUAL: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("DishWashers", "KitchenIslandsAndCarts"),
     "Hallway": ("StorageBenches", "CornerCabinets"),
     "Closet": ("Dressers", "StorageBenches"),
+    "Office": ("SideboardsAndBuffets", "FloorLamps"),
+    "Storage": ("WashingMachinesAndDryers",),
 }
 _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("LivingRoomChairs", "Bookcases", "StorageBenches", "Ottomans", "FloorLamps"),
@@ -41,6 +45,8 @@ _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("WashingMachinesAndDryers", "ServingCarts", "CornerCabinets"),
     "Hallway": ("Storage", "Bookcases"),
     "Closet": ("Bookcases", "Ottomans"),
+    "Office": ("LivingRoomChairs", "EndAndSideTables", "Storage"),
+    "Storage": ("Dressers", "StorageBenches"),
 }
 
 _DINING = ("DiningTables", "DiningChairs")
@@ -69,8 +75,22 @@ INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Beds",),
     "Kitchen": ("Ovens",),
     "Living": SEATS,
+    "Office": ("Desks",),
+    "Storage": ("Storage", "Bookcases"),
 }
 """Furniture without which a room does not deserve its type; one of several kinds is enough."""
+
+SMALL_ROOM_NEEDS: dict[RoomType, tuple[tuple[str, ...], ...]] = {
+    "Bathroom": (("Toilets",), ("Showers", "Baths"), ("VanityCounters",)),
+    "Bedroom": (("Beds",),),
+    "Closet": (("Storage", "Bookcases", "Dressers"),),
+    "Dining": (("DiningTables",),),
+    "Kitchen": (("Ovens",), ("Storage",), ("Fridges",)),
+    "Living": (SEATS,),
+    "Office": (("Desks",), ("DeskChairs",), ("Bookcases", "Storage")),
+    "Storage": (("Storage", "Bookcases"),),
+}
+"""Furniture that makes a small room what it is called, of each group one kind."""
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Bathroom": (0.19, 0.30, 14.0),
@@ -80,6 +100,8 @@ _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Hallway": (0.16, 0.23, 10.0),
     "Kitchen": (0.20, 0.29, 14.0),
     "Living": (0.20, 0.31, 24.0),
+    "Office": (0.18, 0.28, 14.0),
+    "Storage": (0.20, 0.29, 12.0),
 }
 """Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
 hold when people and robots pass. Larger rooms are emptier, as the cube root of their area."""
@@ -161,6 +183,11 @@ def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[st
         "Hallway": ["cupboard", "wardrobe"],
         "Bedroom": ["wardrobe", "cupboard"],
         "Closet": ["wardrobe", "shelves", "cupboard"],
+        "Storage": ["shelves", "cupboard"],
     }
     wanted = suiting.get(room_type, ["cupboard", "shelves"])
-    return [form for form in forms if form in wanted] or [form for form in forms if form not in counters] or forms
+    return (
+        [form for form in forms if form.removesuffix(COMPACT) in wanted]
+        or [form for form in forms if form not in counters]
+        or forms
+    )

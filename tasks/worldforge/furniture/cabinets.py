@@ -164,7 +164,7 @@ def corner_cabinet(style: Style) -> list[Part]:
 
 def storage(style: Style) -> list[Part]:
     """Builds a wardrobe, open shelves, a pantry or a kitchen counter, depending on the style."""
-    if style.form == "shelves":
+    if style.form.startswith("shelves"):
         return _open_shelves(style)
     if style.form.startswith("counter"):
         return _counter(style)

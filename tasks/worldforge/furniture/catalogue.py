@@ -66,6 +66,9 @@ SEATS = ("Sofas", "LivingRoomChairs")
 
 Builder = Callable[[Style], list[Part]]
 
+COMPACT = " compact"
+"""End of the names of forms that only rooms below 10 m2 have, where usual ones take the ways that robots need."""
+
 LOOSE_TYPES = ("Ball", "Book", "Carton", "Clothes", "Cup", "Plate", "Shoe", "ToyBlock")
 """Kinds of loose objects, which no template can name."""
 
@@ -148,7 +151,8 @@ CATALOGUE: dict[str, Kind] = {
         + styles("counter", (0.8, 0.62, 0.9), "white", "sage", "navy")
         + styles("counter-drawers", (0.6, 0.62, 0.9), "white", "sage", "navy")
         + styles("counter-corner", (0.62, 0.62, 0.9), "white", "sage", "navy")
-        + styles("pantry", (0.6, 0.62, 2.05), "white", "sage", "navy"),
+        + styles("pantry", (0.6, 0.62, 2.05), "white", "sage", "navy")
+        + styles("shelves compact", (0.6, 0.32, 1.8), "oak", "grey"),
         Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN, counts=(1, 1, 2), limit=3),
         "cupboard",
     ),
@@ -160,13 +164,17 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "VanityCounters": Kind(
         fixtures.vanity,
-        styles("single", (0.85, 0.52, 1.75), "oak", "white", "navy") + styles("double", (1.3, 0.52, 1.75), "walnut"),
+        styles("single", (0.85, 0.52, 1.75), "oak", "white", "navy")
+        + styles("double", (1.3, 0.52, 1.75), "walnut")
+        + styles("single compact", (0.6, 0.46, 1.75), "white", "oak"),
         Rule(front_m=0.7, hides_window=True),
         "basin",
     ),
     "Showers": Kind(
         fixtures.shower,
-        styles("cabin", (0.9, 0.9, 2.0), "ceramic") + styles("walk-in", (1.2, 0.9, 2.0), "ceramic"),
+        styles("cabin", (0.9, 0.9, 2.0), "ceramic")
+        + styles("walk-in", (1.2, 0.9, 2.0), "ceramic")
+        + styles("cabin compact", (0.75, 0.75, 2.0), "ceramic"),
         Rule(prefer="corner", front_m=0.6),
         "shower",
     ),

@@ -115,10 +115,12 @@ def vanity(style: Style) -> list[Part]:
         *fronts(style, 2, 1, (0.1, top - 0.05), style.main, CHROME),
         box("mirror", (-x, -x + 0.02), (-y + 0.06, y - 0.06), (top + 0.2, style.height_m), MIRROR),
     ]
+    # A narrow one leaves a place for a cup beside its basin.
+    basin_m, bowl_m = (0.38, 0.31) if style.width_m > 0.7 else (0.32, 0.26)
     for index, side in enumerate((-y / 2, y / 2) if style.width_m > 1.1 else (0.0,)):
         parts += [
-            upright(f"basin-{index + 1}", (0.03, side), 0.38, (top, top + 0.09), CERAMIC, solid=True),
-            upright(f"bowl-{index + 1}", (0.03, side), 0.31, (top, top + 0.096), rgb("c5d5db")),
+            upright(f"basin-{index + 1}", (0.03, side), basin_m, (top, top + 0.09), CERAMIC, solid=True),
+            upright(f"bowl-{index + 1}", (0.03, side), bowl_m, (top, top + 0.096), rgb("c5d5db")),
             upright(f"tap-{index + 1}", (-x + 0.07, side), 0.035, (top, top + 0.2), CHROME),
             box(
                 f"spout-{index + 1}",

@@ -1,7 +1,8 @@
 """Furnishes a floor plan: materials, furniture, loose objects, and the outcome of the preferences."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import ceil
 from random import Random
 
@@ -16,6 +17,7 @@ from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
 from .seating import GROUP, arrange_groups, arrange_seating, is_watched
+from .small_rooms import furnish_small, put_back, small_room_preferences, small_rooms
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 
@@ -49,34 +51,21 @@ def furnish(
     furniture: list[Furniture] = []
     done: dict[str, RoomFurnishing] = {}
     lying: Counter[str] = Counter()
-    loose, dines = 0, dining_room(rooms)
+    loose, dines, small = 0, dining_room(rooms), small_rooms(body)
     for room in rooms:
         index = chosen.get(room.name)
         arrangement = None if index is None else arrangements[index]
-        kinds, before = _kinds(arrangement, room, dines=room.name == dines), names.copy()
+        kinds = _kinds(arrangement, room, dines=room.name == dines)
+        begin = partial(
+            RoomFurnishing.begin, room, floorplan, _density(arrangement), dice, new_id, is_small=room.name in small
+        )
         is_open = arrangement is None or arrangement.SampleSet is None
-        work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
-        _furnish_room(work, kinds, is_open=is_open)
-        if lacking := _lacking(work, kinds):
-            # What had no room beside everything else comes first now.
-            names.clear()
-            names.update(before)
-            work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
-            work.begin_with(lacking)
-            work.furnish(kinds)
-            preferences += _bare_preferences(work, kinds, arrangement)
-        elif "DiningTables" in kinds and room.type == "Living" and not work.dines:
-            after = names.copy()
-            names.clear()
-            names.update(before)
-            other = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
-            other.begin_with(("DiningTables",))
-            _furnish_room(other, kinds, is_open=is_open)
-            if other.dines and (is_watched(other) or not is_watched(work)):
-                work = other
-            else:
-                names.clear()
-                names.update(after)
+        if room.name in small:
+            work = furnish_small(begin, partial(_furnish_room, kinds=kinds, is_open=is_open), kinds, names)
+            preferences += small_room_preferences(work, kinds) if is_open else []
+        else:
+            work, bare = _furnished(begin, kinds, names, is_open=is_open)
+            preferences += bare
         asked = None if arrangement is None else arrangement.LooseObjects
         if asked is not None:
             things = scatter(work, asked, fill=True)
@@ -92,6 +81,39 @@ def furnish(
             arrangements[index], index, {n: lying[n] for n in chosen if chosen[n] == index}
         )
     return furniture, preferences, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
+
+
+def _furnished(
+    begin: Callable[[], RoomFurnishing], kinds: Sequence[str], names: Counter[str], *, is_open: bool
+) -> tuple[RoomFurnishing, list[Preference]]:
+    """Furnishes a room, once more where it lacks what makes it what it is, and says what it lacks still.
+
+    Args:
+        begin: makes the empty room.
+        kinds: what it gets.
+        names: pieces of each kind in the world so far.
+        is_open: whether the template leaves open what it gets.
+    """
+    before = names.copy()
+    work = begin()
+    _furnish_room(work, kinds, is_open=is_open)
+    if lacking := _lacking(work, kinds):
+        # What had no room beside everything else comes first now.
+        put_back(names, before)
+        work = begin()
+        work.begin_with(lacking)
+        work.furnish(kinds)
+        return work, _bare_preferences(work, kinds) if is_open else []
+    if "DiningTables" in kinds and work.room.type == "Living" and not work.dines:
+        after = names.copy()
+        put_back(names, before)
+        other = begin()
+        other.begin_with(("DiningTables",))
+        _furnish_room(other, kinds, is_open=is_open)
+        if other.dines and (is_watched(other) or not is_watched(work)):
+            return other, []
+        put_back(names, after)
+    return work, []
 
 
 def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dict[str, int]) -> list[Preference]:
@@ -131,12 +153,10 @@ def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
     return [] if any(work.placed(kind) for kind in needed) else needed
 
 
-def _bare_preferences(
-    work: RoomFurnishing, kinds: Sequence[str], arrangement: FurnitureArrangement | None
-) -> list[Preference]:
+def _bare_preferences(work: RoomFurnishing, kinds: Sequence[str]) -> list[Preference]:
     """Missed preferences for essential furniture that found no place; kinds that are listed are reported elsewhere."""
     lacking = _lacking(work, kinds)
-    if not lacking or (arrangement is not None and arrangement.SampleSet is not None):
+    if not lacking:
         return []
     wish = f"{' or '.join(lacking)} in {work.room.name}, which is a {work.room.type}"
     reason = "; ".join(dict.fromkeys(work.missed[kind] for kind in lacking if kind in work.missed))

@@ -49,6 +49,8 @@ _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("Carton",),
     "Hallway": ("Shoe", "Shoe", "Carton"),
     "Closet": ("Carton", "Shoe", "Clothes"),
+    "Office": ("Book", "Carton"),
+    "Storage": ("Carton", "Carton", "Ball"),
 }
 _MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Clothes", "ToyBlock", "Shoe"),

@@ -77,7 +77,14 @@ class RoomSpace:
         kept_m2: floor before doors and openings, on which nothing stands.
     """
 
-    def __init__(self, room: Room, floorplan: Floorplan) -> None:
+    def __init__(self, room: Room, floorplan: Floorplan, *, is_small: bool = False) -> None:
+        """An empty room.
+
+        Args:
+            room: the room.
+            floorplan: its plan.
+            is_small: whether its ways are as narrow as a robot allows, in place of usual ones.
+        """
         self.room = room
         self.bounds = bounds(room.polygon)
         self.sides = _sides_of(room, floorplan)
@@ -94,7 +101,8 @@ class RoomSpace:
         leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
         gates = [_gate(room, passage.start, passage.end) for passage in passages]
         gates += [(0.0, 0.0)] if contains(room.polygon, 0.0, 0.0) else []
-        for half in (_HALF_HALLWAY_M, _HALF_WAY_M, _LEAST_HALF_M)[room.type != "Hallway" :]:
+        halves = (_HALF_HALLWAY_M, _HALF_WAY_M, _LEAST_HALF_M)
+        for half in halves[2 if is_small and room.type != "Hallway" else room.type != "Hallway" :]:
             self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
             self._ways.join(gates)
             if self._ways.joined:

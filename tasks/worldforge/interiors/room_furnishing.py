@@ -21,7 +21,7 @@ from ..furniture.arrangement import (
     front_of,
     wished_share,
 )
-from ..furniture.catalogue import styles_of
+from ..furniture.catalogue import COMPACT, styles_of
 from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
 from . import candidates
@@ -32,6 +32,8 @@ NewId = Callable[[str], str]
 
 _SMALL_ROOM_M2 = 15.0
 _LARGE_ROOM_M2 = 45.0
+_TIGHT_M2 = 6.5
+"""Floor area up to which a small room gets compact pieces first: usual ones leave no place for a toilet and shower."""
 _DENSE_WEIGHT = -2.5
 """Liking for small pieces in dense rooms: large ones nearly always come first, as far as they fit."""
 
@@ -93,6 +95,7 @@ class RoomFurnishing:
         new_id: names pieces.
         items: pieces placed so far.
         missed: kinds that found no place, with the reason.
+        is_small: whether it may have compact pieces, since its template wishes it below 10 m2.
     """
 
     room: Room
@@ -105,15 +108,26 @@ class RoomFurnishing:
     _taste: dict[str, int] = field(default_factory=dict)
     _kitchens: Sequence[Box] = ()
     """Other rooms in which people cook."""
+    is_small: bool = False
 
     @classmethod
-    def begin(cls, room: Room, floorplan: Floorplan, density: Density, dice: Random, new_id: NewId) -> "RoomFurnishing":
+    def begin(
+        cls,
+        room: Room,
+        floorplan: Floorplan,
+        density: Density,
+        dice: Random,
+        new_id: NewId,
+        *,
+        is_small: bool = False,
+    ) -> "RoomFurnishing":
         """Starts with an empty room, and chooses its colours."""
         schemes = list(_schemes())
         dice.shuffle(schemes)
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
         kitchens = [bounds(one.polygon) for one in floorplan.rooms if one.type == "Kitchen" and one.name != room.name]
-        return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste, _kitchens=kitchens)
+        space = RoomSpace(room, floorplan, is_small=is_small)
+        return cls(room, space, density, dice, new_id, _taste=taste, _kitchens=kitchens, is_small=is_small)
 
     def begin_with(self, kinds: Sequence[str]) -> None:
         """Places the first of some furniture types that fits."""
@@ -208,7 +222,8 @@ class RoomFurnishing:
         """Returns the styles to try, those that suit the room's size and colours first."""
         by_form: dict[str, Style] = {}
         for style in sorted(styles_of(kind), key=lambda style: self._taste[style.colors]):
-            by_form.setdefault(style.form, style)
+            if self.is_small or not style.form.endswith(COMPACT):
+                by_form.setdefault(style.form, style)
         forms = forms_for(kind, self.room.type, list(by_form))
         weight = 1.0 if self.room.floor_m2 < _SMALL_ROOM_M2 else -1.0
         if self.density == "Dense":
@@ -219,12 +234,13 @@ class RoomFurnishing:
         for_two = kind == "Beds" and self.room.floor_m2 >= _FOR_TWO_M2 and not self.placed(kind)
         large = self.room.floor_m2 >= _SMALL_ROOM_M2
         used = {item.style for item in self.items if item.model_type == kind} if RULES[kind].bound else set[str]()
+        is_tight = self.is_small and self.room.floor_m2 <= _TIGHT_M2
 
         def rank(form: str) -> float:
             style = by_form[form]
             # A kitchen needs one sink, and then counters.
             repeated = (5.0 if sink else -5.0) * form.startswith("counter-sink")
-            alike = -5.0 * (style.name in used)
+            alike = -5.0 * (style.name in used or (is_tight and form.endswith(COMPACT)))
             if for_two:
                 # Two sleep in a bedroom that has the room; the widest that leaves the rest of it usable comes first.
                 return abs(style.width_m - (_WIDEST_BED_M if large else _DOUBLE_BED_M)) + 0.1 * noise[form]

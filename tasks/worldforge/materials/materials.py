@@ -160,6 +160,8 @@ USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("Tiles", "Linoleum", "Floorboards"),
     "Hallway": ("Floorboards", "Tiles", "Concrete"),
     "Closet": ("Carpet", "Linoleum", "Concrete"),
+    "Office": ("Parquetry", "Carpet", "Floorboards"),
+    "Storage": ("Concrete", "Linoleum", "Tiles"),
 }
 USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("WallPaint", "Wallpaper", "WoodPanels"),
@@ -169,6 +171,8 @@ USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("WallPaint", "Tiles", "Brick"),
     "Hallway": ("WallPaint", "Concrete"),
     "Closet": ("WallPaint", "WoodPanels"),
+    "Office": ("WallPaint", "WoodPanels", "Wallpaper"),
+    "Storage": ("WallPaint", "Concrete", "Brick"),
 }
 
 assert set(FLOORS) == set(FLOOR_MATERIALS)

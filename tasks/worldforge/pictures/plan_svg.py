@@ -156,6 +156,17 @@ stroke:#ffffff;stroke-opacity:.8;stroke-width:3px;stroke-linejoin:round}
 """
 
 
+_MORE_FLOORS = {"Office": ("#e3efdc", "#28352a"), "Storage": ("#ece4da", "#35302a")}
+"""Colours of rooms of further types, in light and dark; plans without such rooms do not say them."""
+
+
+def _more_styles(plan: Floorplan) -> str:
+    """Styles of rooms of further types that a plan has."""
+    there = [kind for kind in _MORE_FLOORS if any(room.type == kind for room in plan.rooms)]
+    light, dark = ("".join(f".fp-{kind}{{fill:{_MORE_FLOORS[kind][part]}}}" for kind in there) for part in (0, 1))
+    return f"{light}@media (prefers-color-scheme:dark){{{dark}}}" if there else ""
+
+
 @dataclass(frozen=True)
 class _Sheet:
     """Scale and position of the world on the page."""
@@ -192,7 +203,8 @@ def floorplan_svg(world: World) -> str:
         f'viewBox="0 0 {number(sheet.width)} {number(sheet.height)}" '
         f'width="{number(sheet.width)}" height="{number(sheet.height)}" data-scale="{number(sheet.scale)}" '
         f'data-origin-x="{number(sheet.origin_x)}" data-origin-y="{number(sheet.origin_y)}">',
-        f"<style>{_STYLE}{DOOR_STYLE}@media (prefers-color-scheme:dark){{{DARK_DOOR_STYLE}}}</style>",
+        f"<style>{_STYLE}{_more_styles(plan)}{DOOR_STYLE}"
+        f"@media (prefers-color-scheme:dark){{{DARK_DOOR_STYLE}}}</style>",
         '<rect class="fp-paper" width="100%" height="100%"/>',
         _dimensions(sheet),
         _scale_bar(sheet),

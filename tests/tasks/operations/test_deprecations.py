@@ -6,6 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
+from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, SERVICE_ROOM_TYPES
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -36,6 +37,53 @@ def test_what_the_service_took_to_the_end_is_taken(strict: Service) -> None:
 
     assert call("CreateSimulationJob", request, strict)["status"] == "Pending"
     assert call("CreateWorldTemplate", {"templateBody": json.dumps({})}, strict)["arn"]
+
+
+def small_room(**members: object) -> dict[str, object]:
+    shape = {"Area": 9.5, "AspectRatio": {}}
+    return {"Name": "Bath", "Type": "Bathroom", "DesiredShape": shape, **members}
+
+
+def test_templates_that_the_service_never_took_are_refused_and_every_extension_named(strict: Service) -> None:
+    loose = {"Name": "all", "TargetSet": {"RoomNames": ["Bath"]}, "LooseObjects": 3}
+    interior = {"Furniture": {"FurnitureArrangements": [loose]}}
+    floor = {"Floorplan": {"Rooms": [small_room()]}, "Interior": interior}
+    body = {"templateBody": json.dumps({"Buildings": [{"Floors": [floor]}]})}
+
+    with pytest.raises(InvalidParameterException) as caught:
+        call("CreateWorldTemplate", body, strict)
+
+    place = "Buildings[0].Floors[0]"
+    assert f"{place}.Floorplan.Rooms[0].DesiredShape.Area: 9.5 m2; the service took 10 or more" in str(caught.value)
+    assert f"{place}.Interior.Furniture.FurnitureArrangements[0].LooseObjects: 3; " in str(caught.value)
+    assert "ROBOMAKER_REFUSE_DEPRECATED" in str(caught.value)
+    assert strict.catalog.list("world-template").resources == ()
+    template = call("CreateWorldTemplate", {"templateBody": "{}"}, strict)["arn"]
+    with pytest.raises(InvalidParameterException, match=r"9\.5 m2"):
+        call("UpdateWorldTemplate", {"template": template, **body}, strict)
+    assert json.loads(call("GetWorldTemplateBody", {"template": template}, strict)["templateBody"]) == {}
+
+
+def test_templates_with_more_rooms_than_the_service_took_are_refused(strict: Service) -> None:
+    many = [{"Name": f"Room {number}", "Type": "Bedroom"} for number in range(7)]
+    floors = [{"Floorplan": {"Rooms": many}}]
+
+    with pytest.raises(InvalidParameterException, match="Rooms: 7 rooms; the service took 6 at most"):
+        call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ROOM_TYPES if kind not in SERVICE_ROOM_TYPES])
+def test_templates_with_types_of_rooms_that_the_service_did_not_have_are_refused(kind: str, strict: Service) -> None:
+    floors = [{"Floorplan": {"Rooms": [{"Name": "It", "Type": kind}]}}]
+
+    with pytest.raises(InvalidParameterException, match=rf"Rooms\[0\]\.Type: {kind}; the service had Bedroom, "):
+        call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)
+
+
+def test_small_rooms_are_taken_by_default(service: Service) -> None:
+    body = {"Buildings": [{"Floors": [{"Floorplan": {"Rooms": [small_room()]}}]}]}
+
+    assert call("CreateWorldTemplate", {"templateBody": json.dumps(body)}, service)["arn"]
 
 
 def test_nothing_is_refused_by_default(service: Service) -> None:

@@ -25,7 +25,7 @@ from .planner import GridPlanner, WayKind
 from .planner import Path as Points
 
 EXACT_PLACES = 9
-"""Places up to which the shortest tour is found: twenty thousand sums; worlds have six rooms at most."""
+"""Places up to which the shortest tour is found: twenty thousand sums; worlds mostly have six rooms at most."""
 
 Table = Sequence[Sequence[float]]
 

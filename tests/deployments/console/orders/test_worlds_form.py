@@ -124,7 +124,7 @@ def test_ways_come_and_go_and_follow_their_rooms(enter: Enter) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "told"),
     [
-        ("room-0-area", "9", "Room 1.DesiredShape.Area: 9.0: 10 or more would be right"),
+        ("room-0-area", "1", "Room 1.DesiredShape.Area: 1.0: 2 or more would be right"),
         ("room-0-area", "wide", "it has to be a number"),
         ("room-0-name", "Hall <b>", "Room 1.Name"),
         ("room-0-name", "Küche \x9b31m", "Room 1.Name"),

@@ -1,0 +1,91 @@
+"""Furnishes rooms below 10 m2, which RoboMaker's templates did not have: the best of several tries counts."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+from ....schemas.templates.body import INTERIOR_PATH, SERVICE_LEAST_AREA_M2, WorldTemplateBody
+from ....schemas.worlds.world import Preference
+from ..furniture.arrangement import SMALL_ROOM_NEEDS
+from .room_furnishing import RoomFurnishing
+
+_TRIES = 6
+"""Furnishings of a small room that are compared; the first two or three mostly have everything."""
+
+
+def small_rooms(body: WorldTemplateBody) -> frozenset[str]:
+    """Returns the names of the rooms that a template wishes below 10 m2."""
+    return frozenset(room.Name for room in body.floorplan.Rooms if room.DesiredShape.Area < SERVICE_LEAST_AREA_M2)
+
+
+def furnish_small(
+    begin: Callable[[], RoomFurnishing],
+    fill: Callable[[RoomFurnishing], None],
+    kinds: Sequence[str],
+    names: Counter[str],
+) -> RoomFurnishing:
+    """Furnishes a small room several times, and keeps the furnishing that lacks least of what makes the room.
+
+    Args:
+        begin: makes the empty room.
+        fill: furnishes it.
+        kinds: what it gets.
+        names: pieces of each kind in the world so far, which are those of the kept furnishing afterwards.
+    """
+    before = names.copy()
+    first: list[str] = []
+    best: tuple[int, RoomFurnishing, Counter[str]] | None = None
+    for _ in range(_TRIES):
+        put_back(names, before)
+        work = begin()
+        for kind in first:
+            work.begin_with((kind,))
+        fill(work)
+        lacking = _lacking(work, kinds)
+        worth = sum(_worth(work, group) for group in lacking)
+        if best is None or worth < best[0]:
+            best = worth, work, names.copy()
+        if not lacking:
+            break
+        # Whatever found no place comes first next time.
+        first = [group[0] for group in lacking]
+    assert best is not None
+    put_back(names, best[2])
+    return best[1]
+
+
+def _worth(work: RoomFurnishing, group: Sequence[str]) -> int:
+    """Weight of furniture that lacks: more than of all that is named after it, so that a bath rather has its toilet."""
+    groups = SMALL_ROOM_NEEDS[work.room.type]
+    place = next(place for place, each in enumerate(groups) if set(group) <= set(each))
+    return 2 ** (len(groups) - place)
+
+
+def put_back(names: Counter[str], before: Counter[str]) -> None:
+    """Counts pieces as before a furnishing that is not kept.
+
+    Args:
+        names: pieces of each kind in the world.
+        before: pieces of each kind as they were counted then.
+    """
+    names.clear()
+    names.update(before)
+
+
+def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[list[str]]:
+    """Groups of kinds of which the room should have one, and has none."""
+    groups = ([kind for kind in group if kind in kinds] for group in SMALL_ROOM_NEEDS.get(work.room.type, ()))
+    return [group for group in groups if group and not any(map(work.placed, group))]
+
+
+def small_room_preferences(work: RoomFurnishing, kinds: Sequence[str]) -> list[Preference]:
+    """Returns a missed preference for everything that a small room should have, and has no place for."""
+    return [
+        Preference(
+            path=f"{INTERIOR_PATH}.Furniture",
+            wish=f"{' or '.join(group)} in {work.room.name}, which is a {work.room.type}",
+            outcome="missed",
+            reason="; ".join(dict.fromkeys(work.missed[kind] for kind in group if kind in work.missed))
+            or f"it found no place on {work.room.floor_m2:.1f} m2",
+        )
+        for group in _lacking(work, kinds)
+    ]
