@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from helpers.variable_axes import trials_of_variables
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
@@ -26,7 +27,7 @@ def result(trials: Trials, every: int) -> RunResult:
         asked = Requirement(
             name="clear", satisfied=not is_bad, detail="0.02 m", margin=-0.1 if is_bad else 0.2, unit="m"
         )
-        row = TrialRow(trial=number, seed=trial.seed, parameters=dict(trial.parameters), requirements=[asked],
+        row = TrialRow(trial=number, seed=trial.seed, axes=dict(trial.axes), requirements=[asked],
                        verdict="FAIL" if is_bad else "PASS", reason="clear: 0.02 m, 0.1 m <asked>" if is_bad else "",
                        metrics={"distance_m": 3.0})  # fmt: skip
         tally.take(row)
@@ -44,7 +45,7 @@ def report(*results: RunResult) -> Report:
 
 
 def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> None:
-    made = report(result(Trials(seeds=50, parameters={"SPEED": ["0.2", "0.4"]}), 10))
+    made = report(result(trials_of_variables(50, {"SPEED": ["0.2", "0.4"]}), 10))
     page = render_report(made)
     (tmp_path / "report.html").write_text(page)
 

@@ -54,7 +54,7 @@ def test_the_example_of_trials_has_a_row_for_each(
     rows = pq.read_table(table).to_pylist()
     assert [row["verdict"] for row in rows] == ["PASS"] * 20
     assert [row["seed"] for row in rows] == 2 * list(range(10))
-    assert [row["parameter.ROBOMAKER_SIM_TIME_LIMIT_S"] for row in rows] == ["120"] * 10 + ["240"] * 10
+    assert [row["axis.ROBOMAKER_SIM_TIME_LIMIT_S"] for row in rows] == ["120"] * 10 + ["240"] * 10
     assert [row["trial"] for row in rows if row["recorded"]] == [0]
     # A longer limit changes nothing for those that are faster.
     digests = [row["state_digest"] for row in rows]
