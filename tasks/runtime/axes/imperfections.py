@@ -141,10 +141,11 @@ class DelayedController(KeepsAttributes):
         self._controller.restore(of_controller)
 
     def _substep(self) -> None:
-        self._waiting = [(substeps - 1, action) for substeps, action in self._waiting]
-        self._carry_out()
+        # First, as legs follow a command only from their next substep on.
         if self._controller.substep is not None:
             self._controller.substep()
+        self._waiting = [(substeps - 1, action) for substeps, action in self._waiting]
+        self._carry_out()
 
     def _carry_out(self) -> None:
         while self._waiting and self._waiting[0][0] <= 0:

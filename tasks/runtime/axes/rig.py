@@ -68,10 +68,15 @@ class ModelRig:
         """
         model = self._model
         data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)  # what is fixed lies where it lies in every state
+        mujoco.mj_forward(model, data)
         robot, floor = self.robot_bodies[model.geom_bodyid], floor_geoms(model, data)
         if not self.touching_pairs.any() and not _rub(model, robot, floor):
             raise AxisError("no part of the robot can touch a floor and rub on it")
+        is_free = model.jnt_type[self.robot_bodies[model.jnt_bodyid]] == int(mujoco.mjtJoint.mjJNT_FREE)
+        pairs = data.contact.geom
+        touches = (robot[pairs[:, 0]] & floor[pairs[:, 1]]) | (robot[pairs[:, 1]] & floor[pairs[:, 0]])
+        if not is_free.any() and not touches.any():
+            raise AxisError("the robot cannot fall, and is held where it touches no floor")
         return robot | floor
 
     @cached_property
