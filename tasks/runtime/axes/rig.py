@@ -19,6 +19,7 @@ _DERIVED = (
     *("actuator_acc0", "cam_poscom0", "light_poscom0"),
 )
 """Constants of a model that `mj_setConst` computes from masses."""
+_OF_BODIES = ("body_mass", "body_inertia")
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
 _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
@@ -40,6 +41,9 @@ class ModelRig:
         self._environment = environment
         self._model: mujoco.MjModel = raw_physics(physics)[0]
         self._built = copy(self._model)
+        self._owners: dict[str, str] = {}
+        self.axis = ""
+        """Name of the axis that is applied now."""
         self._scaled: set[str] = set()
         self._parts: dict[str, Any] = {}
 
@@ -129,7 +133,15 @@ class ModelRig:
         return self._part("command_delay", "commands of a robot")
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
-        """Writes a factor times the numbers that a field of the model was built with; see `Rig`."""
+        """Writes a factor times the numbers that a field of the model was built with; see `Rig`.
+
+        Raises:
+            AxisError: Another axis has written them.
+        """
+        if (other := self._owners.setdefault(field, self.axis)) != self.axis:
+            raise AxisError(
+                f"trials.axes: {self.axis} and {other} both change {field} of the model, of which one would be lost"
+            )
         self._scaled.add(field)
         built = getattr(self._built, field)[where]
         getattr(self._model, field)[where] = built if factor is None else built * factor
@@ -137,9 +149,10 @@ class ModelRig:
     def derive_constants(self) -> None:
         """Computes the model's constants that depend on masses, in a copy, so that nothing else changes."""
         source = self._built
-        if not np.array_equal(self._model.body_mass, self._built.body_mass):
+        if any(not np.array_equal(getattr(self._model, name), getattr(source, name)) for name in _OF_BODIES):
             source, data = self._scratch
-            source.body_mass[:], source.body_inertia[:] = self._model.body_mass, self._model.body_inertia
+            for name in _OF_BODIES:
+                getattr(source, name)[:] = getattr(self._model, name)
             mujoco.mj_setConst(source, data)
         for field in _DERIVED:
             getattr(self._model, field)[:] = getattr(source, field)

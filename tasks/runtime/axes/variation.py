@@ -60,6 +60,8 @@ class Variation(Observer):
             settings: Values by name of the axis.
         """
         for name, set_value in self._setters.items():
+            assert self._rig is not None
+            self._rig.axis = name
             set_value(settings[name].value if name in settings else None)
         if self._rig is not None:
             self._changes = self._rig.changes()

@@ -2,12 +2,15 @@
 
 import itertools
 import json
+import re
 from typing import Any
 
 import pytest
+from helpers.paths import REPOSITORY
 from helpers.variable_axes import variables
 from hypothesis import given
 from hypothesis import strategies as st
+from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import parse_request
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequestMembers
@@ -195,6 +198,16 @@ def test_what_is_wrong_with_trials_is_said(trials: dict[str, Any], said: str) ->
         order(trials)
     with pytest.raises(InvalidParameterException, match=said.removeprefix(r"trials")):
         order(variable=json.dumps(trials))
+
+
+def test_ten_axes_and_2000_trials_are_a_few_lines() -> None:
+    page = (REPOSITORY / "docs" / "trials.md").read_text()
+    [text] = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if block.startswith("trials:")]
+    trials = Trials.model_validate(YAML(typ="safe").load(text)["trials"])
+    assert trials.axes is not None
+    assert (len(trials.axes), trials.count) == (10, 2000)
+    assert len(text.splitlines()) <= 16  # with the line that says `trials:`
+    assert order(trials.to_wire()).trials == trials
 
 
 def test_member_and_variable_may_not_differ() -> None:

@@ -61,6 +61,41 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
 
 
+def test_a_card_has_a_rate_for_each_part_of_each_axis() -> None:
+    axes = {
+        "mass": {"kind": "robot_mass", "range": [0.5, 1.5]},
+        "noise": {"kind": "lidar_noise_std_m", "values": [0, 0.01]},
+    }
+    drawn = {"axes": axes, "design": "sobol", "points": 40, "include": [{}, {"mass": 2}]}
+    trials = Trials.model_validate({"seeds": 1, **drawn})
+    made = result(trials, 4)
+    page = render_report(report(made))
+
+    parts = ["0.5 to 0.7", "0.7 to 0.9", "0.9 to 1.1", "1.1 to 1.3", "1.3 to 1.5", "above 1.5", "as built"]
+    places = [page.index(f'<th scope="row">mass {part}</th>') for part in parts]
+    assert places == sorted(places)
+    in_part = [number for number in range(40) if 0.5 <= trials.trial(number, 7).axes["mass"] < 0.7]  # type: ignore
+    passed = sum(number % 4 != 3 for number in in_part)
+    low, high = wilson_interval(passed, len(in_part))
+    row = page[places[0] : places[1]]
+    assert f'data-label="Passed">{passed}<' in row
+    assert f"{100 * low:.0f}" in row
+    assert f"{100 * high:.0f}" in row
+    assert '<th scope="row">noise 0.01</th>' in page
+    assert f"mass={trials.trial(3, 7).axes['mass']:.6g}" in page  # of the first that fails
+
+
+def test_cells_of_a_grid_of_several_axes_are_shown_worst_first() -> None:
+    both = trials_of_variables(6, {"SPEED": ["1", "2"], "LOAD": ["a", "b"]})
+    page = render_report(report(result(both, 20)))
+    cells = ["SPEED=1, LOAD=a", "SPEED=2, LOAD=b"]  # trials 3 and 23 fail
+    others = ["SPEED=1, LOAD=b", "SPEED=2, LOAD=a"]
+    places = [page.index(f'<th scope="row">{cell}</th>') for cell in (*cells, *others)]
+    assert max(places[:2]) < min(places[2:])
+    assert '<th scope="row">LOAD b</th>' in page
+    assert "Cells" not in render_report(report(result(trials_of_variables(6, {"SPEED": ["1", "2"]}), 20)))
+
+
 def test_a_job_without_trials_has_none() -> None:
     plain = RunResult(verdict="PASS", sim_time_s=1.0, wall_time_s=1.0, real_time_factor=1.0, ended_by="agent", seed=1)
     assert "trials" not in render_report(report(plain)).partition("<article")[2]
