@@ -44,8 +44,8 @@ class Trials(Shape):
         "the job's seed, 0 unless the request gives one, and with those after it."
     )
     axes: TrialAxes | None = optional(
-        "What differs between cells, by name: an environment variable by its own name (`kind: variable`), or a number "
-        "of robot, motors or sensors."
+        "Axes, along which cells differ, by name: an environment variable by its own name (`kind: variable`), or a "
+        "number of robot, motors or sensors."
     )
     design: TrialDesign = Field(
         default="grid",

@@ -10,7 +10,7 @@ from .kind import LidarAxis
 class LidarBiasAxis(LidarAxis):
     """Length in metres that is added to all ranges that the lidar measures."""
 
-    varies = "what all of the lidar's ranges are too long by"
+    varies = "length that all of the lidar's ranges are too long by"
     error = "bias_m"
     unit = "m"
     # Rooms are a few metres wide: nothing is where it seems with more.

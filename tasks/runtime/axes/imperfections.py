@@ -29,7 +29,7 @@ class LidarErrors:
     noise_std_m: float
     """Standard deviation of its ranges, in metres."""
     bias_m: float = 0.0
-    """What all ranges are too long by, in metres."""
+    """Length that all ranges are too long by, in metres."""
     dropout: float = 0.0
     """Share of the rays that see nothing, 0 to 1."""
     latency_s: float = 0.0

@@ -26,7 +26,7 @@ DRAWN: dict[str, Any] = {
         "gain": {"kind": "motor_gain", "normal": {"mean": 1, "std": 0.2, "low": 0.5}},
         "LIMIT": {"kind": "variable", "values": ["0.3", "9"]},
     },
-    "include": [{}, {"mass": 1, "gain": 1}],
+    "include": [{}, {"mass": 1, "gain": 1}, {"mass": 1.5}],
 }
 
 
@@ -39,16 +39,16 @@ def test_rows_have_the_values_and_any_is_repeated(service: Service, swing: Simul
     plain = swing(seed=4, TIME_LIMIT_S="1")
 
     rows = rows_of(service, job)
-    assert [row["seed"] for row in rows] == [3, 4] * 6
+    assert [row["seed"] for row in rows] == [3, 4] * 7
     assert len({(row["axis.mass"], row["axis.gain"]) for row in rows[:8]}) == 4
     assert rows[8]["axis.mass"] is None
-    assert [row["axis.LIMIT"] for row in rows[8:]] == [None] * 4
-    assert len({row["model_sha256"] for row in rows}) == 5  # four points, and as built
+    assert [row["axis.LIMIT"] for row in rows[8:]] == [None] * 6
+    assert len({row["model_sha256"] for row in rows}) == 6  # four points, as built, and heavier
     # As built, and with factors of 1, it is the run of a job without axes.
     digest = RunResult.model_validate_json((outputs_of(service, plain) / "result.json").read_bytes()).state_digest
     assert [row["state_digest"] for row in (rows[9], rows[11])] == [digest, digest]
-    assert len({row["state_digest"] for row in rows}) == 10
-    for number in (6, 9):
+    assert len({row["state_digest"] for row in rows}) == 12
+    for number in (6, 12):
         answer = verify_run(job["arn"], service, trial=number)
         assert answer.answer == "bit-identical", answer
         assert answer.digest_again == rows[number]["state_digest"]
@@ -57,6 +57,15 @@ def test_rows_have_the_values_and_any_is_repeated(service: Service, swing: Simul
     folder = outputs_of(service, job) / f"trials/{failing:06d}"
     again = RunResult.model_validate_json((folder / "result.json").read_bytes())
     assert again.state_digest == rows[failing]["state_digest"]
+    # Its trials are counted by axis.
+    summary = TrialsSummary.of(RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes()))
+    assert summary is not None
+    assert summary.cells == []  # no point comes twice
+    parts = {(each.axis, each.part): each.total for each in summary.axes}
+    assert [parts["LIMIT", part] for part in ("0.3", "9", "as built")] == [4, 4, 6]
+    assert parts["mass", "as built"] == 2
+    assert sum(total for (axis, _), total in parts.items() if axis == "mass") == 14
+    assert parts["mass", "0.8 to 1.1"] >= 2  # the one that was included is there
 
 
 @pytest.mark.deep
@@ -67,18 +76,7 @@ def test_a_trial_is_taken_apart(service: Service, swing: Simulate, tmp_path: Pat
     assert (made.ending, made.same_ending) == ("ended with verdict FAIL (low)", True)
 
 
-def test_the_summary_counts_by_axis(service: Service, swing: Simulate) -> None:
-    job = swing(seed=3, job={"trials": DRAWN}, TIME_LIMIT_S="1")
-    summary = TrialsSummary.of(RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes()))
-    assert summary is not None
-    assert summary.cells == []  # no point comes twice
-    parts = {(each.axis, each.part): each.total for each in summary.axes}
-    assert parts["LIMIT", "0.3"] == parts["LIMIT", "9"] == parts["LIMIT", "as built"] == 4
-    assert parts["mass", "as built"] == 2
-    assert sum(total for (axis, _), total in parts.items() if axis == "mass") == 12
-    assert parts["mass", "0.8 to 1.1"] >= 2  # the one that was included is there
-
-
+@pytest.mark.deep
 def test_a_table_of_other_points_is_repeated_by_its_own(
     service: Service, swing: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
