@@ -38,6 +38,7 @@ def shown(language: str, text: str) -> str:
 def example(tmp_path: Path) -> Path:
     """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
     kinds = {"requirements": shown("py", "class ReachRule"), "sensors": shown("py", "class Magnetometer")}
+    kinds["axes"] = shown("py", "class RobotInertiaAxis")
     kinds["backends"] = shown("py", "def backend_at")
     kinds["pages"] = shown("py", "visit.page(_PAGE")
     site = tmp_path / "site"
@@ -83,6 +84,7 @@ print(json.dumps({
     "refused": refused,
     "made of": list(_judging_packages([{"kind": "reach"}], str)),
     "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
+    "axes": with_tables("<!-- made: axis-kinds -->\\n<!-- end -->"),
 }))
 """
 
@@ -97,6 +99,37 @@ def test_one_file_is_seen_everywhere(example: Path) -> None:
     assert schema["$defs"]["ReachRequirement"]["properties"]["max_m"]["anyOf"][0]["type"] == "number"
     assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
     assert "| `reach` | its body is farther from the origin than `max_m` |" in seen["page"]
+    assert "| `robot_inertia` | inertias of all bodies of the robot | a factor from 0.1 to 10 |" in seen["axes"]
+    assert schema["$defs"]["RobotInertiaAxis"]["properties"]["range"]
+
+
+VARIED = """
+import pickle
+from pathlib import Path
+from prefect_robomaker.schemas.runs.axes import AxisSetting
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.axes.variation import Variation
+
+environment = make_environment(pickle.loads((Path(FOLDER) / "context.pickle").read_bytes()))
+model = environment.physics.model.ptr
+body, built = model.body("scout/base").id, model.body_inertia.copy()
+axes = {"spin": "robot_inertia", "mass": "robot_mass"}
+Variation({"spin": "robot_inertia"}).applied(environment, {"spin": AxisSetting(kind="robot_inertia", value=2.0)})
+print((model.body_inertia[body] / built[body]).tolist())
+settings = {name: AxisSetting(kind=kind, value=2.0) for name, kind in axes.items()}
+try:
+    Variation(axes).applied(environment, settings)
+except Exception as error:
+    print(error)
+"""
+
+
+def test_an_axis_of_another_distribution_is_applied(example: Path, make_context: hand_written_flat.MakeContext) -> None:
+    folder = example.parent
+    (folder / "context.pickle").write_bytes(pickle.dumps(make_context()))
+    _, factors, refused = run(example, "-c", VARIED.replace("FOLDER", repr(str(folder)))).splitlines()[:3]
+    assert json.loads(factors) == [2.0, 2.0, 2.0]
+    assert refused == "trials.axes: mass and spin both change body_inertia of the model, of which one would be lost"
 
 
 DRIVEN = """

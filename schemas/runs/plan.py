@@ -27,6 +27,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..wire.base import Model, ShapeName, optional
+from .axes import AxisSetting
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirement_kinds.kind import Requirement
 from .requirements import JobRequirements
@@ -126,6 +127,10 @@ class RunPlan(Model):
     trials: Trials | None = optional("Its trials, which are run one after the other; absent: it is one episode.")
     trial: int | None = Field(
         default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."
+    )
+    axes: dict[str, AxisSetting] = Field(
+        default={},
+        description="Values of the axes of its trial that are numbers, by name; those of variables are variables.",
     )
     recorded_actions: RecordedActions | None = optional(
         "Actions that replace the robot application's program in a rerun."

@@ -120,8 +120,8 @@ def check_policy(request: PolicyRequest) -> None:
     Raises:
         ValueError: it is not.
     """
-    if request.trials is not None and POLICY_VARIABLE in (request.trials.parameters or {}):
-        raise ValueError(f"trials.parameters.{POLICY_VARIABLE}: a job has one policy; order a job for each of them")
+    if request.trials is not None and POLICY_VARIABLE in (request.trials.axes or {}):
+        raise ValueError(f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them")
     where, policy = _given(request)
     if policy is None:
         return

@@ -10,6 +10,8 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from ..wire.base import Model, optional
+from .axes import AxisSetting
+from .axis_kinds.kind import Value
 from .plan import Requirement, RunPlan, RunResult, Verdict
 from .provenance import StateDigestSummary
 from .trials import Trial
@@ -20,8 +22,8 @@ SUMMARY_NAME = "trials"
 """Name of the summary in a result's `extra`."""
 MAX_FAILING = 100
 """How many trials that did not pass a summary names."""
-MAX_COMBINATIONS = 200
-"""How many combinations of parameters a summary counts."""
+MAX_CELLS = 200
+"""How many cells of a grid, and how many parts of an axis, a summary counts."""
 
 
 class TrialRow(Model):
@@ -29,7 +31,7 @@ class TrialRow(Model):
 
     trial: int = Field(ge=0, description="Its number.")
     seed: int = Field(ge=0, description="Its seed.")
-    parameters: dict[str, str] = Field(default={}, description="Its parameters by name.")
+    axes: dict[str, Value] = Field(default={}, description="Values of its axes by name.")
     verdict: Verdict = Field(description="PASS, FAIL, ERROR (something broke), or NONE when nothing was judged.")
     reason: str = Field(default="", description="Why the verdict is FAIL or ERROR, in words.")
     failure_code: str | None = optional(
@@ -76,11 +78,11 @@ class TrialRow(Model):
 
 
 class FailingTrial(Model):
-    """A trial (one episode of a simulation job) that did not pass, with its seed, parameters and reason."""
+    """A trial (one episode of a simulation job) that did not pass, with its seed, its axes and the reason."""
 
     trial: int = Field(description="Its number.")
     seed: int = Field(description="Its seed.")
-    parameters: dict[str, str] = Field(default={}, description="Its parameters by name.")
+    axes: dict[str, Value] = Field(default={}, description="Values of its axes by name.")
     verdict: Literal["FAIL", "ERROR"] = Field(description="FAIL, or ERROR.")
     reason: str = Field(default="", description="Why, in words.")
     recorded: bool = Field(default=False, description="Whether it has a folder with its recording.")
@@ -89,9 +91,7 @@ class FailingTrial(Model):
 class TrialCounts(Model):
     """Numbers of a job's trials by outcome: passed, failed, errored, ...."""
 
-    parameters: dict[str, str] = Field(
-        default={}, description="Combination of parameters of these trials; empty: all of them."
-    )
+    axes: dict[str, Value] = Field(default={}, description="Cell of these trials; empty: all of them.")
     passed: int = Field(default=0, description="With verdict PASS.")
     failed: int = Field(default=0, description="With verdict FAIL.")
     errors: int = Field(default=0, description="With verdict ERROR.")
@@ -103,13 +103,23 @@ class TrialCounts(Model):
         return self.passed + self.failed + self.errors + self.unjudged
 
 
+class AxisCounts(TrialCounts):
+    """Numbers of a job's trials by outcome, of those with one value of an axis or with one part of its range."""
+
+    axis: str = Field(description="Name of the axis.")
+    part: str = Field(description="Its value, or the part of its range, in words.")
+
+
 class TrialsSummary(Model):
     """Summary of a simulation job's trials: counts, pass rate and the first failing trials."""
 
     planned: int = Field(description="How many trials the job has.")
     counts: TrialCounts = Field(description="How the finished ones ended.")
-    combinations: list[TrialCounts] = Field(
-        default=[], description="The same by combination of parameters, the first 200; empty without parameters."
+    cells: list[TrialCounts] = Field(
+        default=[], description="The same by cell of a grid, the first 200; empty without axes."
+    )
+    axes: list[AxisCounts] = Field(
+        default=[], description="The same by axis and part of it, of each axis the first 200 parts; empty without axes."
     )
     failing: list[FailingTrial] = Field(default=[], description="Those that did not pass, the first 100.")
     recorded: list[int] = Field(default=[], description="Numbers of those that have a folder of outputs of their own.")
@@ -133,18 +143,24 @@ def trial_folder(number: int) -> str:
 
 
 def plan_of_trial(plan: RunPlan, trial: Trial) -> RunPlan:
-    """Makes the run plan of a single trial from its job's plan, with the trial's seed and parameters.
+    """Makes the run plan of a single trial from its job's plan, with the trial's seed and the values of its axes.
 
     Args:
         plan: The job's.
         trial: One of its trials.
     """
     changes: dict[str, object] = {"seed": trial.seed, "trials": None, "trial": trial.number}
-    if trial.parameters:
-        changes["environment"] = {**plan.environment, **trial.parameters}
+    axes = (plan.trials.axes if plan.trials else None) or {}
+    changes["axes"] = {
+        name: AxisSetting(kind=axes[name].kind, value=value)
+        for name, value in trial.axes.items()
+        if not isinstance(value, str)
+    }
+    if trial.variables:
+        changes["environment"] = {**plan.environment, **trial.variables}
         for name in ("simulation_application", "robot_application"):
             application = getattr(plan, name)
             if application is not None:
-                variables = {**application.environment_variables, **trial.parameters}
+                variables = {**application.environment_variables, **trial.variables}
                 changes[name] = application.model_copy(update={"environment_variables": variables})
     return plan.model_copy(update=changes)

@@ -1,45 +1,34 @@
-"""Trials: many episodes in one job, each with a seed of its own, in every combination of parameters.
+"""Trials: many episodes in one job, each with a seed of its own and a value of each axis.
 
 A job's request orders them as its member `trials` or, for SDKs that do not know that member, as JSON in the launch
-variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each combination of parameters gets the same seeds, the job's
-own and those after it; seeds change from trial to trial, then the parameter that is named last.
+variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each cell, a combination of values of the axes, gets the same
+seeds, the job's own and those after it; seeds change from trial to trial, then the cell.
 """
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from ..wire.base import Model, Shape, ShapeName, optional
 from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
-from ..wire.job_configs import (
-    MAX_VARIABLE_CHARACTERS,
-    EnvironmentVariableKey,
-    EnvironmentVariableValue,
-    JobRequest,
-    given_once,
-    is_program,
-    launches,
-)
+from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping, load_strict
-from ..wire.request_problems import parsed_member
+from ..wire.request_problems import nearest, parsed_member
+from .axes import CellList, TrialAxes, value_text
+from .axis_kinds.kind import Axis, Value
+from .trial_designs import Cell, TrialDesign, check_excluded, grid_cell, grid_size, kept_cells, point
 
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """The launch variable."""
 MAX_TRIALS = 1_000_000
 """How many trials a job may have."""
-MAX_PARAMETERS = 20
 MAX_RECORDED = 1000
 """How many trials of a job may be recorded, each in a folder of its own."""
-_OF_THE_JOB = (
-    *("ROBOMAKER_REQUIREMENTS", TRIALS_VARIABLE, "ROBOMAKER_CHECKPOINT_EVERY_S", "ROBOMAKER_SEED"),
-    *("ROBOMAKER_OUTPUT_DIR", "ROBOMAKER_DATA_DIR", "ROBOMAKER_WORLD_DIR", "ROBOMAKER_JOB_ROOT"),
-)
-"""Variables that say something about the whole job."""
 
 TrialCount = Annotated[int, ShapeName("TrialCount"), Field(ge=1, le=MAX_TRIALS)]
 TrialNumber = Annotated[int, ShapeName("TrialNumber"), Field(ge=0, lt=MAX_TRIALS)]
@@ -47,44 +36,30 @@ RecordedTrials = Annotated[int, ShapeName("RecordedTrials"), Field(ge=0, le=MAX_
 TrialNumbers = Annotated[list[TrialNumber], ShapeName("TrialNumbers"), Field(max_length=MAX_RECORDED)]
 
 
-def _differ(values: list[str]) -> list[str]:
-    if twice := sorted({value for value in values if values.count(value) > 1}):
-        raise ValueError(f"values have to differ; {', '.join(map(repr, twice))} appears more than once")
-    return values
-
-
-def _possible(parameters: dict[str, list[str]]) -> dict[str, list[str]]:
-    if reserved := sorted(name for name in parameters if name.startswith("AWS") or name in _OF_THE_JOB):
-        raise ValueError(f"{', '.join(reserved)} cannot differ from trial to trial; give it for the whole job")
-    if with_nul := sorted(name for name, values in parameters.items() if any("\0" in value for value in values)):
-        raise ValueError(f"no variable can hold a NUL character; remove it from {', '.join(with_nul)}")
-    return parameters
-
-
-TrialValues = Annotated[
-    list[EnvironmentVariableValue],
-    ShapeName("TrialValues"),
-    Field(min_length=1, max_length=1000),
-    AfterValidator(_differ),
-]
-TrialParameters = Annotated[
-    dict[EnvironmentVariableKey, TrialValues],
-    ShapeName("TrialParameters"),
-    Field(max_length=MAX_PARAMETERS),
-    AfterValidator(_possible),
-]
-
-
 class Trials(Shape):
-    """Trials of a simulation job: how often the episode is repeated, over which seeds and parameter values."""
+    """Trials of a simulation job: how often the episode is repeated, over which seeds and values of axes."""
 
     seeds: TrialCount = Field(
-        description="How many trials there are of each combination of parameters: with the job's seed, 0 unless the "
-        "request gives one, and with those after it."
+        description="How many trials there are of each cell, that is of each combination of values of the axes: with "
+        "the job's seed, 0 unless the request gives one, and with those after it."
     )
-    parameters: TrialParameters | None = optional(
-        "Values of environment variables, by name; there are trials of every combination. They take the "
-        "place of launch variables of these names, of both applications."
+    axes: TrialAxes | None = optional(
+        "Axes, along which cells differ, by name: an environment variable by its own name (`kind: variable`), or a "
+        "number of robot, motors or sensors."
+    )
+    design: TrialDesign = Field(
+        default="grid",
+        description="How cells are chosen: `grid`: every combination of the values that all axes list; the others: as "
+        "many as `points` says, `random`: by chance, `latin-hypercube`: with a value from each part of each axis, "
+        "`sobol`: spread evenly over all axes.",
+    )
+    points: TrialCount | None = optional("How many cells there are, of a design that is no grid.")
+    include: CellList | None = optional(
+        "Cells beside those of the design: values by name of the axis. Axes that are left out are as built, or as the "
+        "launch configuration says; `{}` is the cell without any change."
+    )
+    exclude: CellList | None = optional(
+        "Cells that a grid does without: values by name of the axis, of all axes or of some."
     )
     record: TrialNumbers | None = optional(
         "Numbers of trials that are recorded, with a video if the job's policy is `always`, however they end."
@@ -96,28 +71,75 @@ class Trials(Shape):
     )
 
     @model_validator(mode="after")
-    def _not_too_many(self) -> Self:
+    def _fits_together(self) -> Self:
+        self._check_design()
+        self._check_cells()
         if self.count > MAX_TRIALS:
             raise ValueError(
-                f"{self.seeds} seeds for each of {self.combinations} combinations of parameters are {self.count} "
-                f"trials; a job has at most {MAX_TRIALS}"
+                f"{self.seeds} seeds for each of {self.cells} cells are {self.count} trials; a job has at most "
+                f"{MAX_TRIALS}"
             )
         if missing := [number for number in self.record or () if number >= self.count]:
             raise ValueError(f"record: there is no trial {missing[0]}; the trials are 0 to {self.count - 1}")
         return self
 
+    def _check_design(self) -> None:
+        """Refuses what a design needs and lacks, or has and cannot use."""
+        if not self._axes and (named := [name for name in ("include", "exclude") if getattr(self, name)]):
+            raise ValueError(f"{named[0]}: its cells are of axes, and there are none; give axes")
+        if self.design == "grid":
+            for name, axis in self._axes.items():
+                if axis.listed is None:
+                    raise ValueError(
+                        f"axes.{name}: a grid has values, and this is a range or a distribution; list `values`, or "
+                        "choose a design such as sobol and how many points it has"
+                    )
+            if self.points is not None:
+                raise ValueError("points: a grid has as many cells as its values make; leave it out, or give a design")
+            return
+        if not self._axes:
+            raise ValueError(f"design: {self.design} spreads points over axes, and there are none; give axes")
+        if self.points is None:
+            raise ValueError(f"points is missing: a {self.design} design has as many cells as it says")
+        if self.exclude:
+            raise ValueError(f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own")
+
+    def _check_cells(self) -> None:
+        """Refuses cells that name what is not there, are there twice, or leave nothing."""
+        if grid_size(self._axes) > MAX_TRIALS and self.design == "grid":
+            cells = grid_size(self._axes)
+            raise ValueError(f"axes: a grid of them has {cells} cells; a job has at most {MAX_TRIALS} trials")
+        for number, cell in enumerate(self._excluded):
+            check_excluded(self._axes, cell, f"exclude[{number}]")
+        if self.exclude and not self._kept and not self.include:
+            raise ValueError("exclude: it leaves no cell; exclude fewer, or include some")
+        known = (
+            [grid_cell(self._axes, number) for number in self._kept] if self.design == "grid" and self.include else []
+        )
+        for number, cell in enumerate(self._included):
+            if cell and dict(cell) in known:
+                raise ValueError(f"include[{number}]: the grid has this cell already; leave it out")
+            if cell in self._included[:number]:
+                raise ValueError(f"include[{number}]: it is there twice; cells have to differ")
+
     @property
-    def combinations(self) -> int:
-        """Number of combinations of parameter values; 1 without parameters."""
-        return math.prod(len(values) for values in (self.parameters or {}).values())
+    def cells(self) -> int:
+        """Number of cells, that is of combinations of values of the axes; 1 without axes."""
+        return self._drawn + len(self.include or ())
 
     @property
     def count(self) -> int:
-        """Number of trials: parameter combinations times repetitions."""
-        return self.seeds * self.combinations
+        """Number of trials: cells times seeds."""
+        return self.seeds * self.cells
+
+    @property
+    def first_values(self) -> dict[str, Any]:
+        """The axes of a grid, as plain values, with nothing but the values of its first cell."""
+        first = grid_cell(self._axes, self._kept[0] if self._kept else 0)
+        return {name: {**axis.to_wire(), "values": [first[name]]} for name, axis in self._axes.items()}
 
     def trial(self, number: int, first_seed: int) -> "Trial":
-        """Returns the trial of a given number, with its seed and parameter values.
+        """Returns the trial of a given number, with its seed and the values of its axes.
 
         Args:
             number: Its number, from 0.
@@ -129,12 +151,51 @@ class Trials(Shape):
         if not 0 <= number < self.count:
             raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")
         place, offset = divmod(number, self.seeds)
-        chosen: dict[str, str] = {}
-        for name, values in reversed((self.parameters or {}).items()):
-            place, index = divmod(place, len(values))
-            chosen[name] = values[index]
         # Seeds are a ring, so that the largest one may be followed too.
-        return Trial(number, (first_seed + offset) % (MAX_SEED + 1), dict(reversed(chosen.items())))
+        return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cell(place, first_seed))
+
+    def _cell(self, place: int, seed: int) -> Cell:
+        """The cell of a given number, from 0."""
+        if place >= self._drawn:
+            return self._included[place - self._drawn]
+        if self.design == "grid":
+            return grid_cell(self._axes, self._kept[place])
+        return point(self._axes, self.design, self._drawn, seed, place)
+
+    @property
+    def _axes(self) -> dict[str, Axis]:
+        return self.axes or {}
+
+    @property
+    def _drawn(self) -> int:
+        """Number of cells besides those that are included."""
+        return len(self._kept) if self.points is None else self.points
+
+    @cached_property
+    def _kept(self) -> Sequence[int]:
+        """Numbers of the cells of a grid that are not excluded."""
+        return kept_cells(self._axes, self._excluded)
+
+    @cached_property
+    def _excluded(self) -> list[Cell]:
+        return [self._parsed(cell, f"exclude[{number}]") for number, cell in enumerate(self.exclude or ())]
+
+    @cached_property
+    def _included(self) -> list[Cell]:
+        return [self._parsed(cell, f"include[{number}]") for number, cell in enumerate(self.include or ())]
+
+    def _parsed(self, cell: Mapping[str, str], place: str) -> Cell:
+        """The values that a cell of the request means."""
+        parsed: dict[str, Value] = {}
+        for name, text in cell.items():
+            if name not in self._axes:
+                hint = nearest(name, self._axes) or f"; there are {', '.join(self._axes) or 'none'}"
+                raise ValueError(f"{place}: there is no axis {name!r}{hint}")
+            try:
+                parsed[name] = self._axes[name].parse(text)
+            except ValueError as error:
+                raise ValueError(f"{place}.{name}: {error}") from None
+        return parsed
 
 
 @dataclass(frozen=True)
@@ -147,16 +208,26 @@ class TrialCounts:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of a simulation job: its number, seed and parameter values."""
+    """One trial of a simulation job: its number, its seed, and the values of its axes."""
 
     number: int
     seed: int
-    parameters: Mapping[str, str]
-    """Environment variables of its own, besides those of all trials."""
+    axes: Cell = field(default_factory=dict[str, Value])
+    """Values of axes by name; one that is not there is as built."""
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables of its own, besides those of all trials."""
+        return {name: value for name, value in self.axes.items() if isinstance(value, str)}
 
     def __str__(self) -> str:
-        parameters = "".join(f", {name}={value}" for name, value in self.parameters.items())
-        return f"trial {self.number} (seed {self.seed}{parameters})"
+        axes = "".join(f", {name}={value_text(value)}" for name, value in self.axes.items())
+        return f"trial {self.number} (seed {self.seed}{axes})"
+
+
+def number_axes(trials: Trials) -> dict[str, str]:
+    """Returns the kinds of the axes whose values are numbers, by name of the axis."""
+    return {name: axis.kind for name, axis in (trials.axes or {}).items() if axis.is_number}
 
 
 class _Holder(Model):

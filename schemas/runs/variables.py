@@ -12,7 +12,7 @@ from .programs import ProgramPlan
 from .trials import TRIALS_VARIABLE, Trials
 
 HIDDEN = "(secret)"
-"""Text in place of a secret; with a number where values have to differ, those of a parameter of trials."""
+"""Text in place of a secret; with a number where values have to differ, those of an axis of trials."""
 
 ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
 """Environment variable in which SDKs find the address of the service."""
@@ -36,7 +36,9 @@ _NAMES = re.compile(
 )
 _NO_SECRETS = frozenset({"PWD", "OLDPWD", SECRETS_VARIABLE})
 _VARIABLES = "environmentVariables"
-_TRIALS, _PARAMETERS = "trials", "parameters"
+_TRIALS, _AXES = "trials", "axes"
+_CELLS = ("include", "exclude")
+"""Members of trials that have values by name of the axis."""
 _LOGIN_IN_URL = re.compile(r"(?<=://)[^/\s:@]*:[^/\s@]+(?=@)")
 
 
@@ -56,24 +58,24 @@ def number_in(text: str) -> float:
         return math.nan
 
 
-def secret_names(variables: Mapping[str, str], parameters: Iterable[str] = ()) -> set[str]:
-    """Returns the names of variables and trial parameters that hold secrets.
+def secret_names(variables: Mapping[str, str], axes: Iterable[str] = ()) -> set[str]:
+    """Returns the names of variables, and of axes of trials that are variables, that hold secrets.
 
     They are recognised by name, or are listed in `ROBOMAKER_SECRETS`.
     """
     marked = {name.strip() for name in variables.get(SECRETS_VARIABLE, "").split(",")}
-    names = {*variables, *parameters} - _NO_SECRETS
+    names = {*variables, *axes} - _NO_SECRETS
     return {name for name in names if name in marked or _NAMES.search(name)}
 
 
 def without_secrets(plan: RunPlan) -> RunPlan:
-    """Returns the plan with `(secret)` in place of secret variables, trial parameters, arguments and logins in URLs."""
+    """Returns the plan with `(secret)` in place of secret variables, axes, arguments and logins in URLs."""
     applications = [each for each in (plan.robot_application, plan.simulation_application) if each is not None]
     all_variables = [plan.environment, *(each.environment_variables for each in applications)]
     all_variables += [each.environment for each in plan.programs]
     trials = plan.trials
-    parameters = (trials.parameters if trials else None) or {}
-    names = {name for variables in all_variables for name in secret_names(variables, parameters)}
+    axes = set(_axes_in({_TRIALS: trials.to_wire()})) if trials else set[str]()
+    names = {name for variables in all_variables for name in secret_names(variables, axes)}
     values = {variables[name] for variables in all_variables for name in names if variables.get(name)}
 
     def cleaned(text: str) -> str:
@@ -97,7 +99,7 @@ def without_secrets(plan: RunPlan) -> RunPlan:
             "robot_application": application(plan.robot_application),
             "simulation_application": application(plan.simulation_application),
             "programs": [program(each) for each in plan.programs],
-            "trials": trials and trials.model_copy(update=_hidden_parameters(trials, names)),
+            "trials": trials and Trials.model_validate(_hidden_member(_TRIALS, trials.to_wire(), names)),
         }
     )
 
@@ -105,27 +107,30 @@ def without_secrets(plan: RunPlan) -> RunPlan:
 def hide_secrets(document: Any) -> Any:
     """Returns JSON data, such as a request, with `(secret)` in place of the secrets inside.
 
-    These are among its variables and the parameters of its trials. A variable that is a secret in one launch
+    These are among its variables and the axes of its trials. A variable that is a secret in one launch
     configuration is one in all of them. Without any it is `document` itself.
     """
-    parameters = set(_parameters_in(document))
-    names = secret_names({}, parameters)
+    axes = set(_axes_in(document))
+    names = secret_names({}, axes)
     for variables in _variables_in(document):
-        names |= secret_names({name: str(value) for name, value in variables.items()}, parameters)
+        names |= secret_names({name: str(value) for name, value in variables.items()}, axes)
     return _with_hidden(document, names) if names else document
 
 
-def _parameters_in(value: Any) -> Iterator[str]:
-    """The names of the parameters of all trials."""
+def _axes_in(value: Any) -> Iterator[str]:
+    """The names of the axes of all trials that are variables."""
     if is_mapping(value):
         for name, inner in value.items():
             if name == _TRIALS and is_mapping(inner):
-                yield from inner[_PARAMETERS] if is_mapping(inner.get(_PARAMETERS)) else ()
+                axes = inner.get(_AXES)
+                for each, axis in axes.items() if is_mapping(axes) else ():
+                    if is_mapping(axis) and axis.get("kind") == "variable":
+                        yield each
             else:
-                yield from _parameters_in(_read(inner) if name == TRIALS_VARIABLE else inner)
+                yield from _axes_in(_read(inner) if name == TRIALS_VARIABLE else inner)
     elif is_list(value):
         for inner in value:
-            yield from _parameters_in(inner)
+            yield from _axes_in(inner)
 
 
 def _read(text: Any) -> Any:
@@ -160,11 +165,8 @@ def _with_hidden(value: Any, names: set[str]) -> Any:
 def _hidden_member(name: str, value: Any, names: set[str]) -> Any:
     if name == _VARIABLES and is_mapping(value):
         return _hidden_variables(value, names)
-    if name == _TRIALS and is_mapping(value) and is_mapping(given := value.get(_PARAMETERS)):
-        return {
-            **value,
-            _PARAMETERS: {each: _hidden_values(given[each]) if each in names else given[each] for each in given},
-        }
+    if name == _TRIALS and is_mapping(value) and is_mapping(value.get(_AXES)):
+        return _hidden_trials(value, names)
     return _with_hidden(value, names)
 
 
@@ -175,12 +177,31 @@ def _hidden_variables(variables: Mapping[str, Any], names: set[str]) -> dict[str
     return hidden
 
 
-def _hidden_parameters(trials: Trials, names: set[str]) -> dict[str, Any]:
-    return _hidden_member(_TRIALS, {_PARAMETERS: trials.parameters}, names)
+def _hidden_trials(trials: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
+    """Trials without the values of some axes; different values of one stay different, so that they can be read."""
+    cells = [cell for member in _CELLS if is_list(found := trials.get(member)) for cell in found if is_mapping(cell)]
+    axes: Mapping[str, Any] = trials[_AXES] if is_mapping(trials.get(_AXES)) else {}
+    hidden: dict[str, dict[str, str]] = {}
+    for name in names & set(axes):
+        listed = axes[name].get("values") if is_mapping(axes[name]) else None
+        values = [*(listed if is_list(listed) else ()), *(cell[name] for cell in cells if name in cell)]
+        hidden[name] = {text: _numbered(number) for number, text in enumerate(dict.fromkeys(map(str, values)), start=1)}
+
+    def shown(name: str, value: Any) -> Any:
+        return hidden[name].get(str(value), HIDDEN) if name in hidden else value
+
+    def axis(name: str, given: Any) -> Any:
+        if name not in hidden or not is_mapping(given):
+            return HIDDEN if name in hidden else given
+        values = given.get("values")
+        return {**given, "values": [shown(name, each) for each in values] if is_list(values) else HIDDEN}
+
+    def cell(given: Any) -> Any:
+        return {name: shown(name, value) for name, value in given.items()} if is_mapping(given) else given
+
+    lists = {member: list(map(cell, found)) for member in _CELLS if is_list(found := trials.get(member))}
+    return {**trials, _AXES: {name: axis(name, given) for name, given in axes.items()}, **lists}
 
 
-def _hidden_values(values: Any) -> Any:
-    """As many different texts as a parameter has values, so that what has them can be read again."""
-    count = len(values) if is_list(values) else 1
-    hidden = [HIDDEN, *(f"{HIDDEN[:-1]} {number})" for number in range(2, count + 1))]
-    return hidden if is_list(values) else HIDDEN
+def _numbered(number: int) -> str:
+    return HIDDEN if number == 1 else f"{HIDDEN[:-1]} {number})"

@@ -194,22 +194,30 @@ def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
 
 
 def cut_trials(trials: Trials, most: int) -> Trials:
-    """Reduces trials to at most `most`, with the first values of each parameter where all combinations are too many.
+    """Reduces trials to at most `most`: where there are too many cells, to the first one of a grid or to fewer points.
 
     As many of them are recorded as of the whole, in proportion.
     """
-    parameters, combinations = trials.parameters, trials.combinations
-    if combinations > most:
-        parameters, combinations = {name: values[:1] for name, values in (parameters or {}).items()}, 1
-    seeds = min(trials.seeds, max(1, most // combinations))
-    share = seeds * combinations / trials.count
+    fewer: dict[str, Any] = {}
+    cells = trials.cells
+    if cells > most:
+        fewer, cells = {"include": None, "exclude": None}, 1
+        if trials.points is None:
+            fewer |= {"axes": trials.first_values}
+        else:
+            cells = min(most, trials.points)
+            fewer |= {"points": cells}
+    seeds = min(trials.seeds, max(1, most // cells))
+    share = seeds * cells / trials.count
     recorded = range(math.ceil(len(trials.record or ()) * share))
-    return Trials(
-        seeds=seeds,
-        parameters=parameters,
-        record=list(recorded) or None,
-        record_failed=math.ceil(trials.record_failed * share),
-    )
+    changes = {
+        **fewer,
+        "seeds": seeds,
+        "record": list(recorded) or None,
+        "record_failed": math.ceil(trials.record_failed * share),
+    }
+    wire = {name: value for name, value in {**trials.to_wire(), **changes}.items() if value is not None}
+    return Trials.model_validate(wire)
 
 
 def _without_trials(application: Mapping[str, Any]) -> dict[str, Any]:

@@ -143,7 +143,7 @@ def _answer(
         return "not comparable", _why_unpaired(before, after)
     if not len(fair):
         if any(pair.has_same_requirements for pair in pairing.pairs):
-            return "not comparable", "no trial of one run has the seed and the parameters of one of the other run"
+            return "not comparable", "no trial of one run has the seed and the axes of one of the other run"
         return "not comparable", (
             f"{_counted(len(pairing.pairs), 'pair')} of jobs, all judged by different requirements: a verdict says "
             "whether they were met, so that one of other requirements says something else"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.comparison import PairedJob
 from ...schemas.reports.run_record import JobRecord
+from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome
 from ..results.table import ResultTable
 from .nights import HEALTH, JUDGED, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
@@ -112,8 +113,8 @@ _CODES = {"passed": PASSED, "failed": FAILED, "broken": BROKEN, "no verdict": UN
 ENDED = (PASSED, FAILED, UNJUDGED)
 """Outcomes of trials that came to their end."""
 
-TrialKey = tuple[float, tuple[tuple[str, str], ...], int]
-"""Seed, parameters, and which of the trials of one job that have the same."""
+TrialKey = tuple[float, tuple[tuple[str, Value], ...], int]
+"""Seed, values of axes, and which of the trials of one job that have the same."""
 
 
 @dataclass(frozen=True)
@@ -181,9 +182,9 @@ class TrialPairs:
 
 
 def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> TrialPairs:
-    """Matches the trials of two runs by job, seed and parameters.
+    """Matches the trials of two runs by job, seed and axes.
 
-    Two jobs without trials are one pair. Of others, trials with the same seed and parameters are; where several of one
+    Two jobs without trials are one pair. Of others, trials with the same seed and axes are; where several of one
     job have both, they are taken in their order.
 
     Args:
@@ -216,13 +217,13 @@ def _outcomes(table: ResultTable) -> NDArray[np.int8]:
     return known[codes] if len(codes) else np.zeros(0, np.int8)
 
 
-def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, str], ...]]]:
-    """Seed and parameters of each row."""
+def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, Value], ...]]]:
+    """Seed and values of axes of each row."""
     seeds = table.numbers("seed").tolist()
-    names = sorted(table.parameters)
+    names = sorted(table.axes)
     if not names:
         return [(seed, ()) for seed in seeds]
-    values = zip(*(table.texts(f"parameter.{name}") for name in names), strict=True)
+    values = zip(*(table.values(name) for name in names), strict=True)
     return [
         (seed, tuple((name, value) for name, value in zip(names, row, strict=True) if value is not None))
         for seed, row in zip(seeds, values, strict=True)
@@ -230,10 +231,10 @@ def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, str], ...
 
 
 def _numbered(
-    keys: Sequence[tuple[float, tuple[tuple[str, str], ...]]], rows: range, alone: NDArray[np.bool_]
+    keys: Sequence[tuple[float, tuple[tuple[str, Value], ...]]], rows: range, alone: NDArray[np.bool_]
 ) -> Iterator[tuple[TrialKey, int]]:
     """The trials of a job, by what tells them apart; a row that says that the job broke between them is none."""
-    seen: Counter[tuple[float, tuple[tuple[str, str], ...]]] = Counter()
+    seen: Counter[tuple[float, tuple[tuple[str, Value], ...]]] = Counter()
     for row in rows:
         key = keys[row]
         if len(rows) > 1 and alone[row]:

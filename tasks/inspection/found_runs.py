@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -17,6 +17,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.plan import RunPlan
 from ...schemas.runs.provenance import PROVENANCE_FILE, Manifest
 from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, plan_of_trial
+from ...schemas.runs.trials import Trial
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
@@ -256,7 +257,7 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
     failure_code = _failure_code(run, number, row)
     provenance = provenance.model_copy(
         update={
-            "plan": plan_of_trial(plan, trial),
+            "plan": plan_of_trial(plan, _as_run(trial, row)),
             "model_sha256": row.model_sha256 if row else None,
             "digest": row.digest if row else None,
             "ended_by": row.ended_by if row else None,
@@ -279,7 +280,16 @@ def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:
     """
     if found.trial is None or plan.trials is None:
         return plan
-    return plan_of_trial(plan, plan.trials.trial(found.trial, plan.seed))
+    of_trial = plan_of_trial(plan, plan.trials.trial(found.trial, plan.seed))
+    return of_trial.model_copy(update={"axes": found.axes})
+
+
+def _as_run(trial: Trial, row: TrialRow | None) -> Trial:
+    """A trial with the numbers of its axes that it was run with, which another release of scipy may draw otherwise."""
+    if row is None:
+        return trial
+    numbers = {name: value for name, value in row.axes.items() if not isinstance(value, str)}
+    return replace(trial, axes={**trial.variables, **numbers})
 
 
 def _row_of(run: FoundRun, number: int) -> TrialRow | None:

@@ -29,6 +29,7 @@ from .nights.changes import (
 )
 from .nights.history_view import view_history
 from .view import view_report
+from .worlds import axes_in_words
 
 _FOLDER = Path(__file__).parent
 
@@ -163,6 +164,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         number=outcomes.number,
         plain=outcomes.plain,
         compact=outcomes.compact,
+        axes=axes_in_words,
         moment=outcomes.moment,
         minute=outcomes.minute,
         day=outcomes.day,

@@ -7,6 +7,8 @@ from markupsafe import Markup
 from pydantic import ValidationError
 
 from ...schemas.reports.report import Report, ReportedJob, ReportedWorld, Share
+from ...schemas.runs.axes import AS_BUILT, value_text
+from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.trial_rows import FailingTrial, TrialCounts, TrialsSummary
 from ...schemas.worlds.world import Preference, World
 from ..results.rates import share_of
@@ -113,7 +115,7 @@ def _given_plan(world: ReportedWorld, note: str) -> tuple[str, str]:
 
 
 MOST_SHOWN = 20
-"""How many trials, and how many combinations of parameters, a job's card shows."""
+"""How many trials, and how many cells of a grid, a job's card shows."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +125,11 @@ class TrialsView:
     planned: int
     stopped_in: int | None
     share: Share
-    combinations: list[Share]
-    """Shares by combination of parameters, the worst first; empty where there is but one."""
+    axes: list[Share]
+    """Shares by axis and part of it, in the order of the axes; empty without axes."""
+
+    cells: list[Share]
+    """Shares by cell of a grid of several axes, the worst first; empty where there is but one."""
 
     failing: list[FailingTrial]
     more: int
@@ -151,23 +156,25 @@ def view_trials(job: ReportedJob) -> TrialsView | None:
     summary = TrialsSummary.of(job.result)
     if summary is None:
         return None
-    shares = [_share(parameters_in_words(each.parameters), each) for each in summary.combinations]
+    shares = [_share(axes_in_words(each.axes) or AS_BUILT, each) for each in summary.cells]
+    has_grid = len(shares) > 1 and len({each.axis for each in summary.axes}) > 1
     worst = sorted(shares, key=lambda share: (not share.errors, 1.0 if share.rate is None else share.rate))
     failing = summary.failing[:MOST_SHOWN]
     return TrialsView(
         planned=summary.planned,
         stopped_in=summary.stopped_in,
         share=_share("all trials", summary.counts),
-        combinations=worst[:MOST_SHOWN] if len(worst) > 1 else [],
+        axes=[_share(f"{each.axis} {each.part}", each) for each in summary.axes],
+        cells=worst[:MOST_SHOWN] if has_grid else [],
         failing=failing,
         more=summary.counts.failed + summary.counts.errors - len(failing),
         command=f"robomaker repro {job.label} --trial {failing[0].trial}" if failing else "",
     )
 
 
-def parameters_in_words(parameters: Mapping[str, str]) -> str:
-    """Formats a trial's parameters: `SPEED=0.4, LOAD=2`."""
-    return ", ".join(f"{name}={value}" for name, value in parameters.items())
+def axes_in_words(axes: Mapping[str, Value]) -> str:
+    """Formats the values of a trial's axes: `SPEED=0.4, mass=1.05`."""
+    return ", ".join(f"{name}={value_text(value)}" for name, value in axes.items())
 
 
 def _share(name: str, counts: TrialCounts) -> Share:

@@ -1,7 +1,7 @@
 """Columns of trials: what the tables of a job's trials and of a run's results have in common."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
@@ -41,8 +41,13 @@ class Names:
                 names[name] = None
 
 
-def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
-    """Returns the Arrow schema of a trials table."""
+def schema_of(axes: Mapping[str, bool], names: Names) -> "pa.Schema":
+    """Returns the Arrow schema of a trials table.
+
+    Args:
+        axes: Names of the axes, and whether their values are numbers.
+        names: Names of metrics and requirements.
+    """
     # Takes a tenth of a second and 40 MB, which only what reads tables should pay.
     import pyarrow as pa
 
@@ -50,7 +55,7 @@ def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
     return pa.schema(
         [
             *(("trial", whole), ("seed", whole)),
-            *((f"parameter.{name}", text) for name in parameters),
+            *((f"axis.{name}", number if is_number else text) for name, is_number in axes.items()),
             *(("verdict", text), ("reason", text), ("failure_code", text), ("ended_by", text)),
             *(("sim_time_s", number), ("wall_time_s", number), ("steps", whole)),
             *((f"metric.{name}", number) for name in names.metrics),
@@ -78,7 +83,7 @@ def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[s
     return {
         "trial": row.trial,
         "seed": row.seed,
-        **{f"parameter.{name}": value for name, value in row.parameters.items()},
+        **{f"axis.{name}": value for name, value in row.axes.items()},
         "verdict": row.verdict,
         "reason": row.reason,
         "failure_code": row.failure_code,
@@ -137,7 +142,7 @@ def row_of(found: dict[str, Any]) -> TrialRow:
     return TrialRow(
         trial=found["trial"],
         seed=found["seed"],
-        parameters=dict(named("parameter.")),
+        axes=dict(named("axis.")),
         verdict=found["verdict"],
         reason=found["reason"],
         failure_code=found["failure_code"],

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.run_states import case_outcome
+from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement
 from ...schemas.runs.trial_rows import TrialRow, trial_folder
 from .columns import Names, columns_of, schema_of
@@ -136,9 +137,9 @@ class ResultTable:
         return self._rows
 
     @property
-    def parameters(self) -> list[str]:
-        """Names of the parameters that the trials have."""
-        return list(self._names("parameter."))
+    def axes(self) -> list[str]:
+        """Names of the axes that the trials have."""
+        return list(self._names("axis."))
 
     @property
     def metrics(self) -> list[str]:
@@ -149,6 +150,10 @@ class ResultTable:
     def requirements(self) -> list[str]:
         """Names of the requirements that the trials have."""
         return list(self._names("requirement."))
+
+    def values(self, axis: str) -> list[Value | None]:
+        """Returns the values of an axis: texts or numbers; `None` where a trial has none."""
+        return self._column(f"axis.{axis}").to_pylist()
 
     def texts(self, column: str) -> list[str | None]:
         """Returns a text column; `None` for empty cells."""
@@ -247,7 +252,7 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
         }
         for job, row, known in zip(jobs, rows, seed_known, strict=True)
     ]
-    return pa.Table.from_pylist(columns, pa.schema([*of_jobs, *schema_of((), names)]))
+    return pa.Table.from_pylist(columns, pa.schema([*of_jobs, *schema_of({}, names)]))
 
 
 def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":

@@ -122,13 +122,13 @@ def store_night(record: RunRecord) -> Path:
 _OF_TRIALS: Mapping[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
 
 
-def trials_of(letters: str, *, parameters: Mapping[str, str] | None = None) -> pa.Table:
+def trials_of(letters: str, *, axes: Mapping[str, str] | None = None) -> pa.Table:
     """The table of a job's trials, one a letter, with seeds from 100; each is judged by `gentle`."""
     rows = [
         TrialRow(
             trial=number,
             seed=100 + number,
-            parameters=dict(parameters or {}),
+            axes=dict(axes or {}),
             verdict=_OF_TRIALS[letter],
             requirements=make_job(0, letter).requirements,
             metrics={"distance_m": float(number)} if letter in "PF" else {},
@@ -136,7 +136,9 @@ def trials_of(letters: str, *, parameters: Mapping[str, str] | None = None) -> p
         for number, letter in enumerate(letters)
     ]
     names = Names.of(rows)
-    return pa.Table.from_pylist([columns_of(row, names) for row in rows], schema_of(parameters or (), names))
+    return pa.Table.from_pylist(
+        [columns_of(row, names) for row in rows], schema_of(dict.fromkeys(axes or (), False), names)
+    )
 
 
 def make_trials_night(

@@ -53,6 +53,24 @@ CART_MAPPING: dict[str, Any] = {
 }
 
 
+PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
+<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+<geom type="cylinder" size="0.15 0.05" mass="5"/>
+<body name="upper" pos="0 0 0.1"><joint name="turn" axis="0 0 1"/>
+<geom type="box" size="0.1 0.1 0.05" mass="3"/></body></body></worldbody>
+<actuator><velocity name="x" joint="x" kv="200"/><velocity name="y" joint="y" kv="200"/>
+<velocity name="turn" joint="turn" kv="50"/></actuator></mujoco>"""
+PLANAR_MAPPING: dict[str, Any] = CART_MAPPING | {
+    "footprint": {"radius_m": 0.16},
+    "spawn": {"height_m": 0.1},
+    "sensors": {"lidar": {"height_m": 0.3}},
+    "drive": {
+        "kind": "velocity", "frame": "world", "x": "x", "y": "y", "yaw": "turn", "max_linear_mps": 0.8,
+        "max_angular_radps": 1.5,
+    },
+}  # fmt: skip
+
+
 def write_robot(folder: Path, mapping: dict[str, Any] | str, **files: str) -> ApplicationPlan:
     """An unpacked bundle whose package `my_cart` holds a robot; file names have `_` for their dot."""
     package = folder / "my_cart"

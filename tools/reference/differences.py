@@ -99,12 +99,23 @@ _REQUIREMENT_SHAPES = {
     "Tilt": "float",
 }
 _TRIAL_SHAPES = {
+    "AxisBound": "float",
+    "AxisName": "string",
+    "AxisRange": "list",
+    "AxisSpread": "float",
+    "AxisValue": "string",
+    "AxisValues": "list",
+    "CellList": "list",
+    "CellValues": "map",
+    "NormalDistribution": "structure",
     "RecordedTrials": "integer",
+    "TrialAxes": "map",
+    "TrialAxis": "structure",
+    "TrialAxisKind": "string",
     "TrialCount": "integer",
     "TrialNumber": "integer",
     "TrialNumbers": "list",
-    "TrialParameters": "map",
-    "TrialValues": "list",
+    "TrialDesign": "string",
     "Trials": "structure",
 }
 _ROLLOUT_MEMBERS = {

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
+from prefect_robomaker.schemas.runs.axes import AXIS_KINDS
+from prefect_robomaker.schemas.runs.axis_kinds.kind import NumberAxis
 from prefect_robomaker.schemas.runs.recording_sources import RecordingSources
 from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -96,6 +98,15 @@ def _requirement_kinds() -> str:
     return "\n".join(lines)
 
 
+def _axis_kinds() -> str:
+    """Each kind of axis of trials."""
+    lines = ["| kind | what it varies | possible values | changes nothing | for |", "| --- | --- | --- | --- | --- |"]
+    for name, kind in AXIS_KINDS.items():
+        possible, neutral = (kind.possible(), kind.neutral) if issubclass(kind, NumberAxis) else ("texts", "")
+        lines.append(f"| `{name}` | {kind.varies} | {possible} | {neutral} | {kind.applies_to} |")
+    return "\n".join(lines)
+
+
 def _sensor_kinds() -> str:
     """Each kind of sensor that is one module."""
     lines = ["| member | what it is | names of the model's own | numbers | topic |", "| --- | --- | --- | --- | --- |"]
@@ -116,6 +127,7 @@ def _recording_sources() -> str:
 
 _TABLES: Mapping[str, Callable[[], str]] = {
     "calls": _calls,
+    "axis-kinds": _axis_kinds,
     "requirement-kinds": _requirement_kinds,
     "recording-sources": _recording_sources,
     "sensor-kinds": _sensor_kinds,
@@ -135,7 +147,7 @@ def pages() -> Mapping[Path, str]:
         ConfigurationError: this is an installed package, which has no documentation.
     """
     guide = DOCS / "coming-from-robomaker.md"
-    tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md", "judging.md")))
+    tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md", "judging.md", "trials.md")))
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
     root, architecture = DOCS.parent, DOCS / "architecture.md"

@@ -37,6 +37,24 @@ def acting_roots(model: mujoco.MjModel) -> list[int]:
     return [int(model.body_rootid[body]) for body in moved if body > 0]
 
 
+def acting_body(model: mujoco.MjModel) -> int | None:
+    """Returns the number of the body that is taken for a robot: the first free body with actuators.
+
+    Where there is none it is the first body with any, else the only free one; None when there is none of these.
+    """
+    roots = list(dict.fromkeys(acting_roots(model)))
+    free = [int(body) for body in model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]]
+    for choice in ([root for root in free if root in roots], roots, free if len(free) == 1 else []):
+        if choice:
+            return choice[0]
+    return None
+
+
+def actuators_of(model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> list[int]:
+    """Returns the numbers of the actuators that move one of some bodies, given as a mask of shape (nbody,)."""
+    return [actuator for actuator in range(model.nu) if bodies[_moved_body(model, actuator)]]
+
+
 def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
     """Returns a mask of the bodies that belong to the robot, shape (nbody,).
 

@@ -21,6 +21,7 @@ from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
 from ..agents.remote_robot import RemoteRobot
+from ..axes.variation import Variation
 from ..episode.context import RobotProgramError, SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError, load_factory
@@ -140,7 +141,9 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     bridge = _bridge(plan, recording)
     recorder = bridge.recorder if bridge is not None else recording
     remote = _remote_robot(plan, stop, bridge)
-    observers = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
+    variation = Variation({name: setting.kind for name, setting in plan.axes.items()})
+    seen_by = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
+    observers = [variation, *seen_by]
     camera = camera_recording(plan)
     if camera is not None and (camera.is_recorded or bridge is not None):
         options = (lambda: bridge.options) if bridge is not None else RosOptions
@@ -152,7 +155,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
         simulation, robot = applications_of(plan)
         context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
         episode = run_episode(
-            lambda: watched_environment(factory_of(simulation)(context), progress),
+            lambda: variation.applied(watched_environment(factory_of(simulation)(context), progress), plan.axes),
             lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
             mark=progress.mark,
             count_step=progress.count_step,

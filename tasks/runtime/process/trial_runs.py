@@ -12,9 +12,10 @@ import numpy as np
 from ....schemas.runs.plan import RunPlan, RunResult
 from ....schemas.runs.provenance import StateDigestSummary
 from ....schemas.runs.trial_rows import TrialRow, plan_of_trial, trial_folder
-from ....schemas.runs.trials import Trial, Trials
+from ....schemas.runs.trials import Trial, Trials, number_axes
 from ....schemas.runs.variables import without_secrets
 from ....schemas.wire.errors import LaunchError
+from ..axes.variation import Variation
 from ..episode.context import SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError
@@ -44,7 +45,8 @@ class RenewableEnvironment(Protocol):
     def renew(self, context: SimulationContext) -> None:
         """Prepares the environment for the next trial's seed, as if it were made anew; `reset` follows.
 
-        Its parameters and its world are those that it was made with, its seed and its generator are others.
+        Its variables and its world are those that it was made with, its seed and its generator are others. Values of
+        axes that are numbers have been applied to it.
         """
         ...
 
@@ -87,8 +89,9 @@ class TrialStage:
         self._recorder = Recorder()
         self._environment: Any = None
         self._agent: Any = None
-        self._parameters: Mapping[str, str] = {}
+        self._variables: Mapping[str, str] = {}
         """Those that the environment was made with."""
+        self._variation = Variation(number_axes(plan.trials)) if plan.trials is not None else Variation({})
         self.unanswered = ""
         """Message about code that did not answer when a trial was stopped; empty: no answer was awaited."""
         self._between_substeps: Any = None
@@ -118,7 +121,7 @@ class TrialStage:
                 mark=self._progress.mark,
                 stop=self._stop,
                 recorder=self._recorder,
-                watchers=(digest, failures, requirements),
+                watchers=(self._variation, digest, failures, requirements),
                 health=health,
                 keep_open=True,
             )
@@ -141,7 +144,7 @@ class TrialStage:
         return row.model_copy(update={"model_sha256": digest.model_sha256})
 
     def _told(self, trial: Trial) -> Trial:
-        """The trial as people are told of it, without secrets among its parameters."""
+        """The trial as people are told of it, without secrets among its axes."""
         trials = self._without_secrets
         return trials.trial(trial.number, self._plan.seed) if trials is not None else trial
 
@@ -152,16 +155,18 @@ class TrialStage:
             environment.close()
 
     def _environment_for(self, trial: Trial, context: SimulationContext) -> Any:
-        environment = self._environment
-        if renews(environment) and trial.parameters == self._parameters:
+        environment, axes = self._environment, context.plan.axes
+        if renews(environment) and trial.variables == self._variables:
             physics: Any = getattr(environment, "physics", None)
             if hasattr(physics, "between_substeps"):  # requirements of the trial before have added theirs
                 physics.between_substeps = self._between_substeps
+            self._variation.set(axes)
             environment.renew(context)
             return environment
         self.close()  # and with it the agent, which may have taken something from the environment
         environment = self._make_environment(context)
-        self._environment, self._parameters = environment, trial.parameters
+        self._environment, self._variables = environment, trial.variables
+        self._variation.applied(environment, axes)
         self._between_substeps = getattr(getattr(environment, "physics", None), "between_substeps", None)
         return environment
 
@@ -197,7 +202,7 @@ def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestS
     return TrialRow(
         trial=trial.number,
         seed=trial.seed,
-        parameters=dict(trial.parameters),
+        axes=dict(trial.axes),
         verdict=result.verdict,
         reason=result.reason or "",
         ended_by=episode.ended_by,
@@ -219,7 +224,7 @@ def _broken(trial: Trial, report: Mapping[str, Any]) -> TrialRow:
     return TrialRow(
         trial=trial.number,
         seed=trial.seed,
-        parameters=dict(trial.parameters),
+        axes=dict(trial.axes),
         verdict="ERROR",
         reason=report["error"],
         failure_code=_CRASH_CODES[role] if role else "InternalServiceError",
@@ -282,7 +287,7 @@ def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row])
     Environment and working directory are put back in case that the trial before has changed them.
     """
     os.environ[_SEED_VARIABLE] = str(trial.seed)
-    wanted = {**run.environment, **trial.parameters, _SEED_VARIABLE: str(trial.seed)}
+    wanted = {**run.environment, **trial.variables, _SEED_VARIABLE: str(trial.seed)}
     if dict(os.environ) != wanted:
         os.environ.clear()
         os.environ.update(wanted)

@@ -21,7 +21,7 @@ from ..episode.loading import load_judging_function
 from ..episode.physics import (
     ClearanceMeter,
     ContactForces,
-    acting_roots,
+    acting_body,
     bodies_below,
     can_touch,
     floor_geoms,
@@ -178,12 +178,8 @@ class Scene:
         return {}
 
     def _acting_body(self, rule: Rule[Any]) -> int:
-        """The first free body with actuators, else the first body with any, else the only free one."""
-        roots = list(dict.fromkeys(acting_roots(self.model)))
-        free = [int(self.model.jnt_bodyid[joint]) for joint in range(self.model.njnt) if _is_free(self.model, joint)]
-        for choice in ([root for root in free if root in roots], roots, free if len(free) == 1 else []):
-            if choice:
-                return choice[0]
+        if (body := acting_body(self.model)) is not None:
+            return body
         raise rule.cannot("no body has actuators; name the robot's with `body`, or as the environment's `robot_body`")
 
     def _body_name(self, body: int) -> str:

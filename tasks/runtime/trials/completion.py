@@ -106,7 +106,7 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
     | `trial`, `seed` | its numbers |
     | `verdict`, `reason`, `failure_code`, `ended_by` | as in `TrialRow` |
     | `sim_time_s`, `wall_time_s`, `steps` | as in `TrialRow` |
-    | `parameter.NAME` | a column for each parameter |
+    | `axis.NAME` | its value of each axis: text of a variable, else a number; empty: it is as built |
     | `metric.NAME` | a column for each metric; empty where a trial has none of that name |
     | `requirement.NAME`, `margin.NAME` | whether it was met, and by how much; empty: it did not count, or broke |
     | `requirements` | all of them, as JSON |
@@ -130,7 +130,7 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
     import pyarrow.parquet as pq
 
     names = Names.of(read_journal(journal))
-    schema = schema_of(list(trials.parameters or ()), names)
+    schema = schema_of({name: axis.is_number for name, axis in (trials.axes or {}).items()}, names)
     unfinished = path.with_name(f".{path.name}.unfinished")
     unfinished.unlink(missing_ok=True)
     count, rows = 0, read_journal(journal)

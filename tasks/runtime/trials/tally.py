@@ -2,12 +2,15 @@
 
 import hashlib
 from dataclasses import dataclass, field
+from typing import TypeVar
 
+from ....schemas.runs.axis_kinds.kind import Value
 from ....schemas.runs.plan import Requirement, RunResult, Verdict
 from ....schemas.runs.trial_rows import (
-    MAX_COMBINATIONS,
+    MAX_CELLS,
     MAX_FAILING,
     SUMMARY_NAME,
+    AxisCounts,
     FailingTrial,
     TrialCounts,
     TrialRow,
@@ -15,6 +18,7 @@ from ....schemas.runs.trial_rows import (
 )
 from ....schemas.runs.trials import Trials
 from ..episode.results import Parts, TrialParts, decide_verdict
+from .axis_parts import AxisParts, Part
 
 MAX_NAMES = 200
 """How many metrics, and how many requirements, are counted; those that came first."""
@@ -25,7 +29,8 @@ _MAX_NOTES = 5
 _REASON_CHARACTERS = 300
 _COUNTED: dict[Verdict, str] = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "NONE": "unjudged"}
 
-Combination = tuple[tuple[str, str], ...]
+Cell = tuple[tuple[str, Value], ...]
+_Key = TypeVar("_Key")
 
 
 class Tally:
@@ -38,7 +43,9 @@ class Tally:
     def __init__(self, trials: Trials) -> None:
         self._trials = trials
         self._counts: dict[str, int] = {}
-        self._combinations: dict[Combination, dict[str, int]] = {}
+        self._cells: dict[Cell, dict[str, int]] = {}
+        self._parts = {name: AxisParts(axis) for name, axis in (trials.axes or {}).items()}
+        self._axes: dict[str, dict[Part, dict[str, int]]] = {name: {} for name in self._parts}
         self._failing: list[FailingTrial] = []
         self._requirements: dict[str, _RequirementCount] = {}
         self._means: dict[str, _Mean] = {}
@@ -59,11 +66,7 @@ class Tally:
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
-        if row.parameters:
-            of = tuple(row.parameters.items())
-            if of in self._combinations or len(self._combinations) < MAX_COMBINATIONS:
-                counts = self._combinations.setdefault(of, {})
-                counts[counted] = counts.get(counted, 0) + 1
+        self._count_cell(row, counted)
         if row.verdict in ("FAIL", "ERROR") and len(self._failing) < MAX_FAILING:
             self._failing.append(_failing(row, row.verdict))
         for requirement in row.requirements:
@@ -82,6 +85,13 @@ class Tally:
         self._sim_time_s += row.sim_time_s
         self._wall_time_s += row.wall_time_s
         self._steps += row.steps
+
+    def _count_cell(self, row: TrialRow, counted: str) -> None:
+        """Counts a trial by its cell, where these come again, and by the part of each axis that it lies in."""
+        if self._axes and self._trials.design == "grid":
+            _count(self._cells, tuple(row.axes.items()), counted)
+        for name, counts in self._axes.items():
+            _count(counts, self._parts[name].part(row.axes.get(name)), counted)
 
     @property
     def sim_time_s(self) -> float:
@@ -107,7 +117,12 @@ class Tally:
         return TrialsSummary(
             planned=self._trials.count,
             counts=_counts(self._counts),
-            combinations=[_counts(counts, dict(of)) for of, counts in self._combinations.items()],
+            cells=[_counts(counts, dict(cell)) for cell, counts in self._cells.items()],
+            axes=[
+                AxisCounts.model_validate({"axis": name, "part": part, **parts[place, part]})
+                for name, parts in self._axes.items()
+                for place, part in sorted(parts)
+            ],
             failing=[
                 each.model_copy(update={"recorded": True}) if each.trial in recorded else each for each in self._failing
             ],
@@ -237,15 +252,22 @@ class _RequirementCount:
         )
 
 
-def _counts(counts: dict[str, int], parameters: dict[str, str] | None = None) -> TrialCounts:
-    return TrialCounts.model_validate({"parameters": parameters or {}, **counts})
+def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:
+    """Counts one more of a key, of the first `MAX_CELLS` of them."""
+    if key in counts or len(counts) < MAX_CELLS:
+        of_key = counts.setdefault(key, {})
+        of_key[counted] = of_key.get(counted, 0) + 1
+
+
+def _counts(counts: dict[str, int], axes: dict[str, Value] | None = None) -> TrialCounts:
+    return TrialCounts.model_validate({"axes": axes or {}, **counts})
 
 
 def _failing(row: TrialRow, verdict: Verdict) -> FailingTrial:
     return FailingTrial(
         trial=row.trial,
         seed=row.seed,
-        parameters=row.parameters,
+        axes=row.axes,
         verdict="FAIL" if verdict == "FAIL" else "ERROR",
         reason=row.reason if len(row.reason) <= _REASON_CHARACTERS else f"{row.reason[: _REASON_CHARACTERS - 1]}…",
     )

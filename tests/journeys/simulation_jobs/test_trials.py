@@ -13,6 +13,7 @@ import pytest
 from helpers.job_worker_process import PerformElsewhere
 from helpers.processes import wait_for, working_below
 from helpers.swing_fixtures import outputs_of
+from helpers.variable_axes import variables
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.runs.programs import StopReason
@@ -97,20 +98,20 @@ def test_each_trial_has_the_states_that_a_job_with_its_seed_has(
         result_of(service, swing(seed=seed, TIME_LIMIT_S=limit_s, **kept)) for limit_s in ("2", "3") for seed in (5, 6)
     ]
 
-    trials = {"seeds": 2, "parameters": {"TIME_LIMIT_S": ["2", "3"]}}
+    trials = {"seeds": 2, "axes": variables({"TIME_LIMIT_S": ["2", "3"]})}
     rows = rows_of(service, swing(seed=5, job={"trials": trials}, **kept))
 
     assert [row["state_digest"] for row in rows] == [result.state_digest for result in alone]
     assert len({row["state_digest"] for row in rows}) == 4
     assert [row["sim_time_s"] for row in rows] == [result.sim_time_s for result in alone]
-    assert [row["parameter.TIME_LIMIT_S"] for row in rows] == ["2", "2", "3", "3"]
+    assert [row["axis.TIME_LIMIT_S"] for row in rows] == ["2", "2", "3", "3"]
     if not kept:  # the other one does not say
         found = [row["metric.highest_rad"] for row in rows]
         assert found == [result.metrics["highest_rad"] for result in alone]
 
 
 def test_any_trial_is_verified(service: Service, swing: Simulate) -> None:
-    job = swing(seed=3, job={"trials": {"seeds": 2, "parameters": {"LIMIT": ["0", "9"]}}}, TIME_LIMIT_S="0.5")
+    job = swing(seed=3, job={"trials": {"seeds": 2, "axes": variables({"LIMIT": ["0", "9"]})}}, TIME_LIMIT_S="0.5")
     rows = rows_of(service, job)
 
     answer = verify_run(job["arn"], service, trial=3)
@@ -124,7 +125,7 @@ def test_any_trial_is_verified(service: Service, swing: Simulate) -> None:
 
 @pytest.mark.deep
 def test_any_trial_is_verified_and_taken_apart_by_itself(service: Service, swing: Simulate, tmp_path: Path) -> None:
-    job = swing(seed=3, job={"trials": {"seeds": 6, "parameters": {"LIMIT": ["0.5", "9"]}}}, TIME_LIMIT_S="2")
+    job = swing(seed=3, job={"trials": {"seeds": 6, "axes": variables({"LIMIT": ["0.5", "9"]})}}, TIME_LIMIT_S="2")
     rows = rows_of(service, job)
     failing = next(row["trial"] for row in rows if row["verdict"] == "FAIL")
 
@@ -146,8 +147,8 @@ def test_any_trial_is_verified_and_taken_apart_by_itself(service: Service, swing
 
 
 def test_chance_that_no_seed_repeats_shows_in_its_trial(service: Service, swing: Simulate) -> None:
-    parameters = {"DRIFT_AT": ["-1", "60"]}
-    job = swing(job={"trials": {"seeds": 1, "parameters": parameters}})
+    axes = variables({"DRIFT_AT": ["-1", "60"]})
+    job = swing(job={"trials": {"seeds": 1, "axes": axes}})
     assert verify_run(job["arn"], service, trial=0).answer == "bit-identical"
     answer = verify_run(job["arn"], service, trial=1)
     assert str(answer).startswith("diverged at t=4.000 s or before: of a trial only the digest")
@@ -174,7 +175,7 @@ def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
 def test_a_crash_leaves_the_rows_before_it_and_says_where_it_was(
     service: Service, swing: Simulate, variable: str, said: str
 ) -> None:
-    trials = {"seeds": 3, "parameters": {variable: ["-1", "30"]}}
+    trials = {"seeds": 3, "axes": variables({variable: ["-1", "30"]})}
     job = swing(seed=3, job={"trials": trials}, TIME_LIMIT_S="2")
 
     assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
@@ -189,13 +190,13 @@ def test_a_crash_leaves_the_rows_before_it_and_says_where_it_was(
 
 
 def test_a_trial_that_crashed_is_taken_apart(service: Service, swing: Simulate, tmp_path: Path) -> None:
-    job = swing(seed=3, job={"trials": {"seeds": 2, "parameters": {"FAIL_AT": ["-1", "30"]}}}, TIME_LIMIT_S="2")
+    job = swing(seed=3, job={"trials": {"seeds": 2, "axes": variables({"FAIL_AT": ["-1", "30"]})}}, TIME_LIMIT_S="2")
     made = reproduce_run(job["arn"], tmp_path / "repro", service, "none", trial=2)
     assert (made.ending, made.same_ending) == ("failed with SimulationApplicationCrash", True)
 
 
 def test_with_continue_a_crash_is_the_error_of_its_trial(service: Service, swing: Simulate) -> None:
-    trials = {"seeds": 2, "parameters": {"FAIL_AT": ["-1", "30", "-2"]}}
+    trials = {"seeds": 2, "axes": variables({"FAIL_AT": ["-1", "30", "-2"]})}
     job = swing(job={"trials": trials, "failureBehavior": "Continue"}, TIME_LIMIT_S="2")
 
     assert job["status"] == "Completed"
@@ -287,7 +288,7 @@ def test_progress_of_a_batch_counts_the_trials_of_its_jobs(
 
 
 def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(service: Service, swing: Simulate) -> None:
-    trials = {"seeds": 5, "parameters": {"KILL_AT": ["-1", "30"]}}
+    trials = {"seeds": 5, "axes": variables({"KILL_AT": ["-1", "30"]})}
     job = swing(job={"trials": trials}, TIME_LIMIT_S="1", SLEEP_S="0.005")
 
     rows = rows_of(service, job)
@@ -298,17 +299,17 @@ def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(servi
     assert (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins") == 11
 
 
-def test_secret_parameters_are_in_nothing_that_a_job_leaves(service: Service, swing: Simulate) -> None:
+def test_secret_axes_are_in_nothing_that_a_job_leaves(service: Service, swing: Simulate) -> None:
     values = ["hunter2-a", "hunter2-b"]
-    trials = {"seeds": 1, "parameters": {"X_TOKEN": values}, "record": [0, 1]}
+    trials = {"seeds": 1, "axes": variables({"X_TOKEN": values}), "record": [0, 1]}
 
     job = swing(seed=3, job={"trials": trials}, **SOME_FAIL)
 
     rows = rows_of(service, job)
-    assert [row["parameter.X_TOKEN"] for row in rows] == ["(secret)", "(secret 2)"]
+    assert [row["axis.X_TOKEN"] for row in rows] == ["(secret)", "(secret 2)"]
     summary = TrialsSummary.of(result_of(service, job))
     assert summary is not None
-    assert [each.parameters["X_TOKEN"] for each in summary.combinations] == ["(secret)", "(secret 2)"]
+    assert [each.axes["X_TOKEN"] for each in summary.cells] == ["(secret)", "(secret 2)"]
     left = [path for path in outputs_of(service, job).rglob("*") if path.is_file()]
     assert len([path for path in left if path.name == "provenance.json"]) == 3
     assert [path.name for path in left if any(value.encode() in path.read_bytes() for value in values)] == []

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from helpers.variable_axes import variables
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.runs.policies import POLICY_VARIABLE, parse_policy, policy_in
@@ -82,7 +83,7 @@ def test_a_launch_variable_says_the_same() -> None:
          f"policy and .*{POLICY_VARIABLE} differ"),
         ({"robotApplications": [{**ROBOT, "launchConfig": {"environmentVariables": {POLICY_VARIABLE: "walk"}}}]},
          f"{POLICY_VARIABLE}: 'walk' is no policy; package.module:function"),
-        ({"policy": "nav:act", "trials": {"seeds": 1, "parameters": {POLICY_VARIABLE: ["a:b", "c:d"]}}},
+        ({"policy": "nav:act", "trials": {"seeds": 1, "axes": variables({POLICY_VARIABLE: ["a:b", "c:d"]})}},
          "a job has one policy; order a job for each"),
     ],
 )  # fmt: skip

@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 import pytest
+from helpers.variable_axes import trials_of_variables, variables
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -65,13 +66,13 @@ def test_requests_without_their_secrets() -> None:
     assert hide_secrets(open_request) is open_request
 
 
-def test_parameters_of_trials_are_hidden_like_variables() -> None:
+def test_axes_of_trials_are_hidden_like_variables() -> None:
     """As many values as before, which differ, so that what has them can be read again."""
 
     def request(mine: list[str], tokens: list[str]) -> dict[str, Any]:
-        trials = {"seeds": 2, "parameters": {"MINE": mine, "X_TOKEN": tokens, "SPEED": ["1", "2"]}}
-        variables = {SECRETS_VARIABLE: "MINE", "X_TOKEN": tokens[0], TRIALS_VARIABLE: json.dumps(trials)}
-        return {"robotApplications": [{"launchConfig": {"environmentVariables": variables}}], "trials": trials}
+        trials = {"seeds": 2, "axes": variables({"MINE": mine, "X_TOKEN": tokens, "SPEED": ["1", "2"]})}
+        launched = {SECRETS_VARIABLE: "MINE", "X_TOKEN": tokens[0], TRIALS_VARIABLE: json.dumps(trials)}
+        return {"robotApplications": [{"launchConfig": {"environmentVariables": launched}}], "trials": trials}
 
     hidden = hide_secrets(request(["hunter"], ["a", "b", "c"]))
 
@@ -84,14 +85,14 @@ def test_the_launch_variable_of_trials_alone_and_texts_that_are_none() -> None:
     def launch(text: str) -> dict[str, Any]:
         return {"environmentVariables": {TRIALS_VARIABLE: text, "X_TOKEN": HIDDEN}}
 
-    trials = '{"seeds": 1, "parameters": {"X_PASSWORD": ["hunter2"]}}'
+    trials = '{"seeds": 1, "axes": {"X_PASSWORD": {"kind": "variable", "values": ["hunter2"]}}}'
     assert hide_secrets(launch(trials)) == launch(trials.replace("hunter2", HIDDEN))
-    for text in ("", "{", "[]", "[" * 10_000, '{"parameters": 3}'):
+    for text in ("", "{", "[]", "[" * 10_000, '{"axes": 3}', '{"axes": {"SPEED": 3}}'):
         assert hide_secrets(launch(text)) == launch(text)
 
 
-def test_plans_have_no_secret_parameters() -> None:
-    trials = Trials(seeds=1, parameters={"MINE": ["1", "2"], "X_TOKEN": ["3"], "SPEED": ["4"]})
+def test_plans_have_no_secret_axes() -> None:
+    trials = trials_of_variables(1, {"MINE": ["1", "2"], "X_TOKEN": ["3"], "SPEED": ["4"]}, exclude=[{"MINE": "2"}])
     marked = "MINE"
     plan = RunPlan.model_construct(
         environment={SECRETS_VARIABLE: marked},
@@ -104,5 +105,6 @@ def test_plans_have_no_secret_parameters() -> None:
     shown = without_secrets(plan).trials
 
     assert shown is not None
-    assert shown.parameters == {"MINE": [HIDDEN, "(secret 2)"], "X_TOKEN": [HIDDEN], "SPEED": ["4"]}
-    assert shown.seeds == 1
+    assert shown == trials_of_variables(
+        1, {"MINE": [HIDDEN, "(secret 2)"], "X_TOKEN": [HIDDEN], "SPEED": ["4"]}, exclude=[{"MINE": "(secret 2)"}]
+    )

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 from helpers.small_flat import ROLE
+from helpers.variable_axes import trials_of_variables
 from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.operations.registry import parse_request
-from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.probe_requests import (
     BATCH,
@@ -59,8 +59,8 @@ def test_chosen_items_are_in_order_and_begin_with_the_first(items: list[int], mo
 
 @given(st.integers(1, 100), st.lists(st.integers(1, 5), max_size=3), st.integers(1, 100), st.integers(0, 20))
 def test_trials_are_fewer_and_still_trials(seeds: int, sizes: list[int], most: int, record_failed: int) -> None:
-    parameters = {f"P{i}": [str(value) for value in range(size)] for i, size in enumerate(sizes)} or None
-    trials = Trials(seeds=seeds, parameters=parameters, record=[0], record_failed=record_failed)
+    values = {f"P{i}": [str(value) for value in range(size)] for i, size in enumerate(sizes)}
+    trials = trials_of_variables(seeds, values, record=[0], record_failed=record_failed)
     probed = cut_trials(trials, most)
     assert 1 <= probed.count <= min(trials.count, max(1, most))
     assert probed.record == [0]
@@ -107,7 +107,7 @@ def test_a_batch_keeps_jobs_from_all_over_it() -> None:
 
 @pytest.mark.parametrize("as_variable", [False, True])
 def test_trials_of_a_job_are_cut_wherever_they_are_given(as_variable: bool) -> None:
-    trials = {"seeds": 100, "parameters": {"SPEED": ["1", "2"]}, "record": [150]}
+    trials = {"seeds": 100, "axes": {"SPEED": {"kind": "variable", "values": ["1", "2"]}}, "record": [150]}
     variables = {"ROBOMAKER_TRIALS": json.dumps(trials), "OTHER": "1"}
     launch = {"environmentVariables": variables if as_variable else {"OTHER": "1"}}
     applications = [{"application": "indoor-navigation", "launchConfig": launch}]
@@ -118,7 +118,7 @@ def test_trials_of_a_job_are_cut_wherever_they_are_given(as_variable: bool) -> N
 
     parse_request(JOB, probed)
     assert jobs_in(JOB, probed) == [JobAmount(trials=4, limit_s=60.0, kind=kind_of(request))]
-    assert probed["trials"]["parameters"] == {"SPEED": ["1", "2"]}
+    assert probed["trials"]["axes"] == trials["axes"]
     assert probed["trials"]["record"] == [0]
     assert probed["simulationApplications"][0]["launchConfig"]["environmentVariables"] == {"OTHER": "1"}
 

@@ -116,12 +116,12 @@ def test_trials_are_matched_by_their_parameters_too(tmp_path: Path) -> None:
     runs = []
     for night, speed in enumerate(("1", "2")):
         record = make_night([make_job(0, "P", night=night)], night, runs=tmp_path)
-        table = trials_of("PPP", parameters={"SPEED": speed})
+        table = trials_of("PPP", axes={"SPEED": speed})
         ResultTable.of(record.jobs, lambda job, table=table: table).write(store_night(record) / RESULTS_FILE)
         runs.append(NightRun.of(record))
     found = compare(*runs)
     assert (found.trials, found.answer) == (0, "not comparable")
-    assert "no trial of one run has the seed and the parameters" in found.why
+    assert "no trial of one run has the seed and the axes" in found.why
 
 
 def test_another_limit_is_no_other_way_of_failing() -> None:

@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from helpers.variable_axes import trials_of_variables
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
@@ -26,7 +27,7 @@ def result(trials: Trials, every: int) -> RunResult:
         asked = Requirement(
             name="clear", satisfied=not is_bad, detail="0.02 m", margin=-0.1 if is_bad else 0.2, unit="m"
         )
-        row = TrialRow(trial=number, seed=trial.seed, parameters=dict(trial.parameters), requirements=[asked],
+        row = TrialRow(trial=number, seed=trial.seed, axes=dict(trial.axes), requirements=[asked],
                        verdict="FAIL" if is_bad else "PASS", reason="clear: 0.02 m, 0.1 m <asked>" if is_bad else "",
                        metrics={"distance_m": 3.0})  # fmt: skip
         tally.take(row)
@@ -44,7 +45,7 @@ def report(*results: RunResult) -> Report:
 
 
 def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> None:
-    made = report(result(Trials(seeds=50, parameters={"SPEED": ["0.2", "0.4"]}), 10))
+    made = report(result(trials_of_variables(50, {"SPEED": ["0.2", "0.4"]}), 10))
     page = render_report(made)
     (tmp_path / "report.html").write_text(page)
 
@@ -58,6 +59,41 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     share = suite.jobs[0].trials
     assert share is not None
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
+
+
+def test_a_card_has_a_rate_for_each_part_of_each_axis() -> None:
+    axes = {
+        "mass": {"kind": "robot_mass", "range": [0.5, 1.5]},
+        "noise": {"kind": "lidar_noise_std_m", "values": [0, 0.01]},
+    }
+    drawn = {"axes": axes, "design": "sobol", "points": 40, "include": [{}, {"mass": 2}]}
+    trials = Trials.model_validate({"seeds": 1, **drawn})
+    made = result(trials, 4)
+    page = render_report(report(made))
+
+    parts = ["0.5 to 0.7", "0.7 to 0.9", "0.9 to 1.1", "1.1 to 1.3", "1.3 to 1.5", "above 1.5", "as built"]
+    places = [page.index(f'<th scope="row">mass {part}</th>') for part in parts]
+    assert places == sorted(places)
+    in_part = [number for number in range(40) if 0.5 <= trials.trial(number, 7).axes["mass"] < 0.7]  # type: ignore
+    passed = sum(number % 4 != 3 for number in in_part)
+    low, high = wilson_interval(passed, len(in_part))
+    row = page[places[0] : places[1]]
+    assert f'data-label="Passed">{passed}<' in row
+    assert f"{100 * low:.0f}" in row
+    assert f"{100 * high:.0f}" in row
+    assert '<th scope="row">noise 0.01</th>' in page
+    assert f"mass={trials.trial(3, 7).axes['mass']:.6g}" in page  # of the first that fails
+
+
+def test_cells_of_a_grid_of_several_axes_are_shown_worst_first() -> None:
+    both = trials_of_variables(6, {"SPEED": ["1", "2"], "LOAD": ["a", "b"]})
+    page = render_report(report(result(both, 20)))
+    cells = ["SPEED=1, LOAD=a", "SPEED=2, LOAD=b"]  # trials 3 and 23 fail
+    others = ["SPEED=1, LOAD=b", "SPEED=2, LOAD=a"]
+    places = [page.index(f'<th scope="row">{cell}</th>') for cell in (*cells, *others)]
+    assert max(places[:2]) < min(places[2:])
+    assert '<th scope="row">LOAD b</th>' in page
+    assert "Cells" not in render_report(report(result(trials_of_variables(6, {"SPEED": ["1", "2"]}), 20)))
 
 
 def test_a_job_without_trials_has_none() -> None:

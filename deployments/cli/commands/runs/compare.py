@@ -1,6 +1,6 @@
 """Compare two runs trial by trial: is the second one better or worse?
 
-Jobs are paired by step, world and seed, and their trials by seed and parameters. The answer is that of the exact
+Jobs are paired by step, world and seed, and their trials by seed and axes. The answer is that of the exact
 McNemar test of the pairs that were judged in both runs, or where six worlds or more have several trials, of a test
 that flips whole worlds. It is also the exit code: 0 better, or with `--margin` not worse, 1 worse, 6 no difference
 shown, 7 not comparable.

@@ -10,6 +10,7 @@ from pathlib import Path
 from .....schemas.runs.variables import number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
+from ...axes.imperfections import CommandDelay, LidarErrors
 from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...episode.results import EnvironmentReport
@@ -45,6 +46,16 @@ class IndoorNavigation(ResumableEnvironment):
     def time_limit_s(self) -> float:
         """Simulated time in seconds at which a run ends in any case."""
         return self._navigation.time_limit_s
+
+    @property
+    def lidar_errors(self) -> LidarErrors | None:
+        """Errors of the robot's lidar, which axes of trials change; None: it has none."""
+        return self._navigation.lidar_errors
+
+    @property
+    def command_delay(self) -> CommandDelay:
+        """Delay of the agent's commands, which axes of trials change."""
+        return self._navigation.command_delay
 
     @cached_property
     def tf_frames(self) -> dict[int, str]:

@@ -20,6 +20,7 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from .....schemas.worlds.world import World
+from ...axes.imperfections import CommandDelay, DelayedController, LateItems, LidarErrors
 from ...episode.occupancy_map import OccupancyMap
 from ...episode.results import EnvironmentReport
 from ...recording.recording import Frames, Recorder
@@ -39,6 +40,10 @@ _IDLE_S = 10.0
 
 _KEPT = ("_steps", "_still_s", "_ever_moved", "_newly_visited", "_visited")
 _KEPT_RANGES = ("_scan", "_proximity", "_scan_time")
+
+
+Ranges = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]
+"""Scan and proximity in metres, and the time in seconds at which they were measured."""
 
 
 class NavigationTask(Task):
@@ -69,6 +74,9 @@ class NavigationTask(Task):
         self._recorder = recorder
         self._telemetry = Telemetry(recorder, robot, known)
         self.time_limit_s = time_limit_s
+        self.lidar_errors = LidarErrors(robot.lidar.noise_std_m) if robot.lidar else None
+        """Errors of the lidar; None: the robot has none."""
+        self.command_delay = CommandDelay()
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
 
@@ -83,6 +91,8 @@ class NavigationTask(Task):
         mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
         self._start_sensing(physics)
         self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
+        if self.command_delay.delay_s > 0:
+            self._controller = DelayedController(self._controller, self.command_delay.delay_s)
         physics.between_substeps = self._between_substeps()
         self.mission = Mission(self._world.floorplan.rooms, self.time_limit_s)
         self._steps = 0
@@ -198,6 +208,7 @@ class NavigationTask(Task):
             "monitor": self._monitor.state(),
             "controller": self._controller.state(),
             "telemetry": self._telemetry.state(),
+            "late": (self._chance.bit_generator.state, self._late.state()),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -208,6 +219,8 @@ class NavigationTask(Task):
         self._monitor.restore(state["monitor"])
         self._controller.restore(state["controller"])
         self._telemetry.restore(state["telemetry"])
+        self._chance.bit_generator.state, late = state["late"]
+        self._late.restore(late)
         self._state, _ = self._read_state()
 
     def report(self) -> EnvironmentReport:
@@ -241,6 +254,9 @@ class NavigationTask(Task):
         show = ContactMarkers(self._recorder, model, data, body, furniture).publish if self._recorder.enabled else None
         self._monitor = CollisionMonitor(model, data, body, furniture, show)
         self._ranging = None
+        self._late: LateItems[Ranges] = LateItems()
+        # A generator of its own, which leaves the run's as it is.
+        self._chance = self._rng.spawn(1)[0]
         self._scan_every_steps = robot.lidar.every_steps if robot.lidar else 0
         if robot.lidar is not None:
             unseen = physics.unseen_group
@@ -281,17 +297,21 @@ class NavigationTask(Task):
         if self._recorder.enabled:
             for sensor in self._robot.sensors:
                 self._telemetry.publish_reading(sensor.kind, self._state.time_s, self._sensors[sensor.kind]())
-        if self._ranging is not None and self._steps % self._scan_every_steps == 0:
-            self._measure_ranges(*self._ranging)
+        if self._ranging is not None:
+            if self._steps % self._scan_every_steps == 0:
+                self._measure_ranges(*self._ranging)
+            if (ranges := self._late.take(self._state.time_s)) is not None:
+                self._scan, self._proximity, self._scan_time = ranges
 
     def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
-        noise = self._rng.normal(0.0, model.noise_std_m, model.rays)
-        ranges = np.maximum(scanner.measure() + noise, model.range_min_m)
-        self._scan = ranges.astype(np.float32)
-        self._proximity = bumper.measure().astype(np.float32)
-        self._scan_time = np.array(self._state.time_s)
+        """Measures; the robot has stood at its start before, so the first ranges are there at once."""
+        assert self.lidar_errors is not None
+        time_s, latency_s = self._state.time_s, self.lidar_errors.latency_s if self._steps else 0.0
+        measured = self.lidar_errors.disturb(scanner.measure(), self._rng, self._chance)
+        scan = np.maximum(measured, model.range_min_m).astype(np.float32)
+        self._late.add(time_s + latency_s, (scan, bumper.measure().astype(np.float32), np.array(time_s)))
         if self._recorder.enabled:
-            self._telemetry.publish_scan(self._state.time_s, self._scan)
+            self._telemetry.publish_scan(time_s, scan)
 
     def _read_state(self) -> tuple[RobotState, float]:
         base = self._base.read()

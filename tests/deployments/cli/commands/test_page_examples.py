@@ -53,14 +53,15 @@ def test_the_example_of_trials_has_a_row_for_each(
     [table] = home.rglob("trials.parquet")
     rows = pq.read_table(table).to_pylist()
     assert [row["verdict"] for row in rows] == ["PASS"] * 20
-    assert [row["seed"] for row in rows] == 2 * list(range(10))
-    assert [row["parameter.ROBOMAKER_SIM_TIME_LIMIT_S"] for row in rows] == ["120"] * 10 + ["240"] * 10
+    assert [row["seed"] for row in rows] == 4 * list(range(5))
+    assert [row["axis.ROBOMAKER_SIM_TIME_LIMIT_S"] for row in rows] == ["120"] * 10 + ["240"] * 10
+    assert [row["axis.mass"] for row in rows] == 2 * ([1.0] * 5 + [1.1] * 5)
     assert [row["trial"] for row in rows if row["recorded"]] == [0]
     # A longer limit changes nothing for those that are faster.
     digests = [row["state_digest"] for row in rows]
     assert digests[:10] == digests[10:]
-    assert len(set(digests)) == 10
-    verified = robomaker_at_server("verify", record["jobs"][0]["arn"], "--trial", "5")
+    assert len(set(digests)) == 10  # other seeds and other masses
+    verified = robomaker_at_server("verify", record["jobs"][0]["arn"], "--trial", "6")
     assert verified.out.startswith("bit-identical: "), verified
     assert len(results) == 2, "the job's, and that of the trial that was recorded"
 

@@ -35,7 +35,7 @@ def judged(batches: Batches, arn: str, application: Resource) -> PassedBatch | R
 
 
 def test_a_batch_passes_if_each_job_did(batches: Batches, application: Resource) -> None:
-    arn = batches.batch({}, {"trials": {"seeds": 3, "parameters": {"WIND": ["0", "1"]}}})
+    arn = batches.batch({}, {"trials": {"seeds": 3, "axes": {"WIND": {"kind": "variable", "values": ["0", "1"]}}}})
 
     found = judged(batches, arn, application)
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
+from helpers.variable_axes import trials_of_variables
 from helpers.yard_sabotages import ASKED, CAUGHT_BY, JUDGED_ELSEWHERE, SABOTAGES, YARD, asked, assert_caught
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS, parse_requirements
 from prefect_robomaker.schemas.runs.trial_rows import TRIALS_FILE
-from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import resumable_plan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.trials.completion import read_row
@@ -96,12 +96,10 @@ def test_an_environment_that_drives_and_asks_itself(
 
 
 def test_trials(launcher: Launcher, plan_yard: Callable[..., RunPlan]) -> None:
-    plan = plan_yard(
-        "", failure_behavior="Continue", trials=Trials(seeds=1, parameters={"SABOTAGE": ["none", *SABOTAGES]})
-    )
+    plan = plan_yard("", failure_behavior="Continue", trials=trials_of_variables(1, {"SABOTAGE": ["none", *SABOTAGES]}))
     assert launcher.run(plan, lambda: None).status == "Completed"
     rows = [read_row(plan.output_dir / TRIALS_FILE, number) for number in range(7)]
-    verdicts = {row.parameters["SABOTAGE"]: row.verdict for row in rows if row is not None}
+    verdicts = {row.axes["SABOTAGE"]: row.verdict for row in rows if row is not None}
     assert verdicts.pop("none") == "PASS"
     assert set(verdicts) == set(SABOTAGES)
     assert not {"PASS", "NONE"} & set(verdicts.values()), verdicts

@@ -6,6 +6,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 from helpers.examples import examples
+from helpers.variable_axes import variables
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
@@ -22,11 +23,22 @@ NAMES = st.sampled_from(("goal", "clear", "fast"))
 REQUIREMENTS = st.builds(Requirement, name=NAMES, satisfied=st.booleans(), detail=TEXTS, margin=st.none() | NUMBERS)
 
 
+AXES: list[dict[str, Any]] = [
+    {},
+    {"axes": {**variables({"A": ["1", "2"]}), "mass": {"kind": "robot_mass", "values": [0.1 + 0.2, 1]}}},
+    {
+        "axes": {"mass": {"kind": "robot_mass", "range": [0.8, 1.2]}, **variables({"A": ["1"]})},
+        "design": "random",
+        "points": 5,
+        "include": [{}, {"mass": 0.5}, {"mass": 2, "A": "1"}],
+    },
+]
+
+
 @st.composite
 def some_rows(draw: Any) -> tuple[Trials, list[TrialRow]]:
     """Rows of the first trials of a job."""
-    parameters = draw(st.none() | st.just({"A": ["1", "2"], "B": ["x", "y"]}))
-    trials = Trials(seeds=draw(st.integers(1, 3)), parameters=parameters)
+    trials = Trials.model_validate({"seeds": draw(st.integers(1, 3)), **draw(st.sampled_from(AXES))})
     rows = []
     for number in range(draw(st.integers(0, trials.count))):
         trial = trials.trial(number, 10)
@@ -34,7 +46,7 @@ def some_rows(draw: Any) -> tuple[Trials, list[TrialRow]]:
             TrialRow(
                 trial=number,
                 seed=trial.seed,
-                parameters=dict(trial.parameters),
+                axes=dict(trial.axes),
                 verdict=draw(st.sampled_from(("PASS", "FAIL", "ERROR", "NONE"))),
                 reason=draw(TEXTS),
                 failure_code=draw(st.none() | st.just("RobotApplicationCrash")),
@@ -121,8 +133,10 @@ def test_the_job_is_judged_by_its_trials(found: tuple[Trials, list[TrialRow]]) -
     assert [each.trial for each in summary.failing] == [row.trial for row in rows if row.verdict in ("FAIL", "ERROR")]
     assert summary.stopped_in == (None if len(rows) == trials.count else len(rows))
     assert (result.reason is None) == (result.verdict in ("PASS", "NONE"))
-    if trials.parameters:
-        assert sum(each.total for each in summary.combinations) == len(rows)
+    if trials.axes and trials.design == "grid":
+        assert sum(each.total for each in summary.cells) == len(rows)
+    for name in trials.axes or {}:
+        assert sum(each.total for each in summary.axes if each.axis == name) == len(rows)
 
 
 def test_a_defect_of_a_trial_stays_one_in_the_result_of_its_job() -> None:

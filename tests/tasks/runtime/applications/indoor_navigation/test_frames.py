@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from helpers.robot_stands import CART, CART_MAPPING, write_robot
+from helpers.robot_stands import CART, CART_MAPPING, PLANAR, PLANAR_MAPPING, write_robot
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
@@ -19,23 +19,6 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
 from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording
-
-PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
-<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
-<geom type="cylinder" size="0.15 0.05" mass="5"/>
-<body name="upper" pos="0 0 0.1"><joint name="turn" axis="0 0 1"/>
-<geom type="box" size="0.1 0.1 0.05" mass="3"/></body></body></worldbody>
-<actuator><velocity name="x" joint="x" kv="200"/><velocity name="y" joint="y" kv="200"/>
-<velocity name="turn" joint="turn" kv="50"/></actuator></mujoco>"""
-PLANAR_MAPPING = CART_MAPPING | {
-    "footprint": {"radius_m": 0.16},
-    "spawn": {"height_m": 0.1},
-    "sensors": {"lidar": {"height_m": 0.3}},
-    "drive": {
-        "kind": "velocity", "frame": "world", "x": "x", "y": "y", "yaw": "turn", "max_linear_mps": 0.8,
-        "max_angular_radps": 1.5,
-    },
-}  # fmt: skip
 
 
 def matrix(transform: Any) -> NDArray[np.float64]:

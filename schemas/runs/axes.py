@@ -1,0 +1,90 @@
+"""Axes of trials: what differs from trial to trial besides the seed, by name."""
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, TypeAlias, Union
+
+from pydantic import AfterValidator, Field
+
+from ..discovery import classes_of
+from ..wire.base import Model, ShapeName
+from ..wire.common import text
+from . import axis_kinds
+from .axis_kinds.kind import Axis, AxisValue, NumberAxis, Value
+
+MAX_AXES = 20
+AS_BUILT = "as built"
+"""Words for an axis, or for all of them, that a cell does not name."""
+AXIS_KINDS: Mapping[str, type[Axis]] = classes_of(Axis, axis_kinds.__name__, "axes", Axis.names)
+"""Kinds of axes by name."""
+
+if TYPE_CHECKING:
+    TrialAxis: TypeAlias = Axis
+    """One axis; `kind` says which."""
+else:
+    _ANY = Union[tuple(AXIS_KINDS.values())]  # noqa: UP007 - the kinds are known at run time only
+    TrialAxis = Annotated[_ANY, ShapeName("TrialAxis"), Field(discriminator="kind")]
+
+_OF_THE_JOB = (
+    *("ROBOMAKER_REQUIREMENTS", "ROBOMAKER_TRIALS", "ROBOMAKER_CHECKPOINT_EVERY_S", "ROBOMAKER_SEED"),
+    *("ROBOMAKER_OUTPUT_DIR", "ROBOMAKER_DATA_DIR", "ROBOMAKER_WORLD_DIR", "ROBOMAKER_JOB_ROOT"),
+)
+"""Variables that say something about the whole job."""
+_VARIABLE = re.compile("[A-Z_][A-Z0-9_]*")
+_NUMBER = re.compile("[a-z][a-z0-9_]*")
+
+
+def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
+    """Refuses names that axes of such kinds cannot have, and two axes that would change the same.
+
+    Names of variables and of numbers differ by their letters: a column of a table of several jobs has one type.
+    """
+    of_kind: dict[str, str] = {}
+    for name, axis in axes.items():
+        if not axis.is_number:
+            if not _VARIABLE.fullmatch(name):
+                raise ValueError(
+                    f"{name}: it is named after an environment variable, of capital letters, digits and _; "
+                    f"{name.upper()!r} would be one"
+                )
+            if name.startswith("AWS") or name in _OF_THE_JOB:
+                raise ValueError(f"{name} cannot differ from trial to trial; give it for the whole job")
+        elif not _NUMBER.fullmatch(name):
+            raise ValueError(
+                f"{name}: an axis of kind {axis.kind} is named with small letters, digits and _; capital letters are "
+                f"for environment variables, kind: variable"
+            )
+        elif (other := of_kind.setdefault(axis.kind, name)) != name:
+            raise ValueError(f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis")
+    return axes
+
+
+AxisName = Annotated[str, ShapeName("AxisName"), text(1, 64, r"[a-zA-Z_][a-zA-Z0-9_]*")]
+TrialAxes = Annotated[
+    dict[AxisName, TrialAxis],
+    ShapeName("TrialAxes"),
+    Field(min_length=1, max_length=MAX_AXES),
+    AfterValidator(_well_named),
+]
+CellValues = Annotated[dict[AxisName, AxisValue], ShapeName("CellValues"), Field(max_length=MAX_AXES)]
+"""Values of axes by name."""
+CellList = Annotated[list[CellValues], ShapeName("CellList"), Field(min_length=1, max_length=1000)]
+
+
+class AxisSetting(Model):
+    """Value of an axis that a single run has: the kind of axis, and the number."""
+
+    kind: str = Field(description="Kind of the axis, `robot_mass`.")
+    value: float = Field(description="Its value, in the unit of the kind.")
+
+
+def number_kind(kind: str) -> type[NumberAxis]:
+    """Returns the kind of axis with a name, whose values are numbers."""
+    found = AXIS_KINDS[kind]
+    assert issubclass(found, NumberAxis)
+    return found
+
+
+def value_text(value: Value) -> str:
+    """Formats a value of an axis for people: a number with six digits at most."""
+    return value if isinstance(value, str) else f"{value:.6g}"

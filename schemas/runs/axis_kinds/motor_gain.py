@@ -1,0 +1,32 @@
+"""Strength of the motors: the same command, at the same speed, gives so many times the force."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from .kind import NumberAxis, Rig, Setter
+
+
+class MotorGainAxis(NumberAxis):
+    """Factor on the force of all motors of the robot, at the same command and speed, limits of force included."""
+
+    varies = "gains of all motors of the robot, and the limits of their forces"
+    applies_to = "environments with a MuJoCo model, and a robot in it whose actuators are motors or servos"
+    unit = "factor"
+    # Servos stiffer than ten times would need shorter steps; weaker than a tenth, no robot moves.
+    least, most = 0.1, 10.0
+    neutral = "1"
+
+    kind: Literal["motor_gain"] = Field(description="`motor_gain`.")
+
+    @classmethod
+    def bind(cls, rig: Rig) -> Setter:
+        """Finds the robot's motors."""
+        motors, joints = rig.motors, rig.motor_joints
+
+        def set_factor(factor: float | None) -> None:
+            for field in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
+                rig.scale(field, motors, factor)
+            rig.scale("jnt_actfrcrange", joints, factor)
+
+        return set_factor

@@ -1,0 +1,35 @@
+"""Friction between robot and floor: tyres or feet grip so many times as well."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from .kind import NumberAxis, Rig, Setter
+
+
+class RobotFrictionAxis(NumberAxis):
+    """Factor on the friction between the robot and the floor.
+
+    MuJoCo takes the larger friction of two things that touch, or that of the one with priority. So that the factor
+    counts on every floor, it scales both; what lies loose on the floor may slide as much more easily.
+    """
+
+    varies = "friction of the robot and of the floor, of which MuJoCo takes the larger where they touch"
+    applies_to = "environments with a MuJoCo model, and a robot in it that can touch a floor"
+    unit = "factor"
+    # Beyond ten times nothing slips any more that did before, and below a hundredth all does.
+    least, most = 0.01, 10.0
+    neutral = "1"
+
+    kind: Literal["robot_friction"] = Field(description="`robot_friction`.")
+
+    @classmethod
+    def bind(cls, rig: Rig) -> Setter:
+        """Finds what of the robot touches the floor."""
+        geoms, pairs = rig.touching_geoms, rig.touching_pairs
+
+        def set_factor(factor: float | None) -> None:
+            rig.scale("geom_friction", geoms, factor)
+            rig.scale("pair_friction", pairs, factor)
+
+        return set_factor

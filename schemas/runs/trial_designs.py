@@ -1,0 +1,110 @@
+"""Designs of trials: which combinations of the values of axes a job tries.
+
+A combination is a cell. A grid has all cells but those that are excluded; other designs have as many points as they are
+asked for. Included cells come after all others.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import prod
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from ..wire.base import ShapeName
+from .axis_kinds.kind import Axis, Value
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TrialDesign = Annotated[Literal["grid", "random", "latin-hypercube", "sobol"], ShapeName("TrialDesign")]
+"""How cells are chosen: all, by chance, by chance with every part of each axis covered, or evenly spread."""
+
+Cell = Mapping[str, Value]
+"""Values of axes by name; an axis that is not in it is as it was built."""
+
+_STREAM = 0x61786573  # "axes" in ASCII
+"""Sets the generator of designs apart from those of trials, which have the job's seed too."""
+
+
+def check_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], place: str) -> None:
+    """Refuses an excluded combination that no cell of a grid has.
+
+    Args:
+        axes: The axes of the grid.
+        excluded: Values by name of the axis.
+        place: Where it stands in the request.
+
+    Raises:
+        ValueError: It names no axis, or a value that its axis does not have.
+    """
+    if not excluded:
+        raise ValueError(f"{place}: it names no axis, which every cell would be like; name an axis and its value")
+    for name, value in excluded.items():
+        if value not in (listed := axes[name].listed or ()):
+            shown = ", ".join(f"{each!r}" for each in listed[:10])
+            raise ValueError(f"{place}.{name}: the axis has no value {value!r}; it has {shown}")
+
+
+def grid_size(axes: Mapping[str, Axis]) -> int:
+    """Returns how many cells a grid has, excluded ones among them; 1 without axes."""
+    return prod(len(axis.listed or ()) for axis in axes.values())
+
+
+def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]) -> Sequence[int]:
+    """Returns the numbers of the cells of a grid that are not excluded.
+
+    The axis that is named last changes from each cell to the next.
+
+    Args:
+        axes: The axes, each of which lists its values.
+        excluded: Combinations, of all axes or some; a cell that has the values of one of them is left out.
+    """
+    if not excluded:
+        return range(grid_size(axes))
+    import numpy as np  # most requests exclude nothing
+
+    listed = {name: list(axis.listed or ()) for name, axis in axes.items()}
+    kept = np.ones([len(values) for values in listed.values()], np.bool_)
+    for each in excluded:
+        place = tuple(values.index(each[name]) if name in each else slice(None) for name, values in listed.items())
+        kept[place] = False
+    return np.flatnonzero(kept).tolist()
+
+
+def grid_cell(axes: dict[str, Axis], number: int) -> dict[str, Value]:
+    """Returns a cell of a grid by its number among all of them."""
+    chosen: dict[str, Value] = {}
+    for name, axis in reversed(axes.items()):
+        listed = axis.listed or ()
+        number, index = divmod(number, len(listed))
+        chosen[name] = listed[index]
+    return dict(reversed(chosen.items()))
+
+
+def point(axes: Mapping[str, Axis], design: str, points: int, seed: int, number: int) -> dict[str, Value]:
+    """Returns a point of a design that draws them.
+
+    Args:
+        axes: The axes.
+        design: `random`, `latin-hypercube` or `sobol`.
+        points: How many points there are.
+        seed: The job's seed, on which all of them depend.
+        number: The point's number, from 0.
+    """
+    shares = _shares(design, points, len(axes), seed)[number].tolist()
+    return {name: axis.at(share) for (name, axis), share in zip(axes.items(), shares, strict=True)}
+
+
+@lru_cache(maxsize=4)  # a job asks for one, point by point
+def _shares(design: str, points: int, axes: int, seed: int) -> "NDArray[Any]":
+    """Points of a unit cube, shape (points, axes)."""
+    import numpy as np
+
+    rng = np.random.default_rng([_STREAM, seed])
+    if design == "random":
+        return rng.random((points, axes))
+    from scipy.stats import qmc  # pyright: ignore[reportMissingTypeStubs] - takes a second, which only jobs with such a design should pay
+
+    if design == "latin-hypercube":
+        return qmc.LatinHypercube(axes, rng=rng).random(points)
+    # The sequence is balanced at powers of two; the first points of one are the points of a shorter one.
+    return qmc.Sobol(axes, rng=rng).random_base2((points - 1).bit_length())[:points]

@@ -1,0 +1,152 @@
+"""Imperfections of a robot that are no part of its model: errors of its lidar, and a delay of its commands.
+
+An environment that has them as `lidar_errors` and `command_delay` lets axes of trials change them. They count from the
+next `reset` on.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..episode.context import KeepsAttributes
+
+SUBSTEP_S = 0.01
+"""Simulated time between two looks at a delayed command."""
+_ROUNDING = 1e-9
+"""Forgives rounding in sums and quotients of times."""
+
+
+@dataclass
+class LidarErrors:
+    """Errors of a lidar."""
+
+    noise_std_m: float
+    """Standard deviation of its ranges, in metres."""
+    bias_m: float = 0.0
+    """Length that all ranges are too long by, in metres."""
+    dropout: float = 0.0
+    """Share of the rays that see nothing, 0 to 1."""
+    latency_s: float = 0.0
+    """Simulated time from a scan to the first observation that may have it."""
+
+    def disturb(
+        self, ranges: NDArray[np.float64], rng: np.random.Generator, chance: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Returns ranges with noise, bias and dropout.
+
+        Args:
+            ranges: The true ranges in metres, infinite where there is nothing.
+            rng: Source of the noise.
+            chance: Source of the dropout; one of its own, so that noise is the same with and without dropout.
+        """
+        measured = ranges + rng.normal(self.bias_m, self.noise_std_m, ranges.shape)
+        if self.dropout > 0:
+            measured[chance.random(ranges.shape) < self.dropout] = np.inf
+        return measured
+
+
+@dataclass
+class CommandDelay:
+    """Delay of the commands of an agent."""
+
+    delay_s: float = 0.0
+    """Simulated time from a command to the motors."""
+
+
+_Item = TypeVar("_Item")
+
+
+class LateItems(KeepsAttributes, Generic[_Item]):
+    """Items that come later than they were made, in their order."""
+
+    KEPT = ("waiting",)
+
+    def __init__(self) -> None:
+        self.waiting: deque[tuple[float, _Item]] = deque()
+        """Time in seconds at which each is due, and the item."""
+
+    def add(self, due_s: float, item: _Item) -> None:
+        """Adds an item that is due at a time."""
+        self.waiting.append((due_s, item))
+
+    def take(self, now_s: float) -> _Item | None:
+        """Takes the items that are due out, and returns the last of them; `None`: none is."""
+        last = None
+        while self.waiting and self.waiting[0][0] <= now_s + _ROUNDING:
+            last = self.waiting.popleft()[1]
+        return last
+
+
+class _Controller(Protocol):
+    """Interface of a controller of a robot, as far as it is needed here; see `robots/robot.py`."""
+
+    substep: Callable[[], None] | None
+
+    def reset(self) -> None: ...
+    def state(self) -> Any: ...
+    def restore(self, state: Any) -> None: ...
+    def command(self, action: Any) -> bool: ...
+
+
+class DelayedController(KeepsAttributes):
+    """Controller that passes commands to another one after a while, in steps of 10 ms."""
+
+    KEPT = ("_waiting", "_standing")
+
+    substep: Callable[[], None] | None
+
+    def __init__(self, controller: _Controller, delay_s: float) -> None:
+        """Starts without commands.
+
+        Args:
+            controller: Carries the commands out.
+            delay_s: Simulated time from a command to its execution; it is rounded up to 10 ms.
+        """
+        self._controller = controller
+        self._substeps = math.ceil(delay_s / SUBSTEP_S - _ROUNDING)
+        self.substep = self._substep
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all commands: the robot stands still."""
+        self._waiting: list[tuple[int, Any]] = []
+        """For each command how many substeps it still has to wait."""
+        self._standing = True
+        self._controller.reset()
+
+    def command(self, action: Any) -> bool:
+        """Takes a command, and returns whether the last one that was carried out tells the robot to stand still.
+
+        Raises:
+            ActionError: A command that is carried out now is no action of this robot.
+        """
+        self._waiting.append((self._substeps, copy(action)))  # agents may write to the array that they gave
+        self._carry_out()
+        return self._standing
+
+    def state(self) -> Any:
+        """Returns the waiting commands and the other controller's state, for a checkpoint."""
+        return super().state(), self._controller.state()
+
+    def restore(self, state: Any) -> None:
+        """Restores both from a checkpoint."""
+        own, of_controller = state
+        super().restore(own)
+        self._controller.restore(of_controller)
+
+    def _substep(self) -> None:
+        # First, as legs follow a command only from their next substep on.
+        if self._controller.substep is not None:
+            self._controller.substep()
+        self._waiting = [(substeps - 1, action) for substeps, action in self._waiting]
+        self._carry_out()
+
+    def _carry_out(self) -> None:
+        while self._waiting and self._waiting[0][0] <= 0:
+            self._standing = self._controller.command(self._waiting.pop(0)[1])
