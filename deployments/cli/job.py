@@ -25,7 +25,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     from ...tasks.service.service import Service
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once

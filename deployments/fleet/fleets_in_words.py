@@ -232,7 +232,12 @@ def changes(before: Look | None, after: Look) -> list[str]:
 
 
 def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
-    """Describes the waits that began since the earlier look, and those that ended."""
+    """Describes the causes that a deployment newly waits for, and those that it does not wait for any more.
+
+    Args:
+        before: the deployment at the poll before; `None`: this is the first.
+        standing: the deployment now.
+    """
     old = () if before is None else deployment_standing(before.job, before.rollout, before.at_s).waits
     now = {wait.cause for wait in standing.waits}
     was = {wait.cause for wait in old}

@@ -170,7 +170,7 @@ def check_ros(request: JobRequest) -> None:
     """Raises an error if the ROS launch variables of a simulation job request are invalid.
 
     Raises:
-        ValueError: One cannot.
+        ValueError: An option of the ROS bridge is invalid.
     """
     for place, launch in launches(request):
         if (text := (launch.environmentVariables or {}).get(ROS_VARIABLE)) is not None:

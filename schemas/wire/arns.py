@@ -69,7 +69,7 @@ class ResourceArn:
             kinds: what it may name; none: anything.
 
         Raises:
-            InvalidParameterException: it is no ARN of this service, or names something else.
+            InvalidParameterException: the text is not an ARN of this service, or is that of another kind of resource.
         """
         if (found := _FORM.fullmatch(arn)) is None:
             raise InvalidParameterException(f"{arn!r} is no ARN of a resource; it has to look like {_WANTED}")
@@ -85,7 +85,7 @@ def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
     """Makes the ARN of a resource that is identified by an id.
 
     Raises:
-        ValueError: there is no such kind of resource.
+        ValueError: the service has no such kind of resource.
     """
     if kind not in _KINDS:
         raise ValueError(f"there is no kind of resource {kind!r}{nearest(kind, _KINDS)}")
@@ -96,7 +96,7 @@ def application_arn(region: str, account: str, kind: str, name: str, created_at:
     """Makes the ARN of an application, robot or fleet from its name and its creation time.
 
     Raises:
-        ValueError: there is no such kind of resource.
+        ValueError: the service has no such kind of resource.
     """
     return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")
 

@@ -45,7 +45,7 @@ class Glob:
         text: the glob.
 
     Raises:
-        GlobError: it is none.
+        GlobError: the pattern is not a valid glob.
     """
 
     def __init__(self, text: str) -> None:

@@ -36,7 +36,7 @@ class JobWorkers(Protocol):
             What there is, in words that a user reads while the batch runs: `2 job workers on tcp://10.0.0.7:8786`.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         ...
 
@@ -48,7 +48,7 @@ class Backend(Protocol):
         """Checks, before a run begins, that the cluster or work pool exists and answers.
 
         Raises:
-            BackendError: there is none.
+            BackendError: the cluster or work pool does not exist or does not answer.
         """
         ...
 
@@ -60,7 +60,7 @@ class Backend(Protocol):
             wanted: how many can be of use.
 
         Raises:
-            BackendError: there is no such cluster or pool.
+            BackendError: the cluster or work pool does not exist.
         """
         ...
 
@@ -107,7 +107,7 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
         wanted: what the place has to be, in words.
 
     Raises:
-        ConfigurationError: that is no address, or the library is not installed.
+        ConfigurationError: the address is not valid, or the library of the cluster is not installed.
     """
     if _ADDRESS.fullmatch(place) is None:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is '{kind}:{place}'; after {kind}: there has to be {wanted}")
@@ -126,7 +126,7 @@ def check_answer(cluster: str, address: str, program: str) -> None:
         program: what has to run there.
 
     Raises:
-        BackendError: nothing does; the message says what to check.
+        BackendError: no program listens at the address; the message says what to check.
     """
     found = _ADDRESS.fullmatch(address)
     assert found is not None
@@ -154,7 +154,7 @@ def open_backend(setting: str) -> Backend | None:
         The backend; `None`: batches run in the process that carries them out.
 
     Raises:
-        ConfigurationError: there is no such backend, its address is missing, or its module cannot be used.
+        ConfigurationError: `ROBOMAKER_BACKEND` names no backend, lacks its address, or its module cannot be used.
     """
     kind, _, place = setting.partition(":")
     if setting == "local":

@@ -149,7 +149,7 @@ class Cluster(Protocol):
         """Returns the names of the machines that are in the cluster now.
 
         Raises:
-            Exception: it does not answer.
+            Exception: the cluster does not answer.
         """
         ...
 
@@ -157,7 +157,7 @@ class Cluster(Protocol):
         """Starts a job worker for a batch on a machine of the cluster.
 
         Raises:
-            Exception: it does not answer, or the machine is not there any more.
+            Exception: the cluster does not answer, or the machine has left it.
         """
         ...
 

@@ -115,7 +115,7 @@ class PoolRuns:
         """Checks that the work pool can start job workers; a server that does not answer is asked again later.
 
         Raises:
-            BackendError: they cannot.
+            BackendError: the work pool cannot start job workers.
         """
         try:
             self._room()
@@ -130,7 +130,7 @@ class PoolRuns:
             What there is now, in words.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         try:
             if self._deployment is None:

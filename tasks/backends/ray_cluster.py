@@ -29,7 +29,7 @@ def backend_at(place: str) -> Backend:
         place: address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
 
     Raises:
-        ConfigurationError: that is no address, or Ray is not installed.
+        ConfigurationError: the address is not valid, or Ray is not installed.
     """
     wanted = "the address of a cluster, such as 10.0.0.7:6379 or ray://10.0.0.7:10001"
     check_place("ray", place, library="ray", wanted=wanted)

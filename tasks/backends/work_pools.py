@@ -56,7 +56,8 @@ class WorkPool:
         Those of a process that has died are taken over.
 
         Raises:
-            BackendError: there is no such pool, no deployment of the job worker in it, or it does not say how many.
+            BackendError: the work pool does not exist, has no deployment of the job worker, or has no concurrency
+                limit.
         """
         from .pool_runs import opened_pool
 
@@ -103,7 +104,7 @@ class PoolWorkers:
         """Returns the last known state of the job workers as text for the user.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         if self._broken is not None:
             raise self._broken

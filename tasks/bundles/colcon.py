@@ -104,7 +104,7 @@ def unpack_overlays(folder: Path, unpack: Unpack) -> None:
         unpack: unpacks an archive.
 
     Raises:
-        ArchiveError: it is a colcon bundle, but of another version, damaged or incomplete.
+        ArchiveError: the colcon bundle is of another version, damaged or incomplete.
         OSError: the disk is full, or the folder cannot be written.
     """
     if not (folder / "version").is_file() or not any(map(Path.is_file, folder.glob("metadata.tar*"))):
@@ -148,7 +148,7 @@ def _overlays_in(text: bytes) -> dict[str, str]:
     Offsets and sizes are for readers that fetch parts of a bundle.
 
     Raises:
-        ValueError: it says something else.
+        ValueError: the text is not a valid list of overlays.
     """
     content: Any = json.loads(text.decode())
     entries = content.get("overlays") if isinstance(content, dict) else None

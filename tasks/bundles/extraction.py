@@ -89,7 +89,7 @@ class _Extraction:
         """Writes one member.
 
         Raises:
-            ArchiveError: it is not acceptable.
+            ArchiveError: the member is not allowed, such as for its path, its size or its place in the limits.
         """
         self.entries += 1
         if self.entries > self.limits.entries:

@@ -165,8 +165,8 @@ class Catalog(CatalogLeases):
             most: how many children of that kind there may be.
 
         Raises:
-            ResourceNotFoundException: there is no such parent.
-            LimitExceededException: there are `most` already.
+            ResourceNotFoundException: the catalog has no such parent.
+            LimitExceededException: the parent has `most` children already.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -195,7 +195,7 @@ class Catalog(CatalogLeases):
             children: kinds of children that go with it.
 
         Raises:
-            ResourceNotFoundException: there is none.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
@@ -229,7 +229,7 @@ class Catalog(CatalogLeases):
             status: its new status, for kinds without a lifecycle; `None`: as it is.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
             StateConflictError: `owner` does not hold the lease.
         """
         given = {"name": name, "labels": labels, "status": status}
@@ -276,8 +276,8 @@ class Catalog(CatalogLeases):
         """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
-            InvalidParameterException: it would have more than 50.
+            ResourceNotFoundException: the catalog has no such resource.
+            InvalidParameterException: the resource would have more than 50 tags.
         """
 
         def merged(row: RowMapping) -> dict[str, Any]:
@@ -294,7 +294,7 @@ class Catalog(CatalogLeases):
         """Removes tags from a resource, by key; keys that it does not have are ignored.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         gone = set(keys)
 
@@ -323,7 +323,7 @@ class Catalog(CatalogLeases):
             labels: labels that are set with it; others stay; `None`: all stay as they are.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
             StateConflictError: the event cannot happen in its state, or as it is to be cancelled; its kind has no
                 lifecycle, or `owner` does not hold the lease.
         """
@@ -375,7 +375,7 @@ class Catalog(CatalogLeases):
         """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
@@ -389,7 +389,7 @@ class Catalog(CatalogLeases):
         """Whether a resource is marked to be cancelled; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         return self.standing(arn)[1]
 

@@ -92,7 +92,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
     """Finds the resource that an earlier call of the same account with the same client token created.
 
     Raises:
-        IdempotentParameterMismatchException: that call was another request.
+        IdempotentParameterMismatchException: the earlier call with this client token had another request.
     """
     meant = {"called": token.operation, "by": account, "given": token.stored}
     earlier = connection.execute(_EARLIER, meant).mappings().one_or_none()

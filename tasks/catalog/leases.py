@@ -71,7 +71,7 @@ class CatalogLeases(CatalogReader):
             Whether `owner` holds the lease now.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         now = self._now()
         values = {"now": now, "until": now + timedelta(seconds=lease_s)}
@@ -148,7 +148,7 @@ class CatalogLeases(CatalogReader):
         """Returns the owner of a resource's lease, or `None`, and whether the lease has expired.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         held = select(resources.c.lease_owner, resources.c.lease_expires_at <= self._now()).where(
             resources.c.arn == arn
@@ -195,7 +195,7 @@ class CatalogLeases(CatalogReader):
         """Returns how many job workers died while they held a resource's lease and had to be replaced.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._engine) as connection:
             lost = connection.scalar(select(resources.c.lost_workers).where(resources.c.arn == arn))

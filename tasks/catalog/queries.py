@@ -55,7 +55,7 @@ def decode_page_token(kind: str, filters: Filters, token: str) -> int:
         The place of the entry that the page follows.
 
     Raises:
-        InvalidParameterException: it is no token, or one of another list.
+        InvalidParameterException: the text is not a pagination token, or is that of another list.
     """
     try:
         sequence = int(base64.urlsafe_b64decode(token).decode("ascii").partition(".")[0])
@@ -160,7 +160,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     """Reads the database row of a resource, with its lease's owner.
 
     Raises:
-        ResourceNotFoundException: there is none of that ARN and kind.
+        ResourceNotFoundException: the catalog has no resource of this ARN and kind.
     """
     row = connection.execute(_ONE_ROW, {"arn": arn}).mappings().one_or_none()
     if row is None:
@@ -280,7 +280,7 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
     """Raises an error if a new resource's ARN is taken, or its name where names have to be unique.
 
     Raises:
-        ResourceAlreadyExistsException: one of them is.
+        ResourceAlreadyExistsException: the ARN or the name is taken.
     """
     taken = [resources.c.arn == resource.arn]
     if unique_name:

@@ -77,7 +77,7 @@ class CatalogReader:
             kind: what it has to be; `None`: anything.
 
         Raises:
-            ResourceNotFoundException: there is none of that ARN and kind.
+            ResourceNotFoundException: the catalog has no resource of this ARN and kind.
         """
         with self._transaction(self._once) as connection:
             return resource_of(one_row(connection, arn, kind))
@@ -110,7 +110,7 @@ class CatalogReader:
             account: whose token it is.
 
         Raises:
-            IdempotentParameterMismatchException: that call was another request.
+            IdempotentParameterMismatchException: the earlier call with this client token had another request.
         """
         if token is None:
             return None
@@ -140,7 +140,7 @@ class CatalogReader:
         """Returns a resource's status, and whether its cancellation was requested; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._once) as connection:
             row = connection.execute(_STANDING, {"of": arn}).one_or_none()

@@ -243,7 +243,7 @@ def run_under_lease(
         held: where this process notes the leases that it holds.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     while True:
         try:
@@ -270,8 +270,8 @@ def run_if_unclaimed(
         True when `work` was run or the job had ended; false when another worker holds its lease.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        LeaseLostError: another worker has taken over meanwhile.
+        ResourceNotFoundException: the catalog has no such job.
+        LeaseLostError: another job worker took over the job while its work was running.
         WorkerStopping: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)

@@ -144,7 +144,11 @@ class RunWatch:
             self._pass_on_cancellations(runs, client)
 
     def _wait(self, known: dict[UUID, _Watched]) -> None:
-        """Waits until the next look, less if a run has come, or there are none any more."""
+        """Waits for the poll interval; returns early if a flow run is added to the watch, or the last one ends.
+
+        Args:
+            known: the flow runs of the last poll, by id.
+        """
         with self._changed:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 

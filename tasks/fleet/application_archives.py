@@ -73,7 +73,7 @@ def fetch_source(source: StoredSource, version: str, path: Path, service: Servic
         service: where it is stored.
 
     Raises:
-        DeploymentError: it is gone, may not be read, or is not the one it was when the version was made.
+        DeploymentError: the archive was deleted, may not be read, or was changed since the version was created.
         StorageError: the object store does not answer.
     """
     place, store = place_of(source), service.store
@@ -95,7 +95,7 @@ def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service
         service: where it is stored.
 
     Raises:
-        DeploymentError: it is gone, may not be read, or is another one.
+        DeploymentError: the condition file was deleted, may not be read, or was changed.
         StorageError: the object store does not answer.
     """
     place = f"s3://{bucket}/{key}"

@@ -73,7 +73,7 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
         mode: who may read it, as `chmod` has it.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with written(path, content, mode) as part, suppress(FileExistsError):
         path.hardlink_to(part)
@@ -89,7 +89,7 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
         mode: who may read it, as `chmod` has it.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     part = path.with_name(f".{uuid4().hex}.part")
     try:

@@ -157,7 +157,7 @@ class DeploymentRun:
         """Attests that the batch which the job requires has passed; waits while it runs, unless the job is canceled.
 
         Raises:
-            DeploymentError: it has not passed, and cannot any more.
+            DeploymentError: the batch has not passed, and cannot pass any more.
             StateConflictError: the lease was lost, or the job was ended.
         """
         from .attestations.required_batches import attest  # it needs the extra `fleet`

@@ -67,8 +67,8 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
         service: where it is stored.
 
     Raises:
-        InvalidParameterException: it is no ARN of a fleet.
-        ResourceNotFoundException: there is no such fleet.
+        InvalidParameterException: the text is not the ARN of a fleet.
+        ResourceNotFoundException: the catalog has no such fleet.
         ThrottlingException: others have kept changing it for `PATIENCE_S`.
     """
     ResourceArn.parse(arn, FLEET)
@@ -119,8 +119,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """Adds a robot to a fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: there is no such robot.
-        InvalidParameterException: it is in another fleet.
+        ResourceNotFoundException: the catalog has no such robot.
+        InvalidParameterException: the robot is in another fleet.
     """
     known = service.catalog.get(robot, kind=ROBOT)
     if RobotDocument.of(known).fleet != fleet.arn:
@@ -133,7 +133,7 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
     """Removes a robot from its fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: there is no such robot.
+        ResourceNotFoundException: the catalog has no such robot.
     """
     service.catalog.update(robot, RobotMembership(fleet=None), labels={}, status="Available")
 
@@ -268,7 +268,7 @@ def enrollable(name: str, service: Service) -> Resource:
     """Returns the robot of a name, after checking that its name can be part of a URL.
 
     Raises:
-        InvalidParameterException: there is no such robot, or updaters cannot have its name in an address.
+        InvalidParameterException: no robot has this name, or the name cannot be part of a URL.
     """
     robot = service.catalog.find(ROBOT, name)
     if robot is None:

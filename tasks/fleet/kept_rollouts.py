@@ -60,7 +60,7 @@ class KeptRollout:
         service: where it is stored.
 
     Raises:
-        ResourceNotFoundException: it has none.
+        ResourceNotFoundException: the deployment job has no rollout.
     """
 
     def __init__(self, job: Resource, service: Service) -> None:

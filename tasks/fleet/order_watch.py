@@ -37,7 +37,7 @@ class BundleFiles:
 
         Raises:
             ObjectNotFoundError: no rollout has it any more, or it is gone.
-            StorageError: it cannot be fetched.
+            StorageError: the file cannot be downloaded.
         """
         artifact = self._keeper.artifact(order)
         if artifact is None:

@@ -50,7 +50,7 @@ class RobotReports:
         """Stores a robot's report; it is stored when this returns.
 
         Raises:
-            ServiceError: it could not be stored; the robot has to say it again.
+            ServiceError: the report could not be stored; the robot has to send it again.
         """
         match report:
             case RobotsSeen():

@@ -80,7 +80,7 @@ def load_signing_key(private_pem: bytes, certificate_pem: bytes) -> SigningKey:
     """Reads a signing key and its certificate from PEM.
 
     Raises:
-        ConfigurationError: one of them is none, or they do not belong together.
+        ConfigurationError: the key or certificate is not valid PEM, or they do not belong together.
     """
     try:
         private = load_pem_private_key(private_pem, None)

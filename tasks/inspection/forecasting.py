@@ -231,7 +231,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
     """Stores a forecast for later runs of the specification; it replaces an earlier forecast.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the forecast cannot be written.
     """
     path = _place(spec, settings)
     path.parent.mkdir(parents=True, exist_ok=True)

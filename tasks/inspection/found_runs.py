@@ -86,16 +86,16 @@ def _is_asked(path: str, trial: int | None) -> bool:
 
 @contextmanager
 def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
-    """Finds a simulation run and downloads its records to a folder that exists inside the `with` block.
+    """Finds a simulation run and copies its records to a temporary folder, which is deleted after the `with` block.
 
     Args:
-        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-        service: where it is stored.
+        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a local folder of outputs.
+        service: the service whose catalog has the job and whose object store has the outputs.
 
     Raises:
-        ConfigurationError: that names no run, or one that has not ended.
-        ResourceNotFoundException: there is no such job.
-        StorageError: its outputs cannot be read.
+        ConfigurationError: the reference is not that of a run, or the run has not ended.
+        ResourceNotFoundException: the catalog has no such job.
+        StorageError: the outputs of the run cannot be read.
     """
     with scratch_folder(service) as scratch:
         job = _job_of(reference, service)

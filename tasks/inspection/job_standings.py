@@ -71,7 +71,7 @@ def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
         service: where it is stored.
 
     Raises:
-        ResourceNotFoundException: there is no such resource.
+        ResourceNotFoundException: the catalog has no such resource.
     """
     job = service.catalog.get(arn)
     if job.kind == "simulation-job":

@@ -58,7 +58,7 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
         sources: Topics that it is judged by.
 
     Raises:
-        ConfigurationError: It cannot be read, is empty or cut off, or lacks a topic that is named.
+        ConfigurationError: The recording cannot be read, is empty or truncated, or lacks a topic that is named.
     """
     try:
         recording = find_recording(place)
@@ -76,7 +76,7 @@ def check_world(requirements: Sequence[RequirementKind], world: str | None) -> N
     """Refuses requirements that need a world where there is none.
 
     Raises:
-        ConfigurationError: There is one.
+        ConfigurationError: A requirement needs a world, and no world is given.
     """
     if world is not None:
         return
@@ -100,7 +100,7 @@ def store_recording(recording: Path, service: Service) -> list[str]:
         service: Where to.
 
     Raises:
-        StorageError: It cannot be stored.
+        StorageError: The recording cannot be stored.
     """
     files = dict(_files(recording))
     digest = hashlib.sha256()

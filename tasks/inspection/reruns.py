@@ -113,7 +113,7 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
         The request; `None`: none of its jobs failed.
 
     Raises:
-        ResourceNotFoundException: there is no such batch.
+        ResourceNotFoundException: the catalog has no such batch.
     """
     step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
     failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]
@@ -211,7 +211,7 @@ def _check_names(selection: Selection, jobs: Sequence[ReportedJob], run_id: str)
     """Checks that everything named is part of the run.
 
     Raises:
-        ConfigurationError: something is not; says what there is.
+        ConfigurationError: a name is not that of a part of the run; the message lists the parts.
     """
     for name in selection.jobs:
         if not any(_is_job(job, name) for job in jobs):

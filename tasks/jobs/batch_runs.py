@@ -455,10 +455,12 @@ class BatchRun:
         return self._service.catalog.count_alive(self._arn, "simulation-job", having=SIMULATED)
 
     def _look(self) -> bool:
-        """Records, several times a second, what the requests' tasks have brought about.
+        """Polls the batch once, and records failed requests, progress and changes of the batch's status in the catalog.
+
+        The batch run calls it several times a second.
 
         Returns:
-            Whether no further requests are to become jobs.
+            True if no further jobs are to be created, because the batch has to stop.
         """
         self._save_failures()
         if not self._only_finishes():

@@ -217,7 +217,7 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
         job: ARN or id of the only job that is looked at; absent: all.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     pattern = "*/*"
     if job is not None:
@@ -239,9 +239,9 @@ def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
     What an earlier attempt stored of them is not stored again.
 
     Raises:
-        StateConflictError: another process does the same, or has done it.
-        StorageError: they cannot be stored.
-        OSError: they cannot be read.
+        StateConflictError: another process uploads the same outputs now, or has already uploaded them.
+        StorageError: the outputs cannot be stored.
+        OSError: the outputs cannot be read.
     """
     arn = kept.job.arn
     with HELD.owner_of(arn) as owner:

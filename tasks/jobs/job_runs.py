@@ -426,7 +426,10 @@ class JobRun:
         return status == "Restarting" and self._begin is None
 
     def _asked(self) -> tuple[str, StopReason | None]:
-        """The job's status, which is `Restarting` when a restart of its run is requested; and why it has to end."""
+        """Returns the job's status, and the reason why its run has to end: `None` if it does not have to.
+
+        The status is `Restarting` if a restart of the job is requested.
+        """
         if self._lease.lost:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
         try:

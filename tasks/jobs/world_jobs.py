@@ -56,7 +56,7 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
         work: ends a job that is being cancelled, holding its lease.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     service.catalog.get(arn, kind=kind)
     if is_terminal(kind, service.catalog.request_cancel(arn).status):
@@ -94,7 +94,7 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     """Ends a job as cancelled.
 
     Raises:
-        StateConflictError: it has ended, or the lease was lost.
+        StateConflictError: the job has ended, or its lease was lost.
     """
     with suppress(StateConflictError):
         lease.transition("cancel")
@@ -326,7 +326,7 @@ def _acting(job: Resource, service: Service) -> Service:
     """The service as the job's role has it.
 
     Raises:
-        StorageError: there is no such role, or its credentials are no good.
+        StorageError: the job's role does not exist, or its credentials are refused.
     """
     return service.with_blocks(read_credential_block).acting_as(WorldExportJobDocument.of(job).request.iam_role)
 

@@ -75,7 +75,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """Returns the response members that describe an application, or a version of it.
 
     Raises:
-        ResourceNotFoundException: there is no such application, or version.
+        ResourceNotFoundException: the catalog has no such application or version.
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
@@ -105,7 +105,7 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Updates an application as a request says, and returns the members of the response.
 
     Raises:
-        ResourceNotFoundException: there is no such application.
+        ResourceNotFoundException: the catalog has no such application.
         InvalidParameterException: it is built in, or has another revision by now; or a source cannot
             be read, or the environment is none.
     """
@@ -158,7 +158,7 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
     """Checks that an application still has the revision id that a request expects.
 
     Raises:
-        InvalidParameterException: it has another; says which.
+        InvalidParameterException: the application has another revision id; the message names it.
     """
     if wanted is not None and wanted != document.revision_id:
         raise InvalidParameterException(
@@ -259,10 +259,10 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     """Saves an application's current content as the next numbered version, and returns the response's members.
 
     Raises:
-        ResourceNotFoundException: there is no such application.
+        ResourceNotFoundException: the catalog has no such application.
         InvalidParameterException: it has another revision by now, an archive cannot be read, or its
             content is not what the request says.
-        LimitExceededException: it has 40 versions.
+        LimitExceededException: the application has 40 versions already.
         ThrottlingException: others change it all the time.
     """
     for _ in range(_ATTEMPTS):

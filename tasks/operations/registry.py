@@ -144,7 +144,7 @@ class Operation:
         """Returns the current description of a job that this operation created.
 
         Raises:
-            ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: the catalog has no such job.
         """
         describing = registry()[self.shape.final_name]
         (member,) = describing.shape.request.model_fields

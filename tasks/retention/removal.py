@@ -82,7 +82,7 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
 
     Raises:
         StillInUse: a job is used by somebody.
-        StorageError: something cannot be removed.
+        StorageError: an object or file cannot be deleted.
         OSError: the same, on this machine.
     """
     if unit.folder is not None and (unit.folder / RECORD).exists():
@@ -103,7 +103,7 @@ def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
 
     Raises:
         StillInUse: a job is used by somebody.
-        StorageError: something cannot be removed.
+        StorageError: an object or file cannot be deleted.
         OSError: the report cannot be written.
     """
     for job in unit.jobs.values():
@@ -119,7 +119,7 @@ def remove_world(world: Resource, service: Service) -> None:
     """Deletes a world, with its local copy if no other world shares it.
 
     Raises:
-        StorageError: its bundle cannot be removed.
+        StorageError: the world's bundle cannot be deleted.
     """
     with suppress(ResourceNotFoundException):
         delete_world(world, service)

@@ -62,7 +62,7 @@ def find_world(wanted: str) -> FoundWorld:
 
     Raises:
         InvalidParameterException: an ARN of something else, or none at all.
-        ResourceNotFoundException: there is no such world.
+        ResourceNotFoundException: the catalog has no such world.
         ConfigurationError: the folder holds no world.
         StorageError: the bundle is gone, or cannot be fetched.
     """

@@ -184,7 +184,7 @@ def failed_of_batch(visit: Visit) -> Response:
     """Handles the button that runs a batch's failed jobs again.
 
     Raises:
-        ResourceNotFoundException: there is no such batch that the visitor may see.
+        ResourceNotFoundException: the catalog has no such batch that the visitor may see.
         AccessDeniedException: the visitor's key is not good for it.
         InvalidParameterException: it has not ended, or nothing failed.
     """

@@ -79,10 +79,11 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
 
 
 def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> None:
-    """Raises an error if resources are outside a confined key's names and tags.
+    """Raises an error if a request names resources that a confined access key may not use, by their names and tags.
 
     Raises:
-        AccessDeniedException: one is not; whether it exists is not told.
+        AccessDeniedException: a resource is not among those of the key; the message is the same whether or not the
+            resource exists.
     """
     allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
     for each in named:

@@ -111,7 +111,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         """Reads the signals that the formula uses.
 
         Raises:
-            RequirementError: There is no such function or body, or rtamt is not installed.
+            RequirementError: A function or body that the formula names does not exist, or rtamt is not installed.
         """
         if importlib.util.find_spec("rtamt") is None:
             raise self.cannot(f"rtamt, which judges formulas, is not installed: {how_to_install('stl')}")

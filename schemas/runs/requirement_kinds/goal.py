@@ -73,7 +73,7 @@ def check_goal(requirement: RequirementKind, member: str, before: Sequence[Requi
     """Checks that a member of a requirement, if it is given, names one of the goals above it.
 
     Raises:
-        ValueError: There is no such goal.
+        ValueError: No goal of this name stands above the requirement in the list.
     """
     name = getattr(requirement, member)
     goals = [each.name for each in before if isinstance(each, GoalRequirement)]

@@ -100,7 +100,7 @@ class RequirementKind(Shape):
         """Returns the name of the kind in requests; empty for a base class.
 
         Raises:
-            ConfigurationError: It has no rule.
+            ConfigurationError: The kind has no rule.
         """
         names = get_args(kind.model_fields["kind"].annotation)
         if names and "rule" not in vars(kind):  # its parent's would judge as if it had no members of its own
@@ -133,7 +133,8 @@ class RequirementKind(Shape):
         """Checks the requirement against those above it in the list.
 
         Raises:
-            ValueError: They do not go together.
+            ValueError: The requirement and those above it contradict each other, or it refers to one that is not above
+                it.
         """
 
 
@@ -202,7 +203,7 @@ class Scene(Protocol):
         """Messages that were recorded on a topic, each with its time in s, in the order in which they came.
 
         Raises:
-            NotMeasuredError: There is no recording, or no such topic in it.
+            NotMeasuredError: The run has no recording, or the recording has no such topic.
         """
         ...
 
@@ -210,7 +211,7 @@ class Scene(Protocol):
         """Estimated poses on a recorded topic, each with the true one on another at the same time.
 
         Raises:
-            NotMeasuredError: There is no recording, or no such topic in it.
+            NotMeasuredError: The run has no recording, or the recording lacks one of the topics.
         """
         ...
 
@@ -324,7 +325,8 @@ class Rule(ABC, Generic[Asked]):
         """Connects the rule to a simulation.
 
         Raises:
-            RequirementError: It cannot be judged there: no such body, room, function.
+            RequirementError: The requirement cannot be judged in this simulation, such as for a body, room or function
+                that it lacks.
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
@@ -360,7 +362,7 @@ class Rule(ABC, Generic[Asked]):
         """Outline of a room of the world.
 
         Raises:
-            RequirementError: There is no such room, or no world.
+            RequirementError: The simulation has no world, or the world has no room of this name.
         """
         if scene.world is None:
             raise self.cannot(f"it asks for the room {room!r}, but there is no world")

@@ -84,7 +84,7 @@ class TopicRule(Rule[TopicRequirement]):
         """Reads the recording of the topic.
 
         Raises:
-            NotMeasuredError: There is no such topic, or no recording.
+            NotMeasuredError: The run has no recording, or the recording has no such topic.
         """
         messages = iter(scene.messages(self, self.asked.topic))
         ahead = next(messages, None)

@@ -112,7 +112,7 @@ def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
         service: where the envelope is.
 
     Raises:
-        DeploymentError: it is not.
+        DeploymentError: a file differs from those that the attestation covers.
         StorageError: the object store does not answer.
     """
     if DeploymentJobDocument.of(job).required_batch is None:

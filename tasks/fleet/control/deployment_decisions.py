@@ -31,8 +31,8 @@ def pause(job: str, by: str, service: Service) -> None:
         service: where it is stored.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it has ended.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment has ended.
     """
     _tell(_under_way(job, service), Paused(by=by), service)
 
@@ -41,8 +41,8 @@ def resume(job: str, service: Service) -> None:
     """Resumes a paused deployment; does nothing if it is not paused.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it has ended.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment has ended.
     """
     _tell(_under_way(job, service), Resumed(), service)
 
@@ -56,8 +56,8 @@ def approve(job: str, by: str, service: Service) -> None:
         service: where it is stored.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it does not wait for approval.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Approved(by=by), service)
@@ -72,8 +72,8 @@ def reject(job: str, by: str, service: Service) -> None:
         service: where it is stored.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it does not wait for approval.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Stopped(why="rejected", by=by), service)

@@ -96,7 +96,7 @@ class OpenOrders:
         """Returns the state of a robot.
 
         Raises:
-            ResourceNotFoundException: it is not in.
+            ResourceNotFoundException: the robot is not enrolled.
         """
         try:
             return self._robots[robot]

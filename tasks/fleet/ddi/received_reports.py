@@ -105,7 +105,8 @@ def parse_feedback(action_id: int, body: bytes) -> Feedback:
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+            be right.
     """
     status = _member(_document(body), "status", dict, "")
     result = _member(status, "result", dict, "status.")
@@ -128,7 +129,8 @@ def parse_attributes(body: bytes) -> Attributes:
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+            be right.
     """
     document = _document(body)
     mode = document.get("mode") or "merge"

@@ -155,7 +155,7 @@ def draft_root(
         The root, and the files of new root keys, which have to sign it as well.
 
     Raises:
-        ConfigurationError: one waits that was made with other roles in mind.
+        ConfigurationError: another draft waits for signatures, and `rotate` or `change` asks for a new one.
     """
     known, machine = publisher.root(), publisher.machine
     waiting = _waiting(publisher, known)

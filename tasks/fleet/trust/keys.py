@@ -56,7 +56,7 @@ def read_key(path: Path) -> CryptoSigner:
     """Reads a signing key of a TUF role from a file.
 
     Raises:
-        ConfigurationError: it is not there, may not be read, or is no such key.
+        ConfigurationError: the file does not exist, may not be read, or does not hold such a key.
     """
     try:
         private = load_pem_private_key(path.read_bytes(), None)
@@ -100,7 +100,7 @@ class KeyFolder:
         """Returns the keys of a TUF role whose ids are among the given ones.
 
         Raises:
-            ConfigurationError: there are none, so that nothing can be signed for it here.
+            ConfigurationError: no key of the role is here, so that nothing can be signed for the role.
         """
         found = [key for key in self.of_role(role) if key.public_key.keyid in keyids]
         if not found:
@@ -126,7 +126,7 @@ def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
         replace: whether it takes the place of another one; no key ever does.
 
     Raises:
-        ConfigurationError: it cannot be written.
+        ConfigurationError: the file cannot be written.
     """
     try:
         with written(path, content, 0o600) as part:
@@ -206,7 +206,7 @@ class Machine:
             seen: what `seen` said before the store was asked.
 
         Raises:
-            ConfigurationError: it was set back.
+            ConfigurationError: the object store has only older timestamps, so it was reset to an earlier state.
         """
         if number < seen:
             raise ConfigurationError(

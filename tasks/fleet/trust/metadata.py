@@ -88,7 +88,7 @@ def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
     """Parses TUF metadata; signatures are not checked.
 
     Raises:
-        DeserializationError: it is none, or of another kind.
+        DeserializationError: the content is not TUF metadata, or is that of another role.
     """
     metadata = Metadata.from_bytes(content)
     if not isinstance(metadata.signed, kind):

@@ -128,7 +128,7 @@ class RepositoryReader:
         """Reads a TUF metadata file, such as `timestamp.json` or `3.snapshot.json`.
 
         Raises:
-            ObjectNotFoundError: there is none of that name.
+            ObjectNotFoundError: the repository has no metadata file of this name.
             StorageError: the object store does not answer.
         """
         if name == "timestamp.json":
@@ -153,8 +153,8 @@ class RepositoryReader:
             path: its path, with the hash before the name.
 
         Raises:
-            ObjectNotFoundError: there is none.
-            StorageError: it cannot be fetched.
+            ObjectNotFoundError: the repository has no such file.
+            StorageError: the file cannot be downloaded.
         """
         if not _TARGET.fullmatch(path):
             raise ObjectNotFoundError(f"there is no target {path[:60]!r}")

@@ -132,7 +132,7 @@ def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
 
     Raises:
         ConfigurationError: the store has what the keys have not signed.
-        StorageError: it does not answer.
+        StorageError: the object store does not answer.
     """
     if publisher.machine.root() is None:
         return Unneeded({}, ())

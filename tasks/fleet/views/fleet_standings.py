@@ -129,8 +129,8 @@ def find_fleet(fleet: str, service: Service) -> Resource:
     """Finds a fleet by its name or ARN.
 
     Raises:
-        InvalidParameterException: there is none of that name, or the ARN names something else.
-        ResourceNotFoundException: there is none of that ARN.
+        InvalidParameterException: no fleet has this name, or the ARN is not that of a fleet.
+        ResourceNotFoundException: the catalog has no fleet of this ARN.
     """
     if fleet.startswith("arn:"):
         ResourceArn.parse(fleet, FLEET)
@@ -150,8 +150,9 @@ def find_deployment(named: str | None, service: Service) -> Resource:
         service: where it is stored.
 
     Raises:
-        InvalidParameterException: nothing has that name, the fleet has had no deployment, or not exactly one goes on.
-        ResourceNotFoundException: there is nothing of that ARN.
+        InvalidParameterException: nothing has this name, the fleet has had no deployment, or none or several
+            deployments are in progress.
+        ResourceNotFoundException: the catalog has no resource of this ARN.
     """
     if named is None:
         return _only_one(service)
@@ -207,7 +208,7 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
         sleep: waits, in seconds.
 
     Raises:
-        ResourceNotFoundException: it was deleted.
+        ResourceNotFoundException: the deployment was deleted.
         ServiceUnavailableException: the catalog does not answer.
     """
     look, revision = _look(job, service), None

@@ -323,7 +323,7 @@ class Measurements:
 
     @cached_property
     def base(self) -> str:
-        """Name of the frame of the robot's base."""
+        """Name of the tf frame of the robot's base, such as `base_link`; reads `/tf` ahead until it appears."""
         if self.sources.base_frame is not None:
             return self.sources.base_frame
         for frame in _BASES:

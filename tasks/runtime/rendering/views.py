@@ -184,7 +184,7 @@ class FollowView:
 
 
 class TopView:
-    """Camera view straight down on the whole world, or on the robot where nothing is fixed."""
+    """Camera view straight down that frames all fixed geoms, or that follows the robot if the world has none."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
         """Prepares the view; where things are is read from the first state.

@@ -265,12 +265,12 @@ class Writer:
 
     @property
     def readers(self) -> int:
-        """Number of matching subscribers, without the topic recorder."""
+        """Number of matched subscribers, not counting the topic recorder."""
         return sum(not self._is_recorder(handle) for handle in self._entity.get_matched_subscriptions())
 
     @property
     def listeners(self) -> int:
-        """Number of matching subscribers, with the topic recorder."""
+        """Number of matched subscribers, counting the topic recorder."""
         return len(self._entity.get_matched_subscriptions())
 
     def _is_recorder(self, handle: int) -> bool:
@@ -284,7 +284,7 @@ class Received(NamedTuple):
     """A received DDS message with its source and time."""
 
     sent_ns: int
-    """When it was published, in nanoseconds since 1970, by the clock of its publisher."""
+    """Time of publication in nanoseconds since 1970, by the publisher's clock."""
 
     writer: int
     """Handle of its publisher here."""

@@ -225,7 +225,11 @@ class Program:
         return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
 
     def clean_up(self) -> int | None:
-        """Starts the program's cleanup command (such as removing a container); returns its process id."""
+        """Starts the program's cleanup command, such as removing a container, and returns the command's process id.
+
+        Returns:
+            The process id; `None` if the program has no cleanup command or never started, or the command cannot start.
+        """
         if self.plan.cleanup_argv is None or self._starts == 0:
             return None
         try:

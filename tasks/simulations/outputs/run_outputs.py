@@ -255,7 +255,11 @@ class RunOutputs:
         return service.patient(self._job.id, stopped, sleep=self._sleep)
 
     def _about(self, about: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the manifest's description of the run, and of the files left out."""
+        """Makes the manifest's description of the run, and of the output files that were not stored.
+
+        Args:
+            about: further members of the description.
+        """
         job = {"job": self._job.arn, "run": self._run_id, "seed": SimulationJobDocument.of(self._job).seed}
         return {**job, **about, **self._left_out.about()}
 

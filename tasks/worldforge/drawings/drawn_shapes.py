@@ -94,18 +94,18 @@ class Label(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """All shapes and texts of an imported drawing, and its scale."""
+    """All shapes and texts of an imported drawing, and its scale in metres per drawing unit."""
 
     shapes: list[Shape]
     labels: list[Label]
     metres_per_unit: float | None
-    """As far as the file says."""
+    """Metres in the world for one drawing unit; `None`: the file does not say."""
     paper_m: float | None = None
-    """Metres of paper for one unit, where it says that; a scale such as 1:50 makes metres of the world of them."""
+    """Metres on paper for one drawing unit, if the file says so; a scale such as 1:50 converts them to the world."""
     left_out: Sequence[str] = ()
-    """Elements that could not be read as shapes, in words."""
+    """Descriptions of the elements that could not be read as shapes."""
     is_exact: bool = True
-    """Whether somebody drew it; a door of a map that lies in no wall is noise, and no mistake."""
+    """Whether a person drew it, not a robot's mapping: only then is a door that lies in no wall an error."""
 
 
 def plain_words(text: str) -> list[str]:

@@ -62,7 +62,7 @@ class Sandbox:
         """Returns the folder of an application's data that outlives its versions.
 
         Raises:
-            OSError: it cannot be made.
+            OSError: the folder cannot be created.
         """
         folder = self.home.folder / "data" / application
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def find_sandbox(home: Home, options: Options) -> Sandbox:
     """Returns the sandbox that the options ask for, after testing it.
 
     Raises:
-        AgentError: there is no such user or sandbox, or it does not work here.
+        AgentError: the user or sandbox does not exist, or the sandbox does not work on this machine.
     """
     rights, user_id = _rights(options.user)
     if options.sandbox != "auto" and options.sandbox not in KINDS:

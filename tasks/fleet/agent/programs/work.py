@@ -116,7 +116,11 @@ class ScriptWork:
         """When it has taken too long."""
 
     def poll(self) -> list[Event]:
-        """Returns the script's result once it has ended or timed out."""
+        """Checks, without waiting, whether the script has ended or timed out, and ends one that has timed out.
+
+        Returns:
+            One event, that the script passed or failed, from the first call after its end; otherwise an empty list.
+        """
         if self._is_over:
             return []
         code = self._process.poll()

@@ -318,7 +318,10 @@ def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tupl
 
 
 def _range_specs(model: Lidar) -> dict[str, specs.Array]:
-    """Returns the specs of the range sensors' measurements: proximity and lidar scan."""
+    """Returns the dm_env array specs of the range sensors' observations, by name.
+
+    They are the lidar scan and the proximity ranges, in metres, and the time of both, in seconds.
+    """
     near = specs.BoundedArray(
         lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
     )
