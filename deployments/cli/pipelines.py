@@ -118,7 +118,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Returns the settings of a run, with the backend from the command line.
 
     Raises:
-        ConfigurationError: one of them cannot be used; nothing has been started.
+        ConfigurationError: a setting or the backend is invalid; nothing has been started.
     """
     from ...tasks.backends.backend import open_backend
 

@@ -109,7 +109,7 @@ def run_pass(
         spec_path: the file that the specification is from.
 
     Raises:
-        ProbeFailedError: it did not come to its end.
+        ProbeFailedError: the pass failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     quiet = settings.model_copy(update={"notify": ()})

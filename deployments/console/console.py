@@ -68,9 +68,9 @@ def carry_out(visit: Visit) -> Response:
     """Handles a form of the web console (cancel, restart, ...), and shows the resource again.
 
     Raises:
-        ResourceNotFoundException: there is no such act, or no such resource.
+        ResourceNotFoundException: the console has no such action, or the catalog no such resource.
         AccessDeniedException: the visitor's key is not good for it.
-        ServiceError: it cannot be done to the resource as it is.
+        ServiceError: the action is not possible in the present state of the resource.
     """
     folder, resource_id, act = (visit.request.path_params[name] for name in ("folder", "id", "act"))
     if (other := _OTHERS.get((folder, act))) is not None:
@@ -142,7 +142,7 @@ def add_page(module: str, path: str, page: Page) -> None:
         page: The page.
 
     Raises:
-        ConfigurationError: It would never be shown, or hide what is needed to log in.
+        ConfigurationError: The path does not begin with `/`, or another page of the console has it.
     """
     if not path.startswith("/"):
         raise ConfigurationError(f"{module} has a page {path!r}; its path has to begin with /")

@@ -48,7 +48,7 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
 
     Raises:
         ObjectNotFoundError: no manifest names it.
-        StorageError: it cannot be read.
+        StorageError: the file cannot be read.
     """
     if place is None or name not in published(place, service):
         raise ObjectNotFoundError(f"there is no file {name}")

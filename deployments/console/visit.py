@@ -209,7 +209,7 @@ class Visit:
             members: which members of its document are read; `None`: all.
 
         Raises:
-            ResourceNotFoundException: there is none, or it is none of the visitor's.
+            ResourceNotFoundException: the resource does not exist, or the visitor may not see it.
         """
         arn = self.service.arn(kind, resource_id)
         found = self.seen(self.service.catalog.get_many([arn], members).values())

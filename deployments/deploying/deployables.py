@@ -152,7 +152,7 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
         tags: more tags.
 
     Raises:
-        ConfigurationError: it is longer than Prefect takes.
+        ConfigurationError: the specification is longer than the parameters that Prefect accepts.
     """
     size = len(spec.text.encode())
     if size > _MOST_BYTES:

@@ -110,8 +110,8 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
     """Creates or updates deployments on the Prefect server.
 
     Raises:
-        NoSuchPoolError: there is no such work pool.
-        ConfigurationError: there is no such block, or the server does not answer or refuses.
+        NoSuchPoolError: the work pool does not exist.
+        ConfigurationError: a block does not exist, or the server does not answer or refuses the deployment.
     """
     with _told(), get_client(sync_client=True) as client:
         pool = _pool(target.pool, client)
@@ -256,7 +256,7 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
         timezone: an IANA name such as `Europe/Berlin`, whose summer time counts.
 
     Raises:
-        ConfigurationError: one of them is none.
+        ConfigurationError: the cron expression or the time zone is invalid.
     """
     try:
         schedule = CronSchedule(cron=cron, timezone=timezone)

@@ -185,7 +185,7 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
 
     Raises:
         RequestEntityTooLargeException: the body is longer; the rest is left unread.
-        RequestTimeoutException: it did not arrive in time.
+        RequestTimeoutException: the body did not arrive in time.
         ClientDisconnect: the client hung up.
     """
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):

@@ -158,7 +158,7 @@ class Metrics:
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
-            MethodNotAllowedException: they are only read.
+            MethodNotAllowedException: the request's method is neither GET nor HEAD.
         """
         if request.raw_path != PATH:
             return None

@@ -32,7 +32,7 @@ class TlsFiles:
         """Checks the TLS files; `None` if none are given.
 
         Raises:
-            ConfigurationError: one is not given, cannot be read or used, or they do not belong together.
+            ConfigurationError: certificate or key is missing, cannot be read or used, or they do not belong together.
         """
         if certificate is None and key is None:
             return None
@@ -97,7 +97,7 @@ def run_server(
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
-        ConfigurationError: nothing can listen there.
+        ConfigurationError: the address or port cannot be listened on.
         KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
@@ -134,7 +134,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
     """Opens a listening socket inside the `with` block.
 
     Raises:
-        ConfigurationError: nothing can listen there.
+        ConfigurationError: the address or port cannot be listened on.
     """
     family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
     try:

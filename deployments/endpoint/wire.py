@@ -61,7 +61,7 @@ class Router:
             raw_path: the path as it was sent; members in it are decoded once.
 
         Raises:
-            UnknownOperationException: there is none at that path, or none with that method.
+            UnknownOperationException: no operation has this path, or none with this method.
             SerializationException: a member in the path is not UTF-8.
         """
         by_method, members = self._at(raw_path)

@@ -21,7 +21,7 @@ def checked(text: str, filename: str) -> CheckedSpec:
         filename: what problems call it.
 
     Raises:
-        SpecError: it has problems.
+        SpecError: the specification is invalid; the error lists all its problems.
     """
     spec = load_spec(text, filename)
     check_world_counts(spec, max_worlds_per_job(os.environ))

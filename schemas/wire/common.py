@@ -210,7 +210,7 @@ def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
         given: their values, in the same order; `None` is absent.
 
     Raises:
-        ValueError: none or both are given.
+        ValueError: none or both of the members are given.
     """
     present = sum(value is not None for value in given)
     if present != 1:

@@ -53,7 +53,7 @@ class Lookup:
             base: folder of the file that names it.
 
         Raises:
-            SdfError: its `model.config` or the file that it names cannot be read.
+            SdfError: the `model.config`, or the file that it names, cannot be read.
         """
         found = self._find(uri, base)
         if found is None:

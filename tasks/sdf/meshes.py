@@ -73,7 +73,7 @@ class Meshes:
             geometry: a mesh.
 
         Raises:
-            MeshError: it cannot be read, is empty, or is too large.
+            MeshError: the mesh cannot be read, is empty, or is too large.
         """
         assert geometry.file is not None
         found = self._read(geometry.file, geometry.submesh is not None)

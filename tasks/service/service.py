@@ -279,7 +279,7 @@ class Service:
             role: ARN of the role, as a request names it.
 
         Raises:
-            CredentialsRefusedError: there is no such role, or its credentials are no good.
+            CredentialsRefusedError: the role does not exist, or its credentials are refused.
             StorageUnavailableError: the server does not answer.
         """
         if self.roles is None or role is None:

@@ -111,7 +111,7 @@ class ObjectStore(Protocol):
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: there is no such bucket.
+            BucketNotFoundError: the bucket does not exist.
         """
         ...
 
@@ -127,7 +127,7 @@ class ObjectStore(Protocol):
         """Checks quickly, with one request, whether the store answers at all.
 
         Raises:
-            StorageUnavailableError: it does not, or says that it cannot now.
+            StorageUnavailableError: the store does not answer, or answers that it is unavailable.
         """
         ...
 

@@ -69,9 +69,9 @@ class DirectoryStore:
         """Checks that the bucket's folder exists and can be written to.
 
         Raises:
-            StorageAccessDeniedError: this user may not, or the file system is read-only.
-            BucketNotFoundError: there is no such bucket.
-            StorageFullError: nothing more can be written.
+            StorageAccessDeniedError: this user may not write to the folder, or the file system is read-only.
+            BucketNotFoundError: the bucket's folder does not exist.
+            StorageFullError: the disk is full.
         """
         check_bucket(bucket)
         check_key(key)

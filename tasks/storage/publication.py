@@ -61,7 +61,7 @@ def publish(
 
     Raises:
         TransferStoppedError: `stopped` or `ended` said so.
-        ObjectExistsError: something else is published under this prefix.
+        ObjectExistsError: other files are published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
         StorageError: a file cannot be read or stored.
     """
@@ -138,7 +138,7 @@ def split_stored(
         stopped: see `ObjectStore.find_same`.
 
     Raises:
-        StorageError: that cannot be found out.
+        StorageError: the stored objects cannot be compared.
     """
     found = run_all(lambda item: store.find_same(bucket, *item, stopped=stopped), files.items())
     there = {key: info for key, info in zip(files, found, strict=True) if info is not None}
@@ -156,8 +156,8 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
         prefix: the keys of what is removed start with it, then a slash; not empty.
 
     Raises:
-        BucketNotFoundError: there is no such bucket.
-        StorageError: something cannot be removed.
+        BucketNotFoundError: the bucket does not exist.
+        StorageError: an object cannot be deleted.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -170,8 +170,8 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads the manifest of the files published under a prefix.
 
     Raises:
-        ObjectNotFoundError: nothing is.
-        StorageError: it cannot be read, or is no manifest.
+        ObjectNotFoundError: no files are published under this prefix.
+        StorageError: the manifest cannot be read, or is invalid.
     """
     key = join_key(prefix, MANIFEST_NAME)
     try:
@@ -268,8 +268,8 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
         keep: says of a file's name whether it stays.
 
     Raises:
-        ObjectNotFoundError: nothing is published there.
-        StorageError: something cannot be removed; calling it again goes on.
+        ObjectNotFoundError: no files are published under this prefix.
+        StorageError: an object cannot be deleted; a further call continues.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -292,7 +292,7 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
         prefix: the prefix of that call.
 
     Raises:
-        StorageError: something cannot be removed; calling it again goes on.
+        StorageError: an object cannot be deleted; a further call continues.
     """
     if (after := _prepared(store, bucket, prefix)) is not None:
         _remove_rest(store, bucket, prefix, after)

@@ -126,7 +126,7 @@ def open_regular(path: Path) -> BufferedReader:
     Raises:
         FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
             are not followed, read or waited for.
-        OSError: it cannot be opened.
+        OSError: the file cannot be opened.
     """
     try:
         # Without O_NONBLOCK, opening a FIFO would wait for a writer.

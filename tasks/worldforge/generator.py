@@ -181,7 +181,8 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
         arn: its ARN.
 
     Raises:
-        ConfigurationError: there is no such door or piece, nothing differs, or another generator made the world.
+        ConfigurationError: the world has no such door or furnishing, the variation equals the world, or another
+            generator version made the world.
     """
     if wanted.friction:
         raise ConfigurationError(

@@ -80,7 +80,7 @@ class WorldBuilders:
             The bundle's content hash.
 
         Raises:
-            WorldGenerationError: there is no such world, or its builder died or was stopped.
+            WorldGenerationError: no world can be generated from these values, or the builder died or was stopped.
         """
         order = {
             "body": body,
@@ -130,8 +130,8 @@ def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[s
     """A builder's answer to an order.
 
     Raises:
-        _BuilderDiedError: it ended meanwhile.
-        WorldGenerationError: it took too long, and was ended.
+        _BuilderDiedError: the builder's process ended before its answer.
+        WorldGenerationError: the world took too long, and its builder was ended.
     """
     assert process.stdin is not None
     assert process.stdout is not None

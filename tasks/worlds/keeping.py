@@ -34,7 +34,7 @@ def keep_world(
         origin: what it was made of, by which it is found again.
 
     Raises:
-        StorageError: it cannot be stored.
+        StorageError: the files cannot be stored.
     """
 
     def write(folder: Path) -> None:
@@ -56,8 +56,8 @@ def keep_variation(
         origin: what it is made of, by which it is found again.
 
     Raises:
-        ConfigurationError: there is no such door or piece, or nothing differs.
-        StorageError: it cannot be stored.
+        ConfigurationError: the world has no such door or furnishing, or the variation equals the world.
+        StorageError: the files cannot be stored.
     """
     world = read_world(bundle)
     if isinstance(world.source, GazeboSource):
@@ -90,7 +90,7 @@ def keep_bundle(
         origin: what it was made of, by which it is found again.
 
     Raises:
-        StorageError: it cannot be stored.
+        StorageError: the files cannot be stored.
     """
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")

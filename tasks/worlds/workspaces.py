@@ -73,7 +73,7 @@ class Workspace:
         """Returns the world of a name; without a name the only one, or `None` where there are several.
 
         Raises:
-            ConfigurationError: there is none, none of this name, or more than one.
+            ConfigurationError: the workspace has no world, or not exactly one of this name.
         """
         top = (self.top if self.top.name.strip(".") else self.top.resolve()).name or self.top
         names = [each.name for each in self.worlds]
@@ -111,7 +111,7 @@ def opened_workspace(path: Path, service: Service) -> Iterator[Workspace]:
         service: where there is room.
 
     Raises:
-        ConfigurationError: it is not there, or no archive.
+        ConfigurationError: the folder or bundle does not exist, or is not an archive.
     """
     if path.is_dir():
         yield read_workspace(path)

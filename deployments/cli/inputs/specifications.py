@@ -18,8 +18,8 @@ def read_text(path: str) -> str:
     """Reads a text file that the user named.
 
     Raises:
-        InputFileError: it cannot be opened.
-        SpecError: it is no text.
+        InputFileError: the file cannot be opened.
+        SpecError: the file is not UTF-8 text.
     """
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
@@ -37,8 +37,8 @@ def read_spec(path: str) -> CheckedSpec:
         path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
 
     Raises:
-        InputFileError: it cannot be opened.
-        SpecError: it has problems.
+        InputFileError: the file cannot be opened.
+        SpecError: the specification is invalid; the error lists all its problems.
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
@@ -53,7 +53,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
         operation: the operation's name.
 
     Raises:
-        ServiceError: it is no request of this operation.
+        ServiceError: the text is not a valid request of this operation.
     """
     from ....schemas.specs.check import load_request
     from ....schemas.specs.resolving import resolve_input

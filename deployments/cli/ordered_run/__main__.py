@@ -94,7 +94,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
     """The visitor's access key, as it is now.
 
     Raises:
-        ConfigurationError: it is not there any more.
+        ConfigurationError: the access key was deleted.
     """
     if order.key_id is None:
         return None

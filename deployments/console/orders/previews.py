@@ -52,7 +52,7 @@ class Previews:
             visitor: who asks.
 
         Raises:
-            NoPlanError: there is no such world, or it takes too long.
+            NoPlanError: the world cannot be generated, or takes too long.
             ThrottlingException: the visitor, or all of them, ask for too many.
         """
         self._count(visitor)

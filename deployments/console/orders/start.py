@@ -135,7 +135,7 @@ def runs_of(visit: Visit) -> SpecRuns:
 
     Raises:
         AccessDeniedException: the visitor's key is not good for ordering any.
-        InvalidParameterException: this server performs none.
+        InvalidParameterException: this server does not execute runs.
     """
     if visit.key is not None:
         check_scope(visit.key, _NEEDED)

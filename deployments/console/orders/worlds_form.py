@@ -208,7 +208,7 @@ def whole(text: str, what: str) -> int:
     """Parses a whole number from a form field.
 
     Raises:
-        InvalidParameterException: it is none.
+        InvalidParameterException: the text is not a whole number.
     """
     if not (text.strip().isascii() and text.strip().isdecimal() and len(text) <= 12):
         raise InvalidParameterException(f"{what}: is {text!r}; it has to be a whole number from 0")
@@ -275,7 +275,7 @@ def _check(visit: Visit, template: str) -> None:
 
     Raises:
         AccessDeniedException: the visitor's key is not good for it.
-        ResourceNotFoundException: there is no such template that the visitor may see.
+        ResourceNotFoundException: the visitor may see no such template.
     """
     if visit.key is not None:
         check_scope(visit.key, "CreateWorldGenerationJob" if template else "CreateWorldTemplate")

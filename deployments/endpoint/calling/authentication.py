@@ -61,8 +61,9 @@ class Replays:
             repeatable: whether a second call would do nothing more.
 
         Raises:
-            InvalidSignatureException: it was used before.
-            ThrottlingException: it was used a moment ago. A client that means it signs again when it tries again.
+            InvalidSignatureException: the signature was used before.
+            ThrottlingException: the signature was used a moment ago; a client that repeats a call on purpose signs it
+                anew at its next try.
         """
         now_s = now.timestamp()
         minute = int((signed_at.timestamp() + self._valid_s) // 60)

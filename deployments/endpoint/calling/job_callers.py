@@ -62,7 +62,7 @@ class JobCallers:
         known too.
 
         Raises:
-            AccessDeniedException: it is no path of a job that runs.
+            AccessDeniedException: the path is not that of a running job.
         """
         path = scope["raw_path"].decode("latin-1")
         if not path.startswith(OF_JOB):
@@ -81,7 +81,7 @@ class JobCallers:
         """Returns the ARN of the job that a request comes from; `None` if it comes from none.
 
         Raises:
-            AccessDeniedException: that cannot be told, so it may be any job.
+            AccessDeniedException: the caller's process cannot be determined, so that it may belong to any job.
         """
         peer, server = map(as_address, scope.get("state", {}).get(ENDS, (None, None)))
         if peer is None or server is None:  # it came over no connection
@@ -103,7 +103,8 @@ class JobCallers:
             members: the members of the request on the wire, which have been checked.
 
         Raises:
-            AccessDeniedException: it is not the job's to ask for; whether anything else exists is not told.
+            AccessDeniedException: a job may not make this call; the message is the same whether or not the resource
+                exists.
             ResourceNotFoundException: the job is not in the catalog any more.
         """
         job = self._service.catalog.get(arn, kind="simulation-job")

@@ -44,7 +44,7 @@ def check_scope(key: AccessKey, operation: str) -> None:
     """Raises an error if an access key's scope does not include an operation.
 
     Raises:
-        AccessDeniedException: its scope does not hold it.
+        AccessDeniedException: the key's scope does not include the operation.
     """
     needed = needed_scope(operation)
     if SCOPES.index(key.scope) < SCOPES.index(needed):
@@ -63,7 +63,8 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
         catalog: where the resources are.
 
     Raises:
-        AccessDeniedException: something is not; whether it exists is not told.
+        AccessDeniedException: the key does not permit a resource; the message is the same whether or not the resource
+            exists.
     """
     if not key.is_confined:
         return

@@ -68,7 +68,7 @@ class Addresses:
             each request's `Host` says, which is right where no proxy is in between.
 
     Raises:
-        ConfigurationError: either is not right.
+        ConfigurationError: the URL or the tenant is invalid.
     """
 
     def __init__(self, tenant: str, public_url: str | None) -> None:

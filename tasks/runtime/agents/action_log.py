@@ -98,7 +98,7 @@ class ActionLog:
             path: The file.
 
         Raises:
-            ActionLogError: It is something else, or cannot be read.
+            ActionLogError: The file is not an action log, or cannot be read.
         """
         self._path = path
         try:
@@ -127,7 +127,7 @@ class ActionLog:
         """Counts the recorded actions and hashes the log file.
 
         Raises:
-            OSError: It cannot be read.
+            OSError: The log cannot be read.
         """
         with open_left(self._path) as file:
             sha256, size_bytes = hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
@@ -195,7 +195,7 @@ class ActionLogWriter:
             header: What the actions are.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         self._most = min(CHUNK_ACTIONS, max(1, CHUNK_BYTES // max(1, header.size)))
         self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
@@ -217,7 +217,7 @@ class ActionLogWriter:
         """Appends the action of the next step.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         number = self._first + len(self._kept)
         self._end = self._write(self._end, chunk_of(PLAIN, 1, number, action))
@@ -229,7 +229,7 @@ class ActionLogWriter:
         """Completes the log file, and returns a summary of its content.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         try:
             self._pack()

@@ -108,7 +108,7 @@ class FrameBuffer:
         """Returns type and content of the next message; `None` while it has not arrived completely.
 
         Raises:
-            ProtocolError: It has an unknown type or is longer than messages of its type can be.
+            ProtocolError: The message has an unknown type or is longer than messages of its type can be.
         """
         if self.pending < HEADER.size:
             return None
@@ -175,7 +175,7 @@ class ArraySpec:
         """Writes a value into a message's content as this array.
 
         Raises:
-            ValueError: It has another shape or cannot be such a number.
+            ValueError: The value has another shape, or is not a number of this type.
         """
         if np is not None:
             array = np.asarray(value)
@@ -280,7 +280,7 @@ class Simulation:
         """Greets the simulation.
 
         Raises:
-            SimulationError: It refused, with its reason.
+            SimulationError: The simulation refused the robot; the message has its reason.
         """
         self._socket = connection
         limit = _MAX_MESSAGE_BYTES
@@ -346,7 +346,8 @@ class Simulation:
             action: In the form of `action_spec`: an array or list, or several by name.
 
         Raises:
-            ValueError: It does not have that form.
+            ValueError: The action does not have the form that the simulation announced, or no observation was received
+                yet.
             SimulationError: The simulation is gone.
         """
         if self.ended_by is not None:

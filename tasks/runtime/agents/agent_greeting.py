@@ -83,7 +83,7 @@ class Greeter:
             The connection, and the robot's greeting; none where the other interface has a robot.
 
         Raises:
-            LaunchError: None did so in time, or before the robot's program ended, or one greeted wrongly and was told.
+            LaunchError: No robot program greeted correctly in time, or before the robot's process ended.
             Stopped: The run was told to stop.
         """
         try:

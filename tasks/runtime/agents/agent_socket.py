@@ -91,7 +91,7 @@ class AgentSocket:
             name: The socket's.
 
         Raises:
-            LaunchError: It cannot.
+            LaunchError: The socket cannot be opened.
         """
         self.path = agent_socket_path(plan, name)
         self._is_for_any_user = any(program.role == "robot" and program.image_id for program in plan.programs)
@@ -225,7 +225,7 @@ class AgentLink:
         """Waits for a message of the robot program; its content is valid until the next call.
 
         Raises:
-            TimeoutError: None came whole in time.
+            TimeoutError: No complete message arrived in time.
             Stopped: The run was told to stop.
             Closed: The robot closed the connection.
             ProtocolError: What came is no message of the protocol.
@@ -334,7 +334,7 @@ def make_private(folder: Path) -> None:
     """Creates a folder that only this user can access, safely in a shared place.
 
     Raises:
-        OSError: There is something of that name that is not this user's folder.
+        OSError: A file of this name, or a folder of another user, is there.
     """
     with suppress(FileExistsError):
         folder.mkdir(0o700)

@@ -91,7 +91,7 @@ class RemoteAgent:
 
         Raises:
             StopIteration: The robot is done, or has closed the connection.
-            RobotProgramError: It sent something wrong, or did not answer in time.
+            RobotProgramError: The robot program sent a malformed message, or did not answer in time.
             ObservationError: The time step is not what the environment's specs say.
             RunStopped: The run was told to stop.
         """
@@ -261,7 +261,7 @@ class RemoteRobot(Observer):
             nodes: ROS nodes that may drive instead of a program that connects.
 
         Raises:
-            LaunchError: It cannot.
+            LaunchError: The socket cannot be opened.
         """
         self._nodes = nodes
         self._plan = plan
@@ -418,7 +418,7 @@ def action_layout(environment: Any) -> Layout:
     """Returns the message layout of an environment's actions.
 
     Raises:
-        LaunchError: They cannot be sent.
+        LaunchError: The environment's actions are of a kind that cannot be sent.
     """
     action = _layout(environment, "action_spec", ACTION_HEADER.size)
     if action.left_out:

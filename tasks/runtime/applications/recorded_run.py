@@ -266,7 +266,7 @@ def make_environment(context: SimulationContext) -> RecordedRun:
     """Makes the environment that replays the recording among the job's data sources.
 
     Raises:
-        LaunchError: There is none, or it cannot be judged.
+        LaunchError: The job has no recording among its data sources, or the recording cannot be judged.
     """
     if context.data_dir is None:
         raise LaunchError(

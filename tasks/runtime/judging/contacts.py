@@ -132,7 +132,7 @@ class Names:
         """Takes note of a rule that may tell things apart by name.
 
         Raises:
-            NotMeasuredError: It ignores all that there could be.
+            NotMeasuredError: The rule ignores everything that the recording could have contacts with.
         """
         self._listed = listed
         others, ignore = rule.asked.others, rule.asked.ignore

@@ -236,7 +236,7 @@ class Measurements:
         """Finds a topic with poses for a rule that compares two.
 
         Raises:
-            NotMeasuredError: It is not there, or has something else.
+            NotMeasuredError: The recording has no such topic, or its messages have no poses.
         """
         try:
             self._check(topic, POSE_TYPES, "a pose to compare")
@@ -420,7 +420,7 @@ class Measurements:
         """Raises an error if a topic has messages of several types, which is why it is not read.
 
         Raises:
-            NotMeasuredError: One has.
+            NotMeasuredError: A topic has messages of several types.
         """
         for topic in topics:
             if (why := self._bag.mixed(topic)) is not None:
@@ -530,7 +530,7 @@ class TopicScene:
 
         Raises:
             NotMeasuredError: Functions are not called here.
-            RequirementError: There is no such function.
+            RequirementError: The function does not exist.
         """
         if not self._calls_functions:
             raise NotMeasuredError(

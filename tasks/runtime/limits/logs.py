@@ -96,7 +96,7 @@ class CappedLog:
         max_bytes: How much of it is kept from its beginning.
 
     Raises:
-        OSError: It cannot be opened.
+        OSError: The file cannot be opened.
     """
 
     def __init__(self, path: Path, max_bytes: int = MAX_LOG_BYTES) -> None:

@@ -263,7 +263,7 @@ def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
     """Imports the factory function of an application that is no separate program.
 
     Raises:
-        LoadError: It cannot be imported.
+        LoadError: The function cannot be imported.
     """
     assert application.attribute is not None, "programs are not imported"
     # The factory of a policy is built in; what it loads is the application's.

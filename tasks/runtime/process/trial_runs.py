@@ -239,7 +239,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
         stop: Whether to stop.
 
     Raises:
-        CheckpointError: Another process runs the run.
+        CheckpointError: Another process executes the run.
         OSError: The outputs cannot be written.
         Exception: Any exception of the applications, unless the run's failure behaviour is `Continue`.
     """

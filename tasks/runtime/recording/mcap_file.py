@@ -313,7 +313,7 @@ class Unbuffered:
         """Opens a file, of which the beginning is kept.
 
         Raises:
-            OSError: It is shorter than that, or cannot be opened.
+            OSError: The file is shorter than `keep_bytes`, or cannot be opened.
         """
         fresh = 0 if keep_bytes else os.O_TRUNC
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | fresh, 0o644)

@@ -178,7 +178,7 @@ class McapRecorder(Recorder):
             series: Asked for what it has whenever a chunk is written.
 
         Raises:
-            TypeError: One of its topics carries another type.
+            TypeError: A topic of the series is already recorded with another message type.
         """
         columns = [(self._channel(topic, columns.kind), columns) for topic, columns in series.topics]
         self._series.append((series, RowEncoder(columns)))

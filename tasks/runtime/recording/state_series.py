@@ -253,7 +253,7 @@ class RowSeries:
             numbers: All numbers of the message, in the order of its columns.
 
         Raises:
-            ValueError: There are more or fewer numbers.
+            ValueError: The measurement has another count of numbers than the series.
             RecordingError: The file cannot be written.
         """
         if len(numbers) != sum(self._widths):

@@ -41,7 +41,7 @@ def read_outputs(folder: Path) -> RunOutputs:
     """Reads a run's output files.
 
     Raises:
-        FileNotFoundError: There is no `provenance.json`.
+        FileNotFoundError: The folder has no `provenance.json`.
         ValueError: A file is not what it should be.
     """
     provenance = Provenance.model_validate_json((folder / PROVENANCE_FILE).read_bytes())

@@ -216,7 +216,7 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
     """Returns the environment's own requirements.
 
     Raises:
-        RequirementError: It is no list of requirements.
+        RequirementError: The environment's `requirements` are not a list of requirements.
     """
     ask = getattr(environment, "requirements", None)
     if ask is None:

@@ -131,7 +131,7 @@ class Scene:
         """Imports a predicate function from the application's bundle or an installed package.
 
         Raises:
-            RequirementError: There is no such function.
+            RequirementError: The function does not exist.
         """
         return load_judging_function(self.plan, rule, attribute)
 

@@ -84,7 +84,7 @@ class Part:
         """Yields its messages in the order of their times.
 
         Raises:
-            ValueError: It is no recording of ours.
+            ValueError: The file is not a recording that this package wrote.
         """
         self._file.seek(_MAGIC_BYTES)
         while (record := self._next()) is not None:

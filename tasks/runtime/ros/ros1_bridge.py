@@ -90,7 +90,7 @@ class Link:
         """Connects.
 
         Raises:
-            OSError: Nothing listens there.
+            OSError: The simulation does not listen on the socket.
         """
         self._socket = socket.socket(socket.AF_UNIX)
         try:

@@ -193,7 +193,7 @@ class Ros1Wire:
         """Takes over what a frame says.
 
         Raises:
-            ValueError: It is no frame of the protocol.
+            ValueError: The content is not a frame of the protocol.
         """
         if kind == COMMAND:
             if len(content) != VELOCITY.size:
@@ -258,7 +258,7 @@ class _Link:
         """Sends as many queued messages as the bridge process can take now.
 
         Raises:
-            OSError: It is gone.
+            OSError: The bridge process has gone.
         """
         with suppress(BlockingIOError):
             while True:
@@ -274,9 +274,9 @@ class _Link:
         """Returns the messages that the bridge process has sent.
 
         Raises:
-            EOFError: It has closed the connection.
-            OSError: It is gone.
-            ProtocolError: It sent something else.
+            EOFError: The bridge process has closed the connection.
+            OSError: The bridge process has gone.
+            ProtocolError: The bridge process sent a frame that is not of the protocol.
         """
         found = []
         for _ in range(_READS):
@@ -298,7 +298,7 @@ def _peers_in(state: Mapping[str, Any], topics: Mapping[str, int]) -> Peers:
     """The nodes that a state tells of.
 
     Raises:
-        ValueError: It is no state.
+        ValueError: The object is not a state message of the bridge process.
     """
     heard, commanders, mistyped = state.get("heard"), state.get("commanders"), state.get("mistyped")
     if not (isinstance(heard, list) and isinstance(commanders, int) and isinstance(mistyped, dict)):

@@ -36,7 +36,7 @@ class Timing(Protocol):
 
         Raises:
             RunStopped: The run was told to stop.
-            TimerNodeError: It cannot go on so.
+            TimerNodeError: The nodes do not answer steps, because they send commands by a timer.
         """
         ...
 

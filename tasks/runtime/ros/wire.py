@@ -68,7 +68,7 @@ class Wire(Protocol):
         """Announces topics, and subscribes the velocity commands.
 
         Raises:
-            LaunchError: It cannot, and says what would do.
+            LaunchError: The topics cannot be announced; the message says what would help.
         """
         ...
 

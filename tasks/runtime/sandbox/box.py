@@ -56,7 +56,7 @@ class Furnishing:
     The new root lies on a folder that is hidden by it meanwhile, in the box's own mount namespace only.
 
     Raises:
-        OSError: This machine or this user may not mount.
+        OSError: This machine or this user may not mount file systems.
     """
 
     def __init__(self) -> None:
@@ -191,7 +191,7 @@ class Box:
     """Sandbox of a run's processes (Linux namespaces), as its supervisor controls it.
 
     Raises:
-        BoxError: This machine or this user may not have one.
+        BoxError: This machine or this user may not create the namespaces.
     """
 
     def __init__(self) -> None:
@@ -215,7 +215,7 @@ class Box:
             services: ports of servers outside that are reached from a network of its own, too.
 
         Raises:
-            BoxError: It cannot be done.
+            BoxError: The files or network cannot be added.
         """
         found: list[int] = []
         shown = [{**asdict(sight), "identity": _identity(sight.path)} for sight in sights]
@@ -241,7 +241,7 @@ class Box:
             Its pid, as this process sees it, whose child it is.
 
         Raises:
-            BoxError: It cannot be forked.
+            BoxError: The process cannot be forked.
         """
         return _orphan(lambda: kernel.enter_namespaces(self.keeper, self._kinds), become)
 

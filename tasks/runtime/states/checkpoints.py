@@ -159,7 +159,7 @@ class Checkpointer:
             rng: The run's generator.
 
         Raises:
-            CheckpointError: Another process continues the run already.
+            CheckpointError: Another process already continues the run.
             OSError: The folder cannot be written.
         """
         assert plan.checkpoint_dir is not None
@@ -237,7 +237,7 @@ class Checkpointer:
             Where the loop goes on.
 
         Raises:
-            CheckpointError: That does not work.
+            CheckpointError: A part of the run cannot be restored.
         """
         assert self._resumed is not None
         path, header = self._resumed

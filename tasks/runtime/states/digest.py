@@ -208,8 +208,8 @@ def read_timeline(path: Path) -> StateTimeline:
     """Reads `digest.bin`, the hash chain of a run's states, up to the last complete block.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is something else.
+        FileNotFoundError: The file does not exist.
+        ValueError: The file is not a `digest.bin`.
     """
     content = path.read_bytes()
     if not content.startswith(_MAGIC):

@@ -101,7 +101,7 @@ class StateLog:
         What follows a damaged chunk is left out.
 
         Raises:
-            StateLogError: There is no log.
+            StateLogError: The folder has no readable state log.
         """
         try:
             about = json.loads((folder / ABOUT_FILE).read_bytes())
@@ -246,7 +246,7 @@ class StateLogWriter:
         """Logs states from an earlier log, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
 
         Raises:
-            ValueError: They are of another model.
+            ValueError: The states are of another model.
             OSError: The log cannot be written.
         """
         self._begin(model, data)

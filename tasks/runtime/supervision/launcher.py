@@ -160,7 +160,7 @@ class Launcher:
         """Starts the warm process, unless it is running.
 
         Raises:
-            LaunchError: It cannot be started.
+            LaunchError: The process cannot be started.
         """
         with self._lock:
             self._running_server()

@@ -123,7 +123,7 @@ class Program:
         fork: Forks its process, in a box for example.
 
     Raises:
-        OSError: Its logs cannot be made.
+        OSError: The logs of the program cannot be created.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Program:
         """Starts the program.
 
         Raises:
-            StartError: There is no such program, or it cannot be executed.
+            StartError: The program does not exist, or cannot be executed.
         """
         self._started_at = self._clock()
         self._starts += 1
@@ -264,7 +264,7 @@ def spawn(
         Its pid.
 
     Raises:
-        StartError: It cannot be executed.
+        StartError: The executable cannot be started.
     """
     failed, tell = os.pipe()
 

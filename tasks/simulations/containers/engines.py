@@ -84,7 +84,7 @@ class Engine:
             through: a command line that runs the one that it is given.
 
         Raises:
-            EngineError: it failed, took too long, or was `stopped`.
+            EngineError: the command failed, took too long, or was `stopped`.
         """
         try:
             process = subprocess.Popen(
@@ -137,7 +137,7 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
         which: finds a program on the path.
 
     Raises:
-        LaunchError: there is none, or none answers; says what each said.
+        LaunchError: no container engine is installed, or none answers; the message has the answer of each.
     """
     named = environ.get(ENGINE_VARIABLE)
     said = []
@@ -181,7 +181,8 @@ def get_image(
         stopped: asked several times a second whether to give up.
 
     Raises:
-        LaunchError: it cannot be had, is another one, or breaks the rules for images.
+        LaunchError: the image cannot be pulled, differs from the one of the application's version, or breaks the rules
+            for images.
     """
     if uri.startswith("-"):  # an option, to an engine
         raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0")

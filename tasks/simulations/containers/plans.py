@@ -79,7 +79,8 @@ def plan_container(
         bridge: the job's ROS bridge, if it has one.
 
     Raises:
-        LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
+        LaunchError: no container engine answers, the image cannot be pulled or may not be run, or the container cannot
+            be created.
     """
     launch = config["launchConfig"]
     _check_network(run_environment.service.settings)
@@ -197,7 +198,7 @@ def check_gpu(container: Container, name: str) -> None:
     """Checks with a test container whether the engine can give a GPU to containers.
 
     Raises:
-        LaunchError: it cannot; says why.
+        LaunchError: the engine cannot give containers a GPU; the message says why.
     """
     engine = container.engine
     try:

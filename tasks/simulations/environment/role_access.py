@@ -31,7 +31,7 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
     """Returns the service with the object-store access of the role that a request names.
 
     Raises:
-        LaunchError: there is no such role, or its credentials are no good.
+        LaunchError: the role does not exist, or its credentials are refused.
         StorageUnavailableError: the store does not answer.
     """
     try:
@@ -192,7 +192,7 @@ def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every
         every_s: how often it is looked whether they have changed, in seconds.
 
     Raises:
-        LaunchError: they cannot be had.
+        LaunchError: the role gives no credentials.
         StorageUnavailableError: the server does not answer.
     """
     keys = role_keys(request, service)

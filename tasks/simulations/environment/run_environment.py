@@ -188,7 +188,7 @@ def compute_limits(
         nice: niceness of all that it starts.
 
     Raises:
-        LaunchError: it asks for a GPU, and there is none.
+        LaunchError: the job needs a GPU, and this machine has none.
     """
     compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
     wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0

@@ -47,7 +47,7 @@ def unpack_colcon_bundle(folder: Path) -> None:
         folder: the unpacked outer archive.
 
     Raises:
-        BundleError: it is a colcon bundle, but of another version, damaged or incomplete.
+        BundleError: the colcon bundle is of another version, damaged or incomplete.
         StorageError: the disk is full, or the folder cannot be written.
     """
     try:
@@ -70,7 +70,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
     """Returns the local folder of a world's files, after downloading them if necessary.
 
     Raises:
-        StorageError: it cannot be fetched.
+        StorageError: the world's files cannot be downloaded.
     """
     bundle = WorldDocument.of(world).bundle
     if bundle is None:
@@ -94,7 +94,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
             `$LATEST` is whatever is there now.
 
     Raises:
-        LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
+        LaunchError: the archive was deleted or changed, may not be read, or cannot be unpacked.
         StorageError: the object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]

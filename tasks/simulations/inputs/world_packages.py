@@ -42,7 +42,7 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
         service: where the world is stored.
 
     Raises:
-        LaunchError: they cannot be made.
+        LaunchError: the packages cannot be written.
         StorageError: the world's bundle cannot be fetched.
     """
     from ...worldforge.exports.export import archive_name  # brings MuJoCo

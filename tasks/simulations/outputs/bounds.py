@@ -156,7 +156,7 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
 
     Raises:
         TransferStoppedError: `ended` said so.
-        StorageError: there is no such folder.
+        StorageError: the folder of the outputs does not exist.
     """
     count = size_bytes = 0
 

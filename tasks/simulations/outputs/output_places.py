@@ -69,8 +69,8 @@ def prepare_bucket(service: Service, bucket: str) -> None:
     goes on to do so.
 
     Raises:
-        BucketNotFoundError: it does not exist, and is not ours to create.
-        StorageError: it cannot be created.
+        BucketNotFoundError: the bucket does not exist, and its creation is not the service's task.
+        StorageError: the bucket cannot be created.
     """
     ours = bucket == service.settings.bucket or service.store.local_path(bucket, "any") is not None
     try:

@@ -96,7 +96,7 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
         target: the other path; its folder is made.
 
     Raises:
-        OSError: it is not there, is no regular file, or may not be read.
+        OSError: the file does not exist, is not a regular file, or may not be read.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
@@ -120,7 +120,7 @@ def take(folder: int, name: str, target: Path) -> bool:
         Whether it was taken: no process can write to it any more.
 
     Raises:
-        OSError: it is not there, is no regular file, or may not be read or moved.
+        OSError: the file does not exist, is not a regular file, or may not be read or moved.
     """
     with open_left(Path(name), folder) as content:
         if is_written_to(content.fileno()):

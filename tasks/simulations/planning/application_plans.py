@@ -143,7 +143,7 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
         run_environment: what they find.
 
     Raises:
-        LaunchError: something cannot be had or started; carries the job's failure code.
+        LaunchError: an application cannot be downloaded or started; the error carries the job's failure code.
         StorageError: the object store does not answer.
     """
     planned = Applications()
@@ -175,7 +175,7 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
     """Makes the robot application the one that follows a policy, of its own files if there is one.
 
     Raises:
-        LaunchError: it is a container, whose files are not read here.
+        LaunchError: the robot application is a container, whose files are not read here.
     """
     robot = planned.plans.get("robot")
     if robot is not None and robot.attribute is None:

@@ -60,7 +60,7 @@ class CurrentApplications:
         """Finds an application by ARN or name, or one version of it.
 
         Raises:
-            ResourceNotFoundException: there is none.
+            ResourceNotFoundException: the catalog has no such application or version.
         """
         planned = self._planned.get(reference) or self._planned.get(f"{role} {reference}")
         if planned is not None and version in (None, LATEST):
@@ -74,7 +74,7 @@ class CurrentApplications:
         """Identifies an application's content by a text, such as its archive's ETag; empty if unknown.
 
         Raises:
-            StorageError: its archive cannot be read.
+            StorageError: the archive of the application cannot be read.
         """
         document = ApplicationDocument.of(application)
         key = (application.arn, document.version, document.revision_id)

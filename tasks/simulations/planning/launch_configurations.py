@@ -76,7 +76,7 @@ def resolve_launch(
         has_master: another application of the job brings the ROS 1 master.
 
     Raises:
-        LaunchError: it is not there, or cannot be started on this machine.
+        LaunchError: the function or program does not exist, or cannot be started on this machine.
     """
     if command := launch.get("command"):
         return Program(_with_overlays(code, (_find_program(code, command[0], which), *command[1:])))
@@ -100,7 +100,7 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
         robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
 
     Raises:
-        LaunchError: it does not.
+        LaunchError: the simulation application makes no environment for a robot application that needs one.
     """
     if simulation is None or robot is None:
         return

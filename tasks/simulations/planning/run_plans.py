@@ -54,7 +54,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
         application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
 
     Raises:
-        LaunchError: it says something else.
+        LaunchError: the launch variable is not a number of seconds.
     """
     variables: Mapping[str, str] = application.environment_variables if application else {}
     text = variables.get(EVERY_VARIABLE)
@@ -141,7 +141,7 @@ def run_plan(
         stopped: asked while something takes long whether to give up.
 
     Raises:
-        LaunchError: something cannot be had; carries the job's failure code.
+        LaunchError: an input cannot be downloaded; the error carries the job's failure code.
         StorageUnavailableError: the object store does not answer.
     """
     document = SimulationJobDocument.of(job)

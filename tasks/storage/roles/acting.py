@@ -104,7 +104,7 @@ class Roles:
             arn: the role, as the request names it.
 
         Raises:
-            CredentialsRefusedError: there is no such role, or its credentials are no good.
+            CredentialsRefusedError: the role does not exist, or its credentials are refused.
             StorageUnavailableError: the server does not answer.
         """
         with self.opened.lock:

@@ -55,7 +55,7 @@ class SessionSource:
             arn: the ARN that the request has.
 
         Raises:
-            CredentialsRefusedError: it gives none.
+            CredentialsRefusedError: the role gives no credentials.
             StorageUnavailableError: STS does not answer.
         """
         session = self._source(role, arn)
@@ -138,7 +138,7 @@ def keys_of(session: Session) -> Keys:
     """Returns a session's current credentials, renewed if they soon expire.
 
     Raises:
-        CredentialsRefusedError: it has none.
+        CredentialsRefusedError: the session has no credentials.
     """
     try:
         credentials = session.get_credentials()

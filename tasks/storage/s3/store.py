@@ -165,8 +165,8 @@ class S3Store:
         """Checks that the server knows the credentials, whatever they allow.
 
         Raises:
-            CredentialsRefusedError: it does not, or there are none.
-            StorageUnavailableError: it does not answer.
+            CredentialsRefusedError: the server does not know the credentials, or none are given.
+            StorageUnavailableError: the server does not answer.
         """
         try:
             with self._failures("find out who one is"):
@@ -181,7 +181,7 @@ class S3Store:
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: there is no such bucket.
+            BucketNotFoundError: the bucket does not exist.
         """
         _check(bucket, key)
         with self._failures(f"write {bucket}/{key}"):

@@ -47,7 +47,7 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         name: what errors call it.
 
     Raises:
-        ConfigurationError: it is no DXF, or ezdxf is not installed.
+        ConfigurationError: the file is not a DXF drawing, or ezdxf is not installed.
     """
     try:
         from ezdxf import units

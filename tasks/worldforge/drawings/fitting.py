@@ -85,7 +85,7 @@ def fit_way(
         The way, and how far it is as drawn; no way for a door to the outside.
 
     Raises:
-        ConfigurationError: it lies in no wall, or does not fit there.
+        ConfigurationError: the door or opening lies in no wall, or does not fit there.
     """
     path, what = f"{file}#{drawn.name}", "opening" if drawn.kind == "Opening" else "door"
     inner, outer, width_m = _choose(drawn, walls, moved, file)

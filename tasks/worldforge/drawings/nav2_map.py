@@ -76,7 +76,7 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
         A drawing in metres, and the side of a cell.
 
     Raises:
-        ConfigurationError: it cannot be read, or has no rooms.
+        ConfigurationError: the map cannot be read, or has no rooms.
     """
     read = _read(path)
     _refuse_slanted(read, path.name)

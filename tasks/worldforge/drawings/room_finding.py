@@ -85,7 +85,7 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
         The plan, and what was taken for none of it.
 
     Raises:
-        ConfigurationError: it has no rooms, or a room that no world can have.
+        ConfigurationError: the drawing has no rooms, or a room that no world can have.
     """
     found: dict[Kind | None, list[Shape]] = {}
     for shape in drawing.shapes:

@@ -66,7 +66,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
         name: what errors call it.
 
     Raises:
-        ConfigurationError: it is no SVG, or a shape in it cannot be read.
+        ConfigurationError: the file is not an SVG drawing, or a shape in it cannot be read.
     """
     try:
         root = ET.fromstring(content)  # noqa: S314 (expat bounds entities since 2.4)

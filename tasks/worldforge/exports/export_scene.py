@@ -172,7 +172,7 @@ def read_scene(bundle: Path) -> Scene:
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: one of them is none, or the MJCF has something that exports cannot hold.
+        ValueError: a file is not what its name says, or the MJCF has an element that exports cannot hold.
     """
     world = read_world(bundle)
     path = bundle / MODEL_FILE

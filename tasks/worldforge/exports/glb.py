@@ -39,7 +39,7 @@ def world_glb(bundle: Path) -> bytes:
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: one of them is none.
+        ValueError: a file of the world is invalid.
     """
     return scene_glb(read_scene(bundle))
 

@@ -41,7 +41,7 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
         folder: a new folder for the bundle.
 
     Raises:
-        ConfigurationError: there is no such piece, it cannot be moved, or nothing differs.
+        ConfigurationError: the world has no such object, the object cannot be moved, or the variation equals the world.
     """
     world = read_world(bundle)
     if wanted.doors:

@@ -46,7 +46,7 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
         A PNG; the same one for the same world.
 
     Raises:
-        ValueError: there is no room of this name.
+        ValueError: the world has no room of this name.
     """
     found = next((each for each in world.floorplan.rooms if each.name == room), None)
     if found is None:

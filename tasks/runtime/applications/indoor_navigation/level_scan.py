@@ -285,7 +285,7 @@ class LevelScan:
             groups: which geom groups rays can hit.
 
         Raises:
-            ValueError: there is something of which it is not known where it ends.
+            ValueError: A geom has a shape whose extent is unknown.
         """
         if model.nflex:
             raise ValueError("there are soft bodies")

@@ -35,7 +35,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
         reading: how it is read if it is a URDF.
 
     Raises:
-        LaunchError: it is no model, or names files outside the folder.
+        LaunchError: the file is not a robot model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
@@ -185,7 +185,7 @@ class ModelBuilder:
         """Finds a part of the model by name.
 
         Raises:
-            LaunchError: there is none; the message has the field and what there is.
+            LaunchError: the model has no such part; the message names the field and the parts that the model has.
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:

@@ -95,7 +95,7 @@ class UrdfReading:
             Whether any is left out from now on.
 
         Raises:
-            LaunchError: one collides.
+            LaunchError: a mesh that MuJoCo cannot use is a collision mesh.
         """
         found = [(mesh, problem) for mesh in self.meshes if (problem := mesh.problem()) is not None]
         for mesh, problem in found:
