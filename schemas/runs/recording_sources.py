@@ -90,7 +90,7 @@ def parse_sources(data: object, what: str) -> RecordingSources:
 
     Args:
         data: The values.
-        what: Where they come from, for messages.
+        what: Name of the source of the values, for error messages.
 
     Raises:
         InvalidParameterException: One line per problem: where, what, and what would be right.

@@ -64,7 +64,7 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
 
     Args:
         data: a list of mappings or of requirements.
-        what: where the values come from, for messages.
+        what: name of the source of the values, for error messages.
 
     Raises:
         InvalidParameterException: one line per problem: where, what, and what would be right.

@@ -86,7 +86,7 @@ def differs_below(formula: Formula, samples: Samples, signal: str, bound: float)
 
 
 def horizon(formula: Formula, period_s: float) -> int:
-    """Returns how many samples a formula looks ahead; operators without bounds do not look beyond the end."""
+    """Returns how many samples ahead of a time a formula reads; operators without bounds do not read beyond the end."""
     if isinstance(formula, Comparison):
         return 0
     inner = max(horizon(part, period_s) for part in formula.parts)

@@ -49,7 +49,7 @@ class OperationShape:
     """Description of the operation, in one line."""
 
     is_job: bool = False
-    """Whether it starts something that goes on after the answer."""
+    """Whether the operation starts a job that continues after the response."""
 
     method: str = "POST"
     """HTTP method."""

@@ -20,7 +20,7 @@ _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that take
 _LEAST_LIKENESS = 0.6
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
-"""How many problems of a request are told: more help none, and take long to find words for."""
+"""Most problems of a request that are reported: more do not help, and take long to describe."""
 
 _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 """Pattern of one word of a name in camel or snake case."""
@@ -103,7 +103,7 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
 
     Args:
         data: the values.
-        what: where they come from, for messages.
+        what: name of the source of the value, for error messages.
         member: the member.
         model: a model with nothing but this member.
 

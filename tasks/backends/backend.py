@@ -53,7 +53,7 @@ class Backend(Protocol):
         ...
 
     def job_workers(self, batch: str, wanted: int) -> AbstractContextManager[JobWorkers]:
-        """Starts job workers for a batch inside a `with` block; at its end the remaining ones are told to stop.
+        """Starts job workers for a batch inside a `with` block; at its end the remaining ones are stopped.
 
         Args:
             batch: ARN of the batch.

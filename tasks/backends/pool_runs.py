@@ -217,7 +217,7 @@ class PoolRuns:
         return min(limits), _trouble(pool, online)
 
     def _alive(self) -> list[FlowRun]:
-        """The runs that have not ended; takes note of those that have."""
+        """Returns the flow runs that have not ended, and records those that have."""
         runs = self._runs()
         ended = {run.id for run in runs if run.state is None or run.state.is_final()}
         if self._ended is not None:  # else they ended before this process was there
@@ -261,7 +261,7 @@ class PoolRuns:
         )
 
     def _take_back_some(self, alive: list[FlowRun], count: int) -> None:
-        """Takes back runs that wait; those that run go on."""
+        """Cancels the flow runs that wait; running ones continue."""
         for run in [run for run in alive if _is_waiting(run)][:count]:
             self._delete(run)
 

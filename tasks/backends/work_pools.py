@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _LOOK_S = 3.0
 _END_S = 20.0
-"""How long the end of a block waits for a request to the server that goes on."""
+"""Longest wait, at the end of a block, for a request to the server that is in progress."""
 
 _logger = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class WorkPool:
     Args:
         name: of the pool.
         most: how many job workers it is to have at most; absent: as many as it has machines.
-        look_s: seconds between two looks at the server.
+        look_s: seconds between two polls of the server.
     """
 
     name: str
@@ -89,7 +89,7 @@ class PoolWorkers:
 
     Args:
         runs: their flow runs.
-        look_s: seconds between two looks at the server.
+        look_s: seconds between two polls of the server.
     """
 
     def __init__(self, runs: "PoolRuns", look_s: float) -> None:

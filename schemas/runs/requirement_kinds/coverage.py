@@ -73,7 +73,7 @@ class CoverageRule(Rule[CoverageRequirement]):
         return look
 
     def update(self, time_s: float, passed: Set[int]) -> None:
-        """Takes note of cells of the free floor that were passed over."""
+        """Adds cells of the free floor, by number, that the body has passed over."""
         if not self.is_reached and self.asked.by_s is not None and time_s > self.asked.by_s + ROUNDING_S:
             self.violate(self.asked.by_s)
             return  # what comes too late does not count

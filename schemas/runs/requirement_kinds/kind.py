@@ -200,7 +200,7 @@ class Scene(Protocol):
         ...
 
     def messages(self, rule: "Rule[Any]", topic: str) -> Iterator[tuple[float, Any]]:
-        """Messages that were recorded on a topic, each with its time in s, in the order in which they came.
+        """Messages that were recorded on a topic, each with its time in s, in recorded order.
 
         Raises:
             NotMeasuredError: The run has no recording, or the recording has no such topic.
@@ -224,7 +224,7 @@ class Scene(Protocol):
         ...
 
     def expect_end(self, rule: "Rule[Any]") -> None:
-        """Takes note that a rule is about the end of the run, which a recording may not show."""
+        """Registers a rule that is judged at the end of the run, which a recording may not contain."""
         ...
 
     def floor(self, rule: "Rule[Any]") -> Floor | None:
@@ -296,9 +296,9 @@ class Rule(ABC, Generic[Asked]):
     """Judges one requirement during a run; its state can be saved in checkpoints."""
 
     looks_within_steps: ClassVar[bool] = False
-    """True: it looks between two steps of an environment as well, where that lets others look."""
+    """True: the rule is also checked between two steps of an environment, if the environment allows that."""
     is_reached: bool | None = None
-    """True: the thing that is asked for has happened; `None`: nothing has to."""
+    """True: the requirement's goal is reached; `None`: the requirement has no goal."""
     blind: Blind | None = None
     """Distances that were not seen; `None`: all were."""
 
@@ -337,7 +337,7 @@ class Rule(ABC, Generic[Asked]):
 
     @property
     def first_look_s(self) -> float:
-        """Simulated time in seconds before which the rule need not look."""
+        """Simulated time in seconds before which the rule need not be checked."""
         return 0.0
 
     @property

@@ -73,7 +73,7 @@ class Layout:
 
         Args:
             spec: A dm_env spec, or mappings and sequences of them.
-            header_bytes: What comes before the arrays.
+            header_bytes: Bytes of the header before the arrays.
 
         Raises:
             ValueError: A name is no text, or all of it is larger than 1 GiB.

@@ -39,7 +39,7 @@ Message = tuple[int, memoryview]
 
 
 class Stopped(Exception):
-    """Raised when the run was told to stop while it waited for the robot program."""
+    """Raised when the run has to stop while it waits for the robot program."""
 
 
 class Closed(Exception):
@@ -120,7 +120,7 @@ class AgentSocket:
             deadline_s: Time of the clock at which it gives up.
             stop: Whether the run is to stop.
             clock: Seconds.
-            until: Asked between two looks whether there is nothing to wait for any more; the answer is none then.
+            until: Called between two polls; true ends the waiting, and the result is `None`.
 
         Raises:
             TimeoutError: No client connected before the deadline.
@@ -228,7 +228,7 @@ class AgentLink:
             TimeoutError: No complete message arrived in time.
             Stopped: The run was told to stop.
             Closed: The robot closed the connection.
-            ProtocolError: What came is no message of the protocol.
+            ProtocolError: The received bytes are not a message of the protocol.
         """
         message = self._frames.next()
         if message is not None:

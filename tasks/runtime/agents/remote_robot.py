@@ -80,7 +80,7 @@ class RemoteAgent:
         self._number = -1
         self._action: Any = None
         self._content = b""
-        """The same as it came, without its number."""
+        """The last action as received, without its step number."""
         self._sent = self._actions = 0
         self._acted_at = 0
         """Number of the observation at which the newest action arrived."""
@@ -207,7 +207,7 @@ def _copied(action: Any) -> Any:
 CONNECT_TIMEOUT_S = 60.0
 
 _REFUSE_EVERY_S = 0.2
-"""Wall-clock time between two looks for programs that connect while nodes drive."""
+"""Wall-clock time between two checks for programs that connect while nodes drive."""
 _LATE = (
     "ROS nodes drive this run already; a program that is to drive by the agent socket has to connect before they "
     "publish commands, or to set ROBOMAKER_ROS to off"
@@ -223,7 +223,7 @@ class RobotNodes(OtherInterface, Protocol):
 
     @property
     def mode(self) -> Literal["lockstep", "free"]:
-        """Mode (lock-step or free) in which the nodes' actions come."""
+        """Mode (lock-step or free) in which the nodes' actions are received."""
         ...
 
     def look_in(self, environment: Any) -> None:

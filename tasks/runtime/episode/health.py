@@ -50,7 +50,7 @@ class _First:
 class PhysicsHealth(Observer):
     """Observer that checks after each step that the physics is valid; defects are part of the verdict.
 
-    It looks after every step, whatever the simulated time does.
+    It checks after every step, whatever the simulated time does.
     """
 
     next_time_s = -math.inf

@@ -147,16 +147,16 @@ class Findings:
 
 
 class Observer:
-    """Base class of observers, which look at the physics during a run and report findings at the end.
+    """Base class of observers, which read the physics during a run and report findings at the end.
 
     It must not change the run: with and without it, the same seed gives the same states.
     """
 
     next_time_s: float = 0.0
-    """Simulated time at which it wants to look next."""
+    """Simulated time of the next call of `watch`, in seconds."""
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Looks at the physics, and sets `next_time_s` to the time of the next look.
+        """Reads the physics, and sets `next_time_s` to the time of its next call.
 
         Raises:
             RunEnded: The run is to end now.

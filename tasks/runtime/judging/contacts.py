@@ -129,7 +129,7 @@ class Names:
         self._rules: list[Rule[Any]] = []
 
     def expect(self, rule: Rule[Any], listed: Collection[str]) -> None:
-        """Takes note of a rule that may tell things apart by name.
+        """Registers a rule that may distinguish touched things by name.
 
         Raises:
             NotMeasuredError: The rule ignores everything that the recording could have contacts with.
@@ -265,7 +265,7 @@ def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, fl
 
 
 def _along(force: Any, normals: Sequence[Any], index: int) -> float:
-    """The part of a force along its contact's normal, in newtons; all of it where the normal is not told."""
+    """The part of a force along its contact's normal, in newtons; all of it if the message has no normal."""
     size = math.hypot(force.x, force.y, force.z)
     if index >= len(normals):
         return size
@@ -280,6 +280,6 @@ CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, floa
     "ros_gz_interfaces/msg/Contacts": _of_contacts,
     "visualization_msgs/msg/MarkerArray": _of_markers,
 }
-"""Readers of contacts by type: what the robot touched, and how hard in newtons; NaN: that is not told."""
+"""Readers of contacts by type: what the robot touched, and the force in newtons; NaN: the message has no force."""
 MARKERS = "visualization_msgs/msg/MarkerArray"
 """Type of contacts in our own recordings, which others draw anything with."""

@@ -106,7 +106,7 @@ class Pose:
 
     @property
     def is_known(self) -> bool:
-        """Whether one has come."""
+        """Whether a pose was received."""
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
@@ -125,7 +125,7 @@ class PoseTopic:
         self.source = Source(topic, sources.max_gap_s)
         self.pose = Pose([self.source])
         self.frame = ""
-        """Frame that the poses are in, once one came."""
+        """Frame that the poses are in; known from the first pose on."""
 
     def take(self, message: Message, time_s: float, path: object) -> bool:
         """Reads the pose of a message, and returns whether its numbers are valid; others are skipped."""

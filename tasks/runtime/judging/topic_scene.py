@@ -106,7 +106,7 @@ class Measurements:
         """Records which sources were silent at the end, and what could have been missed.
 
         Args:
-            end_s: Time of the last look, in seconds.
+            end_s: Time of the last check, in seconds.
             is_over: Whether a requirement ended the run before the recording did.
         """
         for source in [*self._steady_sources(), *self._paired_sources]:
@@ -142,7 +142,7 @@ class Measurements:
                 )
 
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
-        """Takes note that a rule reads a topic whose silence would be good."""
+        """Registers a rule that reads a topic, and that a silent topic would satisfy."""
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
@@ -250,19 +250,19 @@ class Measurements:
         return found
 
     def expect_tilt(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about tilt, which planar poses do not tell."""
+        """Registers a rule about tilt, which planar poses do not contain."""
         self._tilted.append((rule, self.pose_of(rule)))
 
     def expect_rise(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the height, which planar poses do not tell."""
+        """Registers a rule about height, which planar poses do not contain."""
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run."""
+        """Registers a rule that is judged at the end of the run."""
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether all that a rule measures by has been heard."""
+        """Whether every topic that a rule measures by has had a message."""
         pose = self._poses.get(id(rule))
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
         return scanned and (pose is None or pose.is_known)
@@ -488,11 +488,11 @@ class TopicScene:
         return True
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run, which the recording may not show."""
+        """Registers a rule that is judged at the end of the run, which the recording may not contain."""
         self._measurements.expect_end(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether all that the rule measures by has been heard."""
+        """Whether every topic that the rule measures by has had a message."""
         return self._measurements.is_ready(rule)
 
     def floor(self, rule: Rule[Any]) -> MapFloor | None:

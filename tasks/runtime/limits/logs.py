@@ -146,7 +146,7 @@ class CappedLog:
         return b""
 
     def _write_at(self, place: int, data: bytes) -> None:
-        """Writes before the log is cut: what a program appends meanwhile would come before a remark appended after."""
+        """Writes before the log is cut: the program's output meanwhile would stand before a remark appended later."""
         with suppress(OSError):
             # Linux appends whatever is written to a descriptor that appends, also where `pwrite` names a place.
             descriptor = os.open(f"/proc/self/fd/{self.descriptor}", os.O_WRONLY | os.O_CLOEXEC)

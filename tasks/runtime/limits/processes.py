@@ -38,7 +38,7 @@ class ProcessState:
     """Resident memory, with pages that it shares with others."""
 
     started: int = 0
-    """Start time, in ticks since the machine started; numbers of processes come again."""
+    """Start time, in ticks since the machine started; process ids are reused."""
 
 
 def adopt_orphans() -> None:
@@ -208,7 +208,7 @@ def _children_of_first_thread(pid: int) -> list[int]:
 
 
 def _reap(ended: dict[int, int]) -> None:
-    """Takes note of all children that have ended."""
+    """Reaps all child processes that have ended, and stores their wait statuses by process id."""
     with suppress(ChildProcessError):
         while (reaped := os.waitpid(-1, os.WNOHANG))[0]:
             ended[reaped[0]] = reaped[1]

@@ -162,7 +162,7 @@ class RequirementsObserver(Observer):
 
 
 def _bound(rule: Rule[Any], scene: Any) -> Look:
-    """Ties a rule to a scene; one that cannot be measured there is an error, and never looks."""
+    """Binds a rule to a scene; a rule that cannot be measured there is an error, and is never checked."""
     try:
         look = rule.bind(scene)
     except NotMeasuredError as error:

@@ -101,7 +101,7 @@ class Scene:
         return False
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run, which a simulation shows."""
+        """Does nothing: a simulation always contains the end of the run."""
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
         """Messages are read when the run is over; until then a rule that needs them is an error."""

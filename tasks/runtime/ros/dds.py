@@ -53,7 +53,7 @@ class Publication(NamedTuple):
     """A publisher that some ROS 2 node has announced over DDS."""
 
     topic: str
-    """Name in ROS, `/scan`; other topics of DDS are not told."""
+    """Name in ROS, `/scan`; DDS topics that are not of ROS are left out."""
 
     ros_type: str
     """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
@@ -311,7 +311,7 @@ class Reader:
 
     @property
     def has_news(self) -> bool:
-        """Whether something has come since the last take; asking is a fifth of what taking nothing costs."""
+        """Whether a message has arrived since the last take; that costs a fifth of taking nothing."""
         return bool(self.entity.get_status_changes() & self._data_available)
 
     def take(self) -> Iterator[tuple[bytes, int]]:

@@ -30,7 +30,7 @@ from .wire import Command, Peers, Topic
 _HEADER = "std_msgs/msg/Header"
 _SEQUENCE = struct.Struct("<I")
 _READS = 16
-"""Reads from the socket in one look: a node that floods the bridge does not hold up the simulation."""
+"""Most reads from the socket in one poll: a node that floods the bridge does not hold up the simulation."""
 _KEPT_COMMANDS = 1000
 """Commands that were not taken yet; a robot gets fifty a second."""
 _MOST_NAMED = 32
@@ -243,7 +243,7 @@ class _Link:
     def add(self, topic: Topic, frame: bytes) -> None:
         """Queues a message; the oldest of its topic is dropped if the bridge process is too slow.
 
-        Of a latched topic only the last message counts, which is what nodes that come later get.
+        Of a latched topic only the last message counts, which nodes that connect later get.
         """
         if self._counts[topic.name] >= (1 if topic.is_latched else topic.depth):
             oldest = next(index for index, (other, _) in enumerate(self._waiting) if other.name == topic.name)
