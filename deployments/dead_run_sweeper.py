@@ -152,14 +152,14 @@ SWEEP_S = 5.0
 """Time from one sweep to the next while a flow run is open."""
 
 IDLE_SWEEP_S = 60.0
-"""The same once none has been for as long: only what is told late is found then."""
+"""Seconds between two sweeps once no flow run has been open for as long: they find only late reports."""
 
 IDLE_LOOK_S = 20.0
-"""Time from one look for open flow runs to the next, then; less than `SILENCE_S`, so that a run that dies is closed no
+"""Seconds between two polls for open flow runs then; less than `SILENCE_S`, so that a run that dies is closed no
 later for it."""
 
 _LIMITS_S = 60.0
-"""Time from one look at the limits of batches to the next."""
+"""Seconds between two checks of the batches' concurrency limits."""
 
 _RETRY_S = 1.0
 
@@ -210,12 +210,12 @@ class _Pace:
 
     @property
     def pause_s(self) -> float:
-        """Seconds to wait until the next look for open flow runs."""
+        """Seconds to wait until the next poll for open flow runs."""
         return SWEEP_S if time.monotonic() - self._open_at_s < IDLE_SWEEP_S else IDLE_LOOK_S
 
     @property
     def last_look(self) -> datetime:
-        """Time of the last look for open flow runs, or slightly before it."""
+        """Time of the last poll for open flow runs, or slightly before it."""
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
@@ -276,7 +276,7 @@ def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[
     Args:
         client: the server's client.
         settings: of the home.
-        told: what was said before; gets what is said now.
+        told: run ids and counts of interruptions that were already reported; the new ones are added.
     """
     for run in broken_off_runs(settings):
         key = (run.run_id, len(run.order.interruptions))

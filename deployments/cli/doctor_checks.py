@@ -51,7 +51,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
 
     Args:
         settings: what is examined.
-        notify: whether a test message is sent to those who are told how runs ended.
+        notify: whether a test message is sent to the addresses that are notified of the ends of runs.
     """
     without_roles = settings.model_copy(update={"roles_file": None})  # a wrong file is told once, and in its place
     checks: dict[str, Callable[[], Finding]] = {

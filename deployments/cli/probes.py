@@ -103,9 +103,9 @@ def run_pass(
 
     Args:
         spec: the specification.
-        settings: where everything is kept, with the backend.
-        size: how much of it is run.
-        listener: told how it goes.
+        settings: settings of the run, with the backend.
+        size: limits of the pass: worlds, jobs and trials.
+        listener: called with the progress of the pass.
         spec_path: the file that the specification is from.
 
     Raises:
@@ -177,13 +177,13 @@ def probe(
 
     Args:
         spec: the specification; `check_probed` accepts it.
-        settings: where everything is kept, with the backend.
+        settings: settings of the run, with the backend.
         machines: how many there are to be, and what they cost.
-        listener: told how the probe goes.
+        listener: called with the progress of the probe.
         spec_path: the file that the specification is from.
 
     Raises:
-        ProbeFailedError: the probe did not come to its end.
+        ProbeFailedError: a pass of the probe failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     cpus = os.cpu_count() or 1

@@ -57,7 +57,7 @@ class JobLine:
 
     @property
     def is_failure(self) -> bool:
-        """Whether the job failed or broke, so that someone has to look at it."""
+        """Whether the job failed or broke, so that a person has to examine it."""
         return self.look.key in ("broken", "failed")
 
 

@@ -73,7 +73,7 @@ class Sessions:
         Args:
             key_id: the id of an access key.
             secret: its secret.
-            client: the address that the visitor comes from: others may go on when its logins fail.
+            client: the visitor's IP address: failed logins are limited for each address.
 
         Raises:
             UnrecognizedClientException: id and secret are not those of an access key.

@@ -147,7 +147,7 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
 
     Args:
         spec: the specification, checked.
-        origin: where it came from; problems of a run name it.
+        origin: name of its file, which problems of a run mention.
         name: of the deployment; absent: the specification's.
         tags: more tags.
 

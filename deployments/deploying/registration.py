@@ -281,7 +281,7 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
 
 
 def _comes_due(cron: str, timezone: str) -> bool:
-    """Whether there is a next time, as Prefect's server will look for it; it finds those of the next decades."""
+    """Whether the schedule has a next time that Prefect's server finds: one within the next decades."""
     from prefect.server.schemas.schedules import CronSchedule as ServersSchedule
 
     try:

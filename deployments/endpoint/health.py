@@ -103,7 +103,7 @@ def _template() -> Template:
 
 PATH = "/metrics"
 _NO_OPERATION = "none"
-"""The label of requests that came to no operation: one for all, as clients choose paths."""
+"""Label of requests to paths without an operation: one for all, as clients choose paths."""
 
 _BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
 """A read takes 1 ms, a batch of 1,000 requests seconds."""

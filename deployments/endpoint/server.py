@@ -68,7 +68,7 @@ KEEP_ALIVE_S = 75
 """How long an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
 
 GRACE_S = 30
-"""How long requests in progress may take to end once the server is told to stop."""
+"""Seconds in which requests in progress may end after a signal to stop."""
 
 _BACKLOG = 512
 
@@ -90,15 +90,15 @@ def run_server(
         application: the application to serve.
         host: name or address to listen at.
         port: where; 0: any that is free.
-        ready: told the port once requests are answered.
-        stopping: told, before requests in progress are waited for, that they should end.
+        ready: called with the port once requests are answered.
+        stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
         tls: what HTTPS needs; `None`: HTTP.
         limits: how many connections, and how slow; `None`: the usual.
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
         ConfigurationError: the address or port cannot be listened on.
-        KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
+        KeyboardInterrupt: SIGINT was received twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):

@@ -30,7 +30,7 @@ class ServedAgents:
 
     Args:
         service: where robots and repository are stored.
-        enrolled: told when an agent was let in, so that it is known soon.
+        enrolled: called when an agent was enrolled, so that it is known soon.
     """
 
     def __init__(self, service: Service, enrolled: Callable[[], None]) -> None:
@@ -75,7 +75,7 @@ def _read(path: Path, start: int, length: int) -> bytes:
 LOGGER = logging.getLogger("robomaker.robots")
 
 PAUSE_S = 600.0
-"""Between two looks; the timestamp is signed again every six hours."""
+"""Seconds between two checks; the timestamp is signed again every six hours."""
 
 
 class TrustUpkeep:
@@ -96,7 +96,7 @@ class TrustUpkeep:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread, after its current look."""
+        """Stops the thread, after its current check."""
         self._stopped.set()
         self._thread.join()
 
@@ -162,7 +162,7 @@ class RobotsBeside:
         self._upkeep = TrustUpkeep(service)
 
     def wake(self) -> None:
-        """Makes the server look for new orders at once."""
+        """Makes the server poll for new orders at once."""
         self._watch.wake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

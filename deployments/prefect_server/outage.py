@@ -89,7 +89,7 @@ class Outage:
         tell: tells the user a sentence; called from any thread.
         is_own: whether the home's own server is there, which nothing starts again by itself.
         clock: gives seconds.
-        look_s: time between two looks at a server that is away, and at the requests that wait for an answer.
+        look_s: seconds between two polls of a server that is away, and of the requests that wait for an answer.
     """
 
     def __init__(

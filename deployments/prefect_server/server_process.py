@@ -187,11 +187,11 @@ _LOOK_FOR_SLOTS = timedelta(seconds=0.25)
 5,000 flow runs, begin after each sleep. More slots instead would be more writers of SQLite than it has connections."""
 
 _LOOK_FOR_DUE = timedelta(seconds=0.5)
-"""How often it is looked which of Prefect's services is due; by default 0.25 s. Less than the second by which Prefect's
-looks for new deployments overlap: later ones would miss some."""
+"""Time between checks which of Prefect's services are due; by default 0.25 s. Less than the second by which Prefect's
+polls for new deployments overlap: later ones would miss some."""
 
 _LOOK_FOR_MESSAGES_S = 0.5
-"""How often it is looked whether one of its tasks is cancelled, which Prefect never does."""
+"""Seconds between two checks whether one of its tasks is cancelled, which Prefect never does."""
 
 
 class _SeldomLooking(Worker):

@@ -27,7 +27,7 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
         catalog: where the resources are.
 
     Raises:
-        SpecError: a step's request, which is made to look into it, does not fit.
+        SpecError: the request of a step, which is made to find its resources, is invalid.
     """
     if key is None:
         return []
@@ -57,8 +57,8 @@ class Permits:
 
     Args:
         key: the visitor's; `None`: none is asked for.
-        address: where the visitor's requests come from.
-        audit_log: is told of every step, also of refused ones; `None`: there is none.
+        address: IP address of the visitor.
+        audit_log: records every step, also refused ones; `None`: steps are not recorded.
         service: where the operations happen.
     """
 

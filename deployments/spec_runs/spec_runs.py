@@ -163,7 +163,7 @@ class SpecRuns:
         """Resumes an interrupted run.
 
         Returns:
-            Whether it goes on; False: it has ended or goes on already.
+            Whether it was resumed; False: it has ended, or is already running.
 
         Raises:
             ThrottlingException: too many run already.

@@ -47,9 +47,9 @@ class WarmWorker:
 
     Args:
         service: where the jobs are.
-        pools: which jobs, and how many at once.
+        pools: kinds of jobs, and how many of each run at once.
         prefect: watches the Prefect server; no job begins without it.
-        look: set when there may be something to do.
+        look: event that is set when a job may wait.
     """
 
     def __init__(

@@ -219,7 +219,7 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
 
     Args:
         wanted: the statuses, by kind.
-        not_below: those that came from a parent of this kind are left out.
+        not_below: resources whose parent is of this kind are left out.
         limit: how many of each kind at most.
     """
     is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)

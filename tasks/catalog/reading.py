@@ -212,7 +212,7 @@ class CatalogReader:
 
         Args:
             wanted: the statuses, by kind.
-            not_below: those that came from a parent of this kind are left out.
+            not_below: resources whose parent is of this kind are left out.
             limit: how many of each kind at most.
             members: which members of the documents are read.
         """

@@ -24,7 +24,7 @@ class NewResource:
     """State in its lifecycle; for kinds without a lifecycle whatever the caller likes."""
 
     parent: str | None = None
-    """ARN of the generation job or batch it came from."""
+    """ARN of the generation job or batch that created the resource."""
 
     tags: Mapping[str, str] = field(default_factory=dict[str, str])
 

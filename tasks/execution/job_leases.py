@@ -124,8 +124,8 @@ class CatalogWait:
     Args:
         arn: what waits, for the log.
         look: reads the catalog.
-        is_over: whether to wait no more.
-        pause_s: how long after it did not answer it is asked again.
+        is_over: returns whether to stop waiting.
+        pause_s: seconds until the next try after the catalog did not answer.
     """
 
     def __init__(self, arn: str, look: Callable[[], object], is_over: Callable[[], bool], pause_s: float) -> None:

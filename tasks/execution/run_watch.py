@@ -57,7 +57,7 @@ class _Watched:
 
     beat_at: float = 0.0
     is_told: bool = False
-    """Whether it was told that it is cancelled."""
+    """Whether its `cancel` was called."""
 
 
 @dataclass
@@ -67,7 +67,7 @@ class RunWatch:
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _taking_back: threading.Lock = field(default_factory=threading.Lock)
-    """Held while a run is taken back: one that ends meanwhile is told to Prefect only after that."""
+    """Held while a run is set to `Running` again: the end of a run meanwhile is reported to Prefect only after that."""
 
     _is_running: bool = False
     _misses: int = 0

@@ -49,8 +49,8 @@ def run_tasks(
         workers: how many run at once.
         job_arn: the job that they are parts of.
         service: where the job is stored.
-        look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
-            says true, calls that have not begun are left out.
+        look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
+            returns true, calls that have not begun are left out.
         summary: makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
 
     Raises:

@@ -53,7 +53,7 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[
 
     Args:
         job: its job.
-        robots: whom it is meant for, in the order in which their turn comes.
+        robots: ARNs of the robots to deploy to, in the order of the rollout.
         has_file: whether there is a file for a robot; those without one fail.
     """
     document = DeploymentJobDocument.of(job)

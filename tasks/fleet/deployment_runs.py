@@ -83,10 +83,10 @@ def _others(rollout: Rollout, bad: Sequence[str]) -> list[str]:
 
 
 POLL_S = 0.25
-"""How often the run looks for what robots reported; the place of one that has ended stays free for so long."""
+"""Seconds between two polls for reports of robots; a place that a robot leaves is free as long."""
 
 LOOK_AT_BATCH_S = 5.0
-"""How often the run looks whether the batch that it requires has passed."""
+"""Seconds between two checks whether the required batch has passed."""
 
 _LOOK_AT_APPLICATION_S = 5.0
 _KEEP_ALIVE_S = 30.0

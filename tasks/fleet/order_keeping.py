@@ -138,7 +138,7 @@ def _success(feedback: Feedback, robot: str, known: SaidBefore) -> Report:
 
 
 MAX_EXPECTED = 200
-"""How many robots of a rollout poll often because their turn comes soon."""
+"""Robots of a rollout, next in order, that poll often because they soon get an order."""
 
 OrderKey = tuple[str, int]
 """A robot's id, and the number of its order."""
@@ -244,7 +244,7 @@ class OrderKeeper:
 
 
 def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
-    """The order that comes first, of those that the robot has not closed."""
+    """Returns the oldest order that the robot has not closed."""
     fresh = [each for each in wanted if each.order.action_id > state.last_action_id]
     return min(fresh, key=lambda each: each.order.action_id, default=None)
 

@@ -264,7 +264,7 @@ class BatchRun:
             self._concurrency = concurrency
 
     def _look_for_worker(self, wait: WorkerWait) -> None:
-        """Says when jobs begin to wait for a job worker, and when they do not any more; looks once a second."""
+        """Logs when jobs begin and stop waiting for a job worker; checks once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
@@ -383,7 +383,7 @@ class BatchRun:
         return wait.outlasting(call)
 
     def _look_or_miss(self, look: Callable[[], bool]) -> bool:
-        """Looks; while the catalog does not answer, what runs goes on unseen."""
+        """Polls the batch; while the catalog does not answer, running jobs continue without being polled."""
         try:
             if self._misses_catalog:
                 self._lease.refreshed()  # the answer to a change may have been lost
@@ -473,7 +473,7 @@ class BatchRun:
         return self._why_stop() is not None
 
     def _only_finishes(self) -> bool:
-        """Whether the timeout came when nothing waited or simulated any more: it ends nothing then."""
+        """Whether no job waited or simulated any more at the batch's timeout, so that the timeout ends no job."""
         reason = self._why_stop()
         if reason is not StopReason.BATCH_TIMED_OUT or self._waiting():
             return False

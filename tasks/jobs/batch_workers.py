@@ -287,7 +287,7 @@ class BatchTrials:
         self._total = sum(self._planned)
         self._next_look_s = 0.0
         self.counts = TrialCounts(0, self._total) if self._total else None
-        """As they were at the last look; None: no job has trials."""
+        """Counts at the last poll; None: no job has trials."""
 
     def look(self, *, now: bool = False) -> bool:
         """Counts the finished trials again, at most every two seconds.

@@ -130,7 +130,7 @@ class EarlierRuns:
         Whether it had ended cannot be known any more, so it gets no manifest.
 
         Args:
-            why: why it did not come to its end, for those who read its outputs.
+            why: reason why the run was not finished, for readers of its outputs.
         """
         job, document = self._lease.job, self._document
         run_id = document.run_id

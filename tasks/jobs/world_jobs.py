@@ -231,7 +231,7 @@ class GenerationRun:
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
-        """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
+        """Ends the job, and records the worlds that it made; that record remains when worlds are deleted later."""
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
         plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
         made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)

@@ -51,8 +51,8 @@ def why_wait(need: Need, room: Room) -> Wait | None:
     A job that would be alone on the machine never waits for memory, as no end of another job would give it more.
 
     Args:
-        need: what it needs.
-        room: what there is.
+        need: memory and disk that the job needs.
+        room: memory and disk that are free.
     """
     if room.disk_bytes < need.disk_bytes:
         text = (

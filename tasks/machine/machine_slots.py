@@ -103,8 +103,8 @@ class MachineSlots:
         settings: where they are, how many, and what has to be free before a job begins.
         batch: ARN of the batch; None: the job is in none.
         priority: of the batch; the higher, the earlier its jobs begin.
-        tell: told in words that jobs wait, and why.
-        watch: told what jobs wait for from now on, once that has lasted two seconds, and None when the wait is over.
+        tell: called with a text that jobs wait, and why.
+        watch: called with the reason why jobs wait, after a wait of two seconds, and with None when the wait is over.
         memory: measures the available memory in bytes; None: not known.
         disk: measures the free disk of a folder in bytes.
         clock: seconds since 1970, the same for all processes.
@@ -222,7 +222,7 @@ class MachineSlots:
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
-        """Waits for a slot; of the threads that do, one looks, and the batch waits until the last has one."""
+        """Waits for a slot; one waiting thread polls, and the batch counts as waiting until the last has a slot."""
         with self._lock:
             if self._kept:
                 self._kept -= 1

@@ -201,7 +201,7 @@ def _sizes(amount: Amount) -> dict[str, int]:
 
 
 def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> tuple[Amount, str | None]:
-    """Measures, then removes; what goes wrong is told."""
+    """Measures, then deletes; returns the amount, and the error as a text, if there was one."""
     amount = Amount()
     try:
         amount = measured()

@@ -31,7 +31,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
     is removed.
 
     Args:
-        candidates: what there is; their ids differ.
+        candidates: units that may be deleted; their ids differ.
         policy: the rules.
         now: the time.
 

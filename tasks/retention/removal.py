@@ -39,7 +39,7 @@ _LEASE_S = 120.0
 
 
 class StillInUse(RobomakerError):
-    """Raised when a resource to be deleted has come into use meanwhile."""
+    """Raised when a resource to be deleted is in use since it was chosen."""
 
 
 @dataclass(frozen=True)

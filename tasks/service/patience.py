@@ -30,10 +30,10 @@ def _say_nothing(text: str) -> None:
 
 @dataclass(frozen=True)
 class Patience:
-    """Retry policy for an unreachable object store: how long to wait, and who is told."""
+    """Retry policy for an unreachable object store: how long to wait, and what to call then."""
 
     patience_s: float
-    """After how many seconds a call that does not work is given up."""
+    """Seconds after which a failing call is not repeated any more."""
 
     first_pause_s: float = 1.0
     """How long after the first failure the store is asked again."""
@@ -235,5 +235,5 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """Returns the function that tells whether users of a store have been told to stop."""
+    """Returns the function that says whether calls of a store have to stop."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

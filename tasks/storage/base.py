@@ -63,7 +63,7 @@ def tell_none(key: str) -> None:
 
 
 def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
-    """Raises `TransferStoppedError` if a transfer has been told to stop.
+    """Raises `TransferStoppedError` if `stopped` says that a transfer has to stop.
 
     Raises:
         TransferStoppedError: `stopped` said so.
@@ -82,7 +82,7 @@ class ObjectInfo:
     etag: str
     """Changes whenever the content changes; without quotes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not told, as of what was stored just now. Equal objects may differ in it."""
+    """Time at which it was stored; `None`: not known, as of a new object. Equal objects may differ in it."""
 
 
 @dataclass(frozen=True)
@@ -148,10 +148,10 @@ class ObjectStore(Protocol):
         """Uploads many files concurrently; raises the first error after all have ended.
 
         Args:
-            bucket: where to.
+            bucket: name of the bucket.
             files: what to store, by keys.
-            stopped: see `put_file`; what is stored by then stays.
-            tell: told of each file that is stored.
+            stopped: see `put_file`; files that are stored by then remain.
+            tell: called with the key of each stored file.
         """
         ...
 

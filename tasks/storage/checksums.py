@@ -88,7 +88,7 @@ def copy_with_holes(
         source: the file.
         target: the copy, at its beginning.
         stopped: see `pieces`.
-        tell: told of each piece, such as to compute a checksum.
+        tell: called with each piece, such as to compute a checksum.
         what: the file, for messages.
 
     Raises:
@@ -221,7 +221,7 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
     Args:
         answer: of HeadObject.
         path: the file.
-        stopped: asked while it is read whether to go on.
+        stopped: polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.
@@ -261,7 +261,7 @@ def etag_of(descriptor: int, stopped: Stopped = never) -> str:
 
     Args:
         descriptor: the file.
-        stopped: asked while it is read whether to go on.
+        stopped: polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.

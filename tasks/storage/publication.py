@@ -57,7 +57,7 @@ def publish(
             stored again.
         stopped: asked before the manifest is written, whether these files are not to count after all.
         ended: asked all the time while files are read and stored, whether to end that at once; quick.
-        tell: told of each file that is stored, from any thread.
+        tell: called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `stopped` or `ended` said so.
@@ -106,7 +106,7 @@ def store_unfinished(
         files: what to store.
         resumes: see `publish`.
         ended: see `publish`.
-        tell: told of the key of each file that is stored, from any thread.
+        tell: called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `ended` said so.

@@ -34,7 +34,7 @@ def read_spec(path: str) -> CheckedSpec:
     """Reads and checks a specification file.
 
     Args:
-        path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
+        path: a file; or `quickstart` or `nightly`, if no such file exists: these are built in.
 
     Raises:
         InputFileError: the file cannot be opened.
@@ -76,7 +76,7 @@ def _text(given: str) -> tuple[str, str]:
 def operation_name(word: str) -> str:
     """Converts an operation's name from the AWS CLI's spelling (`describe-world`) to the service's.
 
-    A word that names none comes back as it is; the check of the request says what is near.
+    A word that names no operation is returned unchanged; the check of the request suggests a similar name.
     """
     folded = word.replace("-", "").lower()
     return next((name for name in OPERATIONS if name.lower() == folded), word)

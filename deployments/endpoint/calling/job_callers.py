@@ -45,7 +45,7 @@ _ROLES = ("robotApplications", "simulationApplications")
 
 
 class JobCallers:
-    """Recognises API requests that come from simulation jobs, which have fewer rights.
+    """Recognises API requests of simulation jobs, which have fewer rights.
 
     Args:
         service: where jobs are; jobs of job workers with its home are known.
@@ -78,7 +78,7 @@ class JobCallers:
         return arn
 
     def job_of(self, scope: Scope) -> str | None:
-        """Returns the ARN of the job that a request comes from; `None` if it comes from none.
+        """Returns the ARN of the job that sent a request; `None` if no job did.
 
         Raises:
             AccessDeniedException: the caller's process cannot be determined, so that it may belong to any job.

@@ -176,8 +176,8 @@ class Calls:
 
     Args:
         service: where the operations happen.
-        on_submitted: told the ARN of every job that was stored.
-        audit_log: is told of every call, also of refused ones; `None`: there is none.
+        on_submitted: called with the ARN of every stored job.
+        audit_log: records every call, also refused ones; `None`: calls are not recorded.
     """
 
     def __init__(

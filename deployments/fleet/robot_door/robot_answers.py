@@ -84,7 +84,7 @@ async def read_body(receive: Receive, declared: bytes | None) -> bytes:
     """Reads the body of a robot's request, with limits on size and time.
 
     Args:
-        receive: where it comes from.
+        receive: receives the ASGI messages of the body.
         declared: the header `Content-Length`.
 
     Raises:

@@ -20,10 +20,10 @@ from .settings import Home, Options
 from .states import Event, Failed, Passed, Phase, State, kept, wanted
 
 Work = Union[ChildWork, ScriptWork, Watch]
-"""Something that goes on beside the polls."""
+"""Work that runs beside the polls."""
 
 Begun = Union[Work, Sequence[Event]]
-"""Work that goes on, or the events of what is done already."""
+"""Running work, or the events of work that is already done."""
 
 
 _ROS_HEALTH_S = 10.0

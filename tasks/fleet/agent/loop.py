@@ -31,7 +31,7 @@ class Notifier:
         self._address = environ.get("NOTIFY_SOCKET", "").replace("@", "\0", 1)
         watchdog_us = environ.get("WATCHDOG_USEC", "")
         self.interval_s: float | None = int(watchdog_us) / 2e6 if watchdog_us.isdigit() else None
-        """How often `alive` has to be told; `None`: not at all."""
+        """Seconds within which `alive` has to be called again; `None`: systemd watches no such interval."""
 
     def ready(self) -> None:
         """Notifies systemd that the agent is running."""

@@ -40,7 +40,7 @@ def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
     Args:
         role: what it is for.
         folder: where its file goes; it has to exist.
-        random_bytes: where it comes from.
+        random_bytes: source of randomness.
 
     Raises:
         ConfigurationError: the file cannot be written.

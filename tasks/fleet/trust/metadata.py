@@ -55,7 +55,7 @@ class Changes:
     """Changes to make to the update repository: files to add and remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
-    """Targets that come, by application and path."""
+    """New targets, by application and path."""
 
     remove: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """Paths of targets that go, by application."""
@@ -220,7 +220,7 @@ class Attested:
     """Rules in a TUF root: which applications need attestations, and by which keys."""
 
     keys: Mapping[str, Key] = field(default_factory=dict[str, Key])
-    """Those that agents believe, by id; none: agents do not look at attestations."""
+    """Public keys whose attestations agents accept, by id; empty: agents do not check attestations."""
 
     applications: frozenset[str] = frozenset()
     """Applications of which agents install nothing that was not attested."""

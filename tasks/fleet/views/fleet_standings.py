@@ -146,7 +146,7 @@ def find_deployment(named: str | None, service: Service) -> Resource:
     """Finds a deployment job by ARN, by its fleet, or as the only one in progress.
 
     Args:
-        named: what was named; nothing: the one that goes on.
+        named: name or ARN that the user gave; `None`: the only deployment in progress.
         service: where it is stored.
 
     Raises:

@@ -149,10 +149,10 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
     many as there is room for are kept in memory.
 
     Args:
-        folder: where the run wrote.
+        folder: folder of the run's outputs.
         prefix: of the keys that the files get.
-        room: what may be stored; it is taken, and is told what is left out.
-        ended: asked before each file whether to end that; quick.
+        room: space for stored files; the listed files are taken from it, and the left-out ones recorded in it.
+        ended: polled before each file, so it has to be quick; true stops the listing.
 
     Raises:
         TransferStoppedError: `ended` said so.

@@ -40,7 +40,7 @@ class RollingUploads:
         store: where files go.
         bucket: where they go.
         prefix: of the run's outputs.
-        every_s: seconds between two looks for finished files.
+        every_s: seconds between two polls for finished files.
         room: what may be stored of the run; files without room wait for the end, which leaves them out by name.
     """
 

@@ -24,7 +24,7 @@ _STORED = 200
 _USUAL_PORTS = {"http": 80, "https": 443}
 _ALGORITHM = "AWS4-HMAC-SHA256"
 _PIECE_BYTES = 256 << 10
-"""Between two pieces it is asked whether to go on: a slow connection takes seconds for one."""
+"""Bytes of a piece; between two pieces the transfer may be stopped: a slow connection takes seconds for one."""
 
 
 class Stored(NamedTuple):
@@ -71,7 +71,7 @@ class QuickPuts:
         client: whose connections are used.
         endpoint_url: the endpoint.
         region: the region to sign for.
-        session: where credentials come from.
+        session: boto3 session with the credentials.
     """
 
     def __init__(self, client: "S3Client", endpoint_url: str, region: str, session: boto3.Session) -> None:

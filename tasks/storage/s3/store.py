@@ -103,7 +103,7 @@ class S3Store:
     Args:
         endpoint_url: the endpoint; None for AWS.
         region: the region to sign for.
-        session: where credentials come from; by default boto3's usual chain.
+        session: boto3 session with the credentials; by default boto3's usual chain.
         attempts: how often a request is tried in all. The waits between ten attempts add up to about
             13 seconds on average, which outlasts a server's restart.
     """

@@ -21,7 +21,7 @@ def add_decision(parser: argparse.ArgumentParser) -> None:
 
 
 def decided(decide: "Callable[[str, str, Service], None]", arguments: argparse.Namespace, outcome: str) -> int:
-    """Carries out a person's decision about a deployment, and prints what came of it.
+    """Carries out a person's decision about a deployment, and prints its outcome.
 
     Args:
         decide: the decision: deployment job, person, service.

@@ -103,7 +103,7 @@ class Progress:
         self._due_s = 0.0
 
     def __call__(self, done: int, of: int) -> None:
-        """Is told the bytes that are there, and all bytes."""
+        """Reports the download's progress from its downloaded bytes and all bytes."""
         now_s = self._monotonic()
         if now_s >= self._due_s:
             self._due_s = now_s + _PROGRESS_EVERY_S

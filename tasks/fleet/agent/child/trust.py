@@ -185,7 +185,7 @@ class Repository:
             floors: versions that roles must not be older than.
             newest_s: the latest time at which the repository was fresh.
             architecture: the robot's.
-            seen: told how new the repository is, before anything of it is used.
+            seen: called with the version of the repository's timestamp, before any of its content is used.
 
         Raises:
             StepFailed: it is not to be trusted, or has nothing for this robot.
