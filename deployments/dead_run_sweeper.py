@@ -202,7 +202,7 @@ def close_dead_runs_once(settings: Settings) -> None:
 
 
 class _Pace:
-    """Says when to sweep: often while a flow run is open and for a minute after that, else seldom."""
+    """Decides when to sweep: often while a flow run is open and for a minute after that, else seldom."""
 
     def __init__(self) -> None:
         self._open_at_s = self._swept_at_s = self._answers_since_s = time.monotonic()

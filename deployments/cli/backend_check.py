@@ -49,7 +49,7 @@ def check_backend(settings: Settings) -> Finding:
 
 
 def _tell(note: str) -> None:
-    """Says what is waited for."""
+    """Prints what the check waits for."""
     sys.stderr.write(f"{note}\n")
     sys.stderr.flush()
 

@@ -259,7 +259,7 @@ class Console:
 
     @contextmanager
     def _noted(self, request: ServiceRequest) -> Iterator[list[int]]:
-        """Has the endpoint count and log a request, once the status of its answer is known."""
+        """Counts and logs a request after the `with` block, with the HTTP status that the block adds to the list."""
         began = time.perf_counter()
         # Streams last as long as somebody looks, and say nothing about how quick pages are.
         request.operation = "console-stream" if request.url.path.endswith("/live") else "console"

@@ -103,7 +103,7 @@ def job_line(job: Resource) -> JobLine:
 
 
 def _look_of_unfinished(status: str, *, draws: bool) -> Look:
-    """How a job that has not ended does, by its status and whether its programs have ended."""
+    """Returns how an unfinished job is shown, by its status and whether its programs have ended."""
     if status == "Pending":
         return WAITING
     if not draws:

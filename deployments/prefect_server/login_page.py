@@ -149,7 +149,7 @@ async def _token(request: Request) -> str | None:
 
 
 def _policy(page: str) -> str:
-    """Lets the page's own script and style run, by their hashes, and nothing else."""
+    """Returns the content security policy that allows only the page's own script and style, by their hashes."""
 
     def hashes(element: str) -> str:
         texts = re.findall(f"<{element}>(.*?)</{element}>", page, re.DOTALL)

@@ -183,7 +183,7 @@ class Outage:
         return self.is_on
 
     def _tell_end(self) -> None:
-        """Says once that patience has run out."""
+        """Reports once that the server did not answer within the patience."""
         if self.is_on and not self.is_waited_for and not self._has_told_end:
             self._has_told_end = True
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")

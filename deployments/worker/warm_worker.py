@@ -146,7 +146,7 @@ class WarmWorker:
 
 
 def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
-    """How many jobs of a pool run.
+    """Describes the number of running jobs in a pool.
 
     Args:
         pool: the pool.

@@ -47,7 +47,7 @@ class WorkerProcess:
         self._watcher.start()
 
     def wake(self, arn: str = "") -> None:
-        """Tells the worker that there is a new job; fast, from any thread."""
+        """Wakes the worker for a new job; fast, from any thread."""
         del arn  # it finds the job in the catalog
         if (channel := self._channel) is not None:
             channel.send(WAKE)

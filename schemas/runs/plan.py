@@ -172,7 +172,7 @@ class RunPlan(Model):
 
 
 class RunOutcome(Model):
-    """How a simulation run ended: status, verdict, failure code and reason."""
+    """End of a simulation run: status, verdict, failure code and reason."""
 
     status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
     failure_code: str | None = optional("The service's failure code; absent when none.")

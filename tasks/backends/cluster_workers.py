@@ -162,7 +162,7 @@ class Cluster(Protocol):
         ...
 
     def end_all(self, patience_s: float) -> None:
-        """Tells all job workers started here to end, and waits for them, for at most `patience_s` seconds."""
+        """Stops all job workers that were started here, and waits for their end, at most `patience_s` seconds."""
         ...
 
 

@@ -195,7 +195,7 @@ class PoolRuns:
         return found.id
 
     def _room(self) -> tuple[int, str]:
-        """How many job workers there are to be, and what a user has to know of it."""
+        """Returns the number of job workers to run, and a note for the user about what limits it."""
         try:
             pool = self._client.read_work_pool(self.pool)
             workers = self._client.read_workers_for_work_pool(self.pool, limit=_PAGE)

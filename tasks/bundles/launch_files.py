@@ -80,7 +80,7 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
 
 
 def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
-    """Says that a ROS package of a bundle has no such launch file; `None`: it has, or the bundle has no such package.
+    """Returns an error text if a ROS package of a bundle lacks a launch file; `None` if not, or without such a package.
 
     ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
 

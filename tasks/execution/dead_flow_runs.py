@@ -358,7 +358,7 @@ def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
 
 
 def _parts_of(client: SyncPrefectClient, subflows: Collection[FlowRun], outer: FlowRunFilter) -> list[FlowRun]:
-    """Those subflow runs whose flow run a filter chooses."""
+    """Reads the subflow runs of the flow runs that a filter chooses."""
     if not subflows:
         return []
     ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]

@@ -228,7 +228,7 @@ def _listed(futures: list[ItemFuture[Any]]) -> PrefectFutureList[Any]:
 
 
 class _Calls(TaskRunner[PrefectFuture[Any]]):
-    """Notes the calls that Prefect makes of a `map`, rather than running them."""
+    """Records the calls of a `map` in Prefect, rather than running them."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -133,7 +133,7 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
 
 
 def _say_interrupted(flow_run: UUID) -> None:
-    """Says `Cancelled` of a run that is being cancelled, and `Crashed` of one whose Prefect worker was stopped."""
+    """Sets a run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
     others = "other job workers go on with its jobs"
     try:
         with get_client(sync_client=True) as client:

@@ -153,7 +153,7 @@ class RunWatch:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
-        """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
+        """Logs once that the server does not answer: Prefect's own client tries for a minute before it logs that."""
         self._misses = 0 if error is None else self._misses + 1
         if self._misses == _MOST_MISSES and self.tells_of_silence:
             url = PREFECT_API_URL.value()

@@ -219,7 +219,7 @@ class KeptRollout:
 
 
 def _bridge(ledger: Ledger, since_s: float, until_s: float) -> float:
-    """Has time-outs stand still while the service was not running; returns up to when the rollout was watched."""
+    """Extends time-outs by a gap in which the service was not running; returns the later of both times."""
     if until_s - since_s > GAP_S:
         ledger.apply(Outage(since_s=since_s), until_s)
     return max(since_s, until_s)
@@ -336,7 +336,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
 
 
 def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> None:
-    """Tells the rollouts of a fleet that a robot left the fleet or was deleted."""
+    """Adds an event to the rollouts of a fleet: a robot left the fleet or was deleted."""
     event = RobotGone(robot=robot, how=how)
     for job in Rollouts(service.catalog).open_rollouts(fleet):
         _note(service, job, event, service.clock().timestamp())

@@ -140,7 +140,7 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
 
 
 def _limits(jobs: Sequence[JobAmount], costs: "_Costs") -> dict[str, Any]:
-    """How many jobs their own limit will cut, and the one that would need most."""
+    """Forecasts the number of jobs that their duration limit will cut off, and the longest of them."""
     needed = [(costs.of(job).needed_s(job), job.limit_s) for job in jobs]
     over = [(needed_s, limit_s) for needed_s, limit_s in needed if needed_s >= limit_s]
     job_s, job_limit_s = max(over, default=(None, None))

@@ -184,7 +184,7 @@ def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service)
 
 
 def _told(job: ReportedJob) -> str:
-    """How a job ended the first time: `sim-…: FAIL`."""
+    """Returns the first result of a job as text: `sim-…: FAIL`."""
     judged = job.result is not None and job.status == "Completed"
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"
 

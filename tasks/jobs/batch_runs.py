@@ -217,7 +217,7 @@ class BatchRun:
         )
 
     def _in_words(self) -> str:
-        """How all requests of the batch went so far."""
+        """Returns the counts of the batch's requests so far as text."""
         jobs = jobs_by_request(self._batch, self._service).values()
         documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
         outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]
@@ -225,7 +225,7 @@ class BatchRun:
         return outcomes_in_words([*outcomes, *unmade])
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
-        """Has job workers of a backend run the jobs; here they are only made and awaited.
+        """Runs the jobs on job workers of a backend; this process only creates them and waits for their end.
 
         Some more are made than may run, so that a worker that has ended one finds the next; beside as many as may run,
         as many finish.
@@ -258,7 +258,7 @@ class BatchRun:
         self._waits_for = None
 
     def _allow(self, concurrency: int) -> None:
-        """Says how many jobs may be held at once by job workers."""
+        """Stores the number of jobs that job workers may run at once, if it changed."""
         if concurrency != self._concurrency:
             self._lease.update(BatchProgress(concurrency=concurrency))
             self._concurrency = concurrency
@@ -276,7 +276,7 @@ class BatchRun:
             self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
-        """Says once which job workers there are."""
+        """Logs the job workers of the batch once."""
         if workers != self._workers:
             self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
@@ -315,7 +315,7 @@ class BatchRun:
         return permit_of(self._machine)(stack)
 
     def _note_wait(self, wait: Wait | None) -> None:
-        """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""
+        """Keeps the reason why the next job waits, for the next report: slots are locked, so no catalog call is made."""
         self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:
@@ -414,7 +414,7 @@ class BatchRun:
         self._report()
 
     def _refuse_early(self) -> None:
-        """Notes the requests that name what is not there, before each of them costs a task run."""
+        """Fails the requests that name resources which do not exist, before each of them costs a task run."""
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             try:
@@ -425,7 +425,7 @@ class BatchRun:
         self._save_failures()
 
     def _fail_request(self, index: int, code: str, reason: str) -> None:
-        """Notes that a request never becomes a job; `_save_failures` records it."""
+        """Marks a request as failed: it never becomes a job; `_save_failures` stores that."""
         failed_at = self._service.clock().isoformat()
         self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
@@ -451,7 +451,7 @@ class BatchRun:
         self._service.report_progress(Progress(dict(counts), total, self._waits_for, trials))
 
     def _finish(self) -> dict[str, int]:
-        """How many jobs only draw or store, by status."""
+        """Counts the jobs, by status, that have simulated and only draw videos or store outputs."""
         return self._service.catalog.count_alive(self._arn, "simulation-job", having=SIMULATED)
 
     def _look(self) -> bool:

@@ -281,7 +281,7 @@ def _misses(document: SimulationJobDocument, run_id: str) -> bool:
 
 
 def _outcome_of(document: SimulationJobDocument) -> Outcome:
-    """How the job's last run finished; of a job whose job workers died all the time nothing else is known."""
+    """Returns the outcome of the job's last run; if its job workers died each time, only that is known."""
     return document.outcome or Outcome(
         status="Failed", failure_code=document.failure_code, failure_reason=document.failure_reason
     )

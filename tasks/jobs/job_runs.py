@@ -263,7 +263,7 @@ class JobRun:
         return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
 
     def _after_kill(self, why: str) -> "_Next":
-        """Says that a run was killed, and waits a little."""
+        """Logs that a run was killed, and waits before the next try."""
         _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
         time.sleep(self._service.timing.after_kill_s)
         return _Next.GO_ON
@@ -286,7 +286,7 @@ class JobRun:
         return plan
 
     def _note_running(self) -> None:
-        """Says that the job runs, if that has not been said."""
+        """Changes the job's status to `Running`, unless it has it."""
         if self._begin is not None:
             self._begin()
             self._begin = None
@@ -355,7 +355,7 @@ class JobRun:
             )
 
     def _note_simulated(self, is_drawn: bool) -> None:
-        """Lets the next job begin: what is left is to draw and to store.
+        """Frees the slot for the next job: the simulation is over, and only videos and outputs remain.
 
         From here on the batch's timeout ends the job no more; the job's own end still does what it did.
         """
@@ -381,7 +381,7 @@ class JobRun:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
 
     def _note_trials(self, finished: int, plan: RunPlan) -> None:
-        """Says how many of the job's trials have finished."""
+        """Stores and reports the number of the job's finished trials."""
         if plan.trials is None:
             return
         if self._on_trials is not None:

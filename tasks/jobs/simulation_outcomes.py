@@ -206,7 +206,7 @@ class EarlierRuns:
         place: StoredPlace | None = None,
         not_stored: str | None = None,
     ) -> None:
-        """Says in the job how a run ended, and where its outputs are."""
+        """Stores in the job how a run ended, and where its outputs are."""
         document = self._document
         run = EarlierRun(
             run_id=run_id,

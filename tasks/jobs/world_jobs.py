@@ -224,7 +224,7 @@ class GenerationRun:
             )
 
     def _record_failures(self) -> None:
-        """Lets descriptions of the running job tell its failures."""
+        """Stores the failures so far, so that descriptions of the running job contain them."""
         summary = _failure_summary(self._failures)
         if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
             with suppress(StateConflictError):  # another job worker has taken over

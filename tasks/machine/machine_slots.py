@@ -283,7 +283,7 @@ class MachineSlots:
             self._watch(self._shown)
 
     def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Says to the other waiters that this batch waits."""
+        """Writes the record by which the other waiting processes see that this batch waits."""
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)

@@ -306,7 +306,7 @@ def _measures(numbers: Numbers) -> list[Measure]:
 
 
 def _waits(job: ReportedJob) -> list[Measure]:
-    """How long the job waited for its machine, by what that had too little of."""
+    """Waiting times of the job for its machine, by the resource that was short."""
     return [
         Measure(f"waited for {WAITS_FOR[scarce]}", outcomes.number(time_s, 1), "s")
         for scarce, time_s in job.waited_s.items()

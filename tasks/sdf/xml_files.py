@@ -48,7 +48,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
 
 
 def _similar_to(path: Path) -> str:
-    """Says which files with similar names are in the folder of a file that is missing, to end an error with."""
+    """Makes the end of an error message: files in the folder of a missing file with names similar to its name."""
     try:
         if not path.parent.is_dir():
             return f"; there is no folder {path.parent}"

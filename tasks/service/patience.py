@@ -135,7 +135,7 @@ class Patience:
 
 
 class _Waits:
-    """Says once that a store is waited for, and once that it answers again."""
+    """Reports once that a call waits for the store, and once that the store answers again."""
 
     def __init__(self, patience: Patience) -> None:
         self._patience = patience

@@ -100,7 +100,7 @@ class WorldBuilders:
         return answer["content"]
 
     def _ask(self, order: str) -> dict[str, str]:
-        """Has the next idle builder carry out an order; one that has died is replaced first."""
+        """Sends an order to the next idle builder, and returns its answer; a dead builder is replaced first."""
         process = self._idle.get()
         try:
             if process.poll() is not None:

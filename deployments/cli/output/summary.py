@@ -67,7 +67,7 @@ def summary_lines(
 
 
 def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
-    """Says which run it is a rerun of, what interrupted it, how it compares to its forecast, and what it took over."""
+    """Describes the run that it repeats, its interruptions, its forecast's error, and the results that it reused."""
     lines: list[list[Cell]] = []
     if rerun := record.rerun_of:
         lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])

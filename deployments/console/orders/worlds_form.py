@@ -298,7 +298,7 @@ def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
 
 
 def _in_words(error: Exception) -> tuple[str, ...]:
-    """Its lines, with fields by the names that the form has for them."""
+    """Returns the lines of an error, with the form's names of the fields."""
     text = str(error).replace("templateBody: ", "")
     for place in ("Floorplan", "Interior"):
         text = text.replace(f"Buildings[0].Floors[0].{place}.", "")

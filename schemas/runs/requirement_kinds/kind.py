@@ -330,7 +330,7 @@ class Rule(ABC, Generic[Asked]):
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
-        """Tells the rule about the rules of the requirements above it."""
+        """Passes the rules of the requirements above it to the rule."""
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
         """Adds the rule's numbers to the run's metrics."""

@@ -47,7 +47,7 @@ class Finished(StrEnum):
 
 
 class OrderEnd(StrEnum):
-    """How an update order to a robot ended."""
+    """End of an update order to a robot."""
 
     FINISHED = "finished"
     FAILED = "failed"
@@ -74,7 +74,7 @@ class Feedback:
 
     @property
     def order_end(self) -> OrderEnd | None:
-        """How the order ended, according to this message about the order; `None` if it has not ended."""
+        """End of the order, according to this message about the order; `None` if it has not ended."""
         if self.execution is Execution.CANCELED:
             return OrderEnd.CANCELED
         if self.execution is not Execution.CLOSED:
@@ -83,7 +83,7 @@ class Feedback:
 
     @property
     def cancel_end(self) -> OrderEnd | None:
-        """How the order ended, according to this message about its cancellation; `None` if it has not ended."""
+        """End of the order, according to this message about its cancellation; `None` if it has not ended."""
         if self.execution not in (Execution.CLOSED, Execution.CANCELED):
             return None
         return OrderEnd.FAILED if self.finished is Finished.FAILURE else OrderEnd.CANCELED

@@ -151,7 +151,7 @@ def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[s
 
 
 def _robots(job: Resource, rollout: Rollout | None, service: Service) -> list[Any]:
-    """How a deployment stands with each robot; empty if it ended before it began."""
+    """Returns the state of each robot in a deployment; empty if the deployment ended before it began."""
     if rollout is not None:
         return [each.to_wire() for each in robot_deployments(rollout, job.arn, service.clock().timestamp())]
     if is_terminal(DEPLOYMENT, job.status):

@@ -229,7 +229,7 @@ class Ledger:
         return self._rollout.status == "InProgress"
 
     def _offer(self, event: Offered) -> None:
-        """Notes an order, if the robot may have one now; otherwise the number is lost, which costs nothing."""
+        """Records an order, if the robot may get one now; otherwise its number stays unused, which is harmless."""
         state = self._robots.get(event.robot)
         if state is None or self._rollout.held or not self._rollout.takes_returns:
             return

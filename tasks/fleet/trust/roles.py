@@ -29,7 +29,7 @@ _APPLICATION_ROLE = "application-"
 
 @dataclass(frozen=True)
 class Lifetime:
-    """How long a TUF role's signatures are valid, and when they are renewed."""
+    """Time for which a TUF role's signatures are valid, and after which they are renewed."""
 
     valid: timedelta
     """From its signature on."""

@@ -56,7 +56,7 @@ class ActionArray(Model):
     description: str | None = Field(default=None, description="The name that the environment gives it.")
 
     def __str__(self) -> str:
-        """Its form in words: `grip: bool[]`, or `float64[2]` when it is all there is."""
+        """Describes the array: `grip: bool[]`, or `float64[2]` if the action is only this array."""
         where = "/".join(map(str, self.path))
         return (f"{where}: " if where else "") + f"{self.dtype}{self.shape}"
 

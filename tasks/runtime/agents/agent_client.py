@@ -101,7 +101,7 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Tells the buffer how many bytes were written into its free space."""
+        """Adds the number of bytes that were written into the buffer's free space."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:

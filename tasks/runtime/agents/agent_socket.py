@@ -295,7 +295,7 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Tells the robot program what is wrong with its messages."""
+        """Sends the robot program the error in its messages."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:

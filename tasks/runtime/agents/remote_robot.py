@@ -131,7 +131,7 @@ class RemoteAgent:
         return Findings(extra={"agent": about}, notes=self._silence())
 
     def _silence(self) -> list[str]:
-        """Says so if the robot runs free and was silent for most of the run, as one that hangs is."""
+        """Returns a remark if a robot in free mode sent no action for most of the run, as one that hangs does."""
         observations = self._number + 1
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
@@ -328,7 +328,7 @@ class RemoteRobot(Observer):
         return self._agent
 
     def _refusing_late(self, agent: Agent) -> Agent:
-        """Lets ROS nodes drive, and tells programs that connect meanwhile that they are too late."""
+        """Wraps the agent of ROS nodes, so that it refuses robot programs that connect meanwhile as too late."""
 
         def drive(timestep: dm_env.TimeStep) -> Any:
             self._refuse_late()

@@ -181,7 +181,7 @@ class Observer:
 
 @dataclass(frozen=True)
 class Episode:
-    """How a run's simulation loop ended: steps, times and cause."""
+    """End of a run's simulation loop: steps, times and cause."""
 
     ended_by: str
     """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""

@@ -295,7 +295,7 @@ class Scan:
             )
 
     def _tell_blind(self, range_min_m: float) -> None:
-        """Tells rules below what distance the lidar sees nothing, from the robot's surface."""
+        """Passes to the rules the distance from the robot's surface below which the lidar measures nothing."""
         assert self._mount is not None
         away_m = math.hypot(self._mount[0, 3], self._mount[1, 3])
         why = f"{self.topic} sees nothing nearer than {range_min_m:g} m, and the robot's radius is {self._radius_m:g} m"

@@ -369,7 +369,7 @@ class Measurements:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
     def _no_way(self, *others: str) -> str:
-        """Says that `/tf` does not lead from the map, or another frame, to the robot."""
+        """Makes the error text that `/tf` has no chain of transforms from the map, or another frame, to the robot."""
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
         roots = " or ".join(map(repr, (self.sources.map_frame, *others)))

@@ -167,7 +167,7 @@ def add_note(output_dir: Path, text: str) -> None:
 
 
 def note_screens(plan: RunPlan) -> None:
-    """Notes in the log that a program's graphical screen is not shown, if the request asked for one."""
+    """Writes to the log that a program's graphical screen is not shown, if the request asked for one."""
     if plan.live_view_port is not None and not plan.has_episode:
         add_note(
             plan.output_dir,

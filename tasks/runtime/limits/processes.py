@@ -47,7 +47,7 @@ def adopt_orphans() -> None:
 
 
 def die_with_parent() -> None:
-    """Tells the kernel to kill this process when its parent ends."""
+    """Has the kernel kill this process when its parent ends (`PR_SET_PDEATHSIG`)."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 

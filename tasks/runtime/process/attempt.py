@@ -193,7 +193,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
-    """Notes in the result that an environment records topics itself but has recorded none.
+    """Adds a remark to the result if an environment records topics itself but has recorded none.
 
     Args:
         episode: How the run ended.

@@ -170,7 +170,7 @@ class FollowView:
         return best
 
     def _free_distance_m(self, data: mujoco.MjData, elevation_deg: float) -> float:
-        """How far back the camera can stand before something fixed comes between it and the robot."""
+        """Returns the distance in metres from the robot up to which no fixed geom hides it from the camera."""
         azimuth, elevation = math.radians(self._view.azimuth), math.radians(elevation_deg)
         back = -np.array(
             (math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation))

@@ -122,7 +122,7 @@ class RequirementsObserver(Observer):
             check.look_if_new(self._time_s)
 
     def _cut(self, rules: Sequence[Rule[Any]]) -> str:
-        """Says how much of a run was driven that the job's duration limit has cut; empty: there is no telling."""
+        """Describes how much of a run the job's duration limit has cut off; empty if that is not known."""
         whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
         if self._time_s >= whole_s:

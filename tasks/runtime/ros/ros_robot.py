@@ -156,7 +156,7 @@ class RosBridge:
 
     @property
     def options(self) -> RosOptions:
-        """Its options; those of the robot are known once nodes are looked for."""
+        """Options of the ROS bridge; those of the robot's `robot.yaml` are known once it waits for nodes."""
         return self._options
 
     @property

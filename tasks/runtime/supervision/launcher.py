@@ -270,7 +270,7 @@ class Launcher:
         return plan_box(settings, confinement, endpoint=os.environ.get(ENDPOINT_VARIABLE))
 
     def _connect(self) -> Connection:
-        """Has a supervisor forked; returns the connection to it."""
+        """Forks a supervisor from the warm process, and returns the connection to it."""
         ours, theirs = socket.socketpair()
         with ours, theirs, self._lock:
             self._running_server().fork(theirs.fileno())

@@ -217,7 +217,7 @@ class Program:
 
     @property
     def restarts(self) -> ToolEnds | None:
-        """How often the program was restarted, and why the last time; `None` if never."""
+        """Number of the program's restarts, and reason of the last one; `None` if it was never restarted."""
         if not self._ends:
             return None
         plan = self.plan

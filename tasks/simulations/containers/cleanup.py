@@ -46,7 +46,7 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 
 @contextmanager
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
-    """Notes a container that is made inside the `with` block; yields its name with the suffix added.
+    """Records on disk a container that is created inside the `with` block, for its removal; yields its suffixed name.
 
     If another container had the name, the note is taken back: that one is not this run's to remove.
     """
@@ -159,7 +159,7 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Notes these containers and no others."""
+    """Replaces the recorded containers by these."""
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return

@@ -114,7 +114,7 @@ def _copy(source: Path, target: Path, *, writable: bool) -> None:
 
 @cache
 def _code() -> str:
-    """Tells what writes packages: another one may write them differently."""
+    """Returns an identifier of the code that writes the packages: other code may write them differently."""
     modules = sorted(Path(ros_prefix.__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
     return f"{metadata.version('prefect-robomaker')} {digest}"

@@ -138,7 +138,7 @@ _ASK_EVERY_S = 0.2
 
 
 class UploadEnd:
-    """Tells whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
+    """Checks whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
 
     A batch whose time is over lets uploads finish.
 

@@ -242,7 +242,7 @@ def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> 
 
 
 def _note_no_bridge(run_environment: RunEnvironment, why: str) -> None:
-    """Says in the log that the bridge would write why there is none."""
+    """Writes to the log of the ROS bridge why the run has no bridge."""
     log = run_environment.plan.output_dir / "logs" / "robot.ros-bridge.stderr.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text(f"no bridge to nodes of ROS 1: {why}\n")

@@ -410,7 +410,7 @@ class S3Store:
 
 
 class _Known(BaseSubscriber):
-    """Tells a transfer what is known of the object, so that it need not ask again."""
+    """Passes the known size and ETag of an object to a transfer, so that it sends no request for them."""
 
     def __init__(self, answer: "GetObjectOutputTypeDef") -> None:
         self._answer = answer

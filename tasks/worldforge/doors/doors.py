@@ -210,7 +210,7 @@ def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[H
 
 
 def _corner_m(hanging: Hanging, walls: Sequence[Box]) -> float:
-    """How far behind the open leaf the next wall is; at most `_CORNER_SPAN_M`."""
+    """Returns the distance in metres from the open leaf to the next wall behind it, at most `_CORNER_SPAN_M`."""
     nearest = _CORNER_SPAN_M
     for wall in walls:
         _, south, east, north = hanging.local(wall)

@@ -171,7 +171,7 @@ def _ends(shape: Shape) -> Line:
 
 
 def _percent(shape: Shape) -> float | None:
-    """How far a door is drawn open: `data-open` in percent, or a word among its classes, names and layers."""
+    """Returns by how many percent a door is drawn open, from `data-open` or a word in its classes, names and layers."""
     stated = shape.facts.get("open")
     if stated is not None:
         try:

@@ -81,7 +81,7 @@ def _is_permutation(turned: Matrix) -> bool:
 
 
 def _digest(thing: Thing, scene: Scene) -> str:
-    """Tells things apart whose labels are equal: by their parts, and by what made them.
+    """Returns a digest that distinguishes objects with equal labels, by their parts and the generator that made them.
 
     Sizes and places of parts are left out, as rounding differs from piece to piece.
     """

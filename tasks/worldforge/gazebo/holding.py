@@ -32,7 +32,7 @@ class Rest:
 
 
 def come_to_rest(build: Build) -> Rest:
-    """Lets an imported world settle in simulation, and fixes objects that overlap or do not stay.
+    """Simulates an imported world until it settles, and fixes objects that overlap or do not come to rest.
 
     Args:
         build: compiles the world.

@@ -166,7 +166,7 @@ class RoomFurnishing:
                     self._place(attendant)
 
     def _most_of(self, kind: str) -> float:
-        """How many of a kind the room may have."""
+        """Returns the largest number of furnishings of a kind in the room."""
         rule = RULES[kind]
         dines = kind != "DiningTables" or self.room.type != "Living"
         return rule.limit * (1.0 if rule.one_a_room or not dines else max(1.0, self.room.floor_m2 / 30.0))
@@ -366,7 +366,7 @@ class RoomFurnishing:
             yield Group(self._alone(kind, rule, style))
 
     def _free_partners(self, kind: str, rule: Rule, partners: list[Furniture]) -> list[Furniture]:
-        """Those that lack such a companion still: two lamps are not put at one sofa while another has none.
+        """Returns the furnishings without such a companion: no sofa gets two lamps while another has none.
 
         Tables come with those first that have the fewest chairs.
         """

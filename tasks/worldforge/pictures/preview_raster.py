@@ -291,7 +291,7 @@ class Palette:
 
 
 def _side_share(normal: tuple[float, float]) -> float:
-    """How bright an upright face is."""
+    """Returns the brightness of a vertical face, from its normal."""
     return 0.8 + 0.16 * (normal[0] * LIGHT[0] + normal[1] * LIGHT[1])
 
 

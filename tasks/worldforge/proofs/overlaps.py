@@ -203,7 +203,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
 
 
 def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s: float) -> None:
-    """Lets physics run with every body awake at first; what has come to rest falls asleep later, which saves time.
+    """Simulates with every body awake at first; bodies at rest fall asleep later, which saves time.
 
     Asleep from the begin, bodies would have no contacts and never move: a floating or half-sunk book would pass.
     """

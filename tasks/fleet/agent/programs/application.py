@@ -99,7 +99,7 @@ class Application:
 
     @property
     def trouble(self) -> str:
-        """Says that the application keeps ending before it was up for long; empty: it does not."""
+        """Error text if the application repeatedly ends soon after its start; empty if not."""
         is_steady = self._process is not None and self._monotonic() - self._since_s >= _STEADY_S
         if self._failures < MAX_ENDS or is_steady or self._version is None:
             return ""

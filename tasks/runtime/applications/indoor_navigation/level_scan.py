@@ -331,7 +331,7 @@ class LevelScan:
         return distances
 
     def _ask_about(self, geoms: NDArray[np.intp]) -> None:
-        """Notes spheres around what is left to MuJoCo: fixed geoms, and the bodies of others."""
+        """Stores bounding spheres of what MuJoCo's ray casting has to test: fixed geoms, and bodies with others."""
         model = self._model
         if (model.geom_rbound[geoms] <= 0).any():
             raise ValueError("there are geoms without an end")

@@ -65,7 +65,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
 
 
 def _meant(element: ET.Element, path: Path, root: Path) -> str:
-    """Says which files are named similarly to those that an MJCF names and that are not there, to end an error with."""
+    """Makes the end of an error message: files with names similar to those of missing files that an MJCF names."""
     hints: list[str] = []
     for name, file in _files_of(element, path, path.parent) if element.tag not in ("robot", "sdf") else ():
         near = None if file.is_file() else similar_file(path.parent, str(file.relative_to(path.parent)), root)

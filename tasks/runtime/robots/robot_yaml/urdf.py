@@ -272,7 +272,7 @@ def _tell_lines(spec: mujoco.MjSpec, robot: Located) -> None:
 
 
 def _only_draw(mesh: mujoco.MjsMesh) -> None:
-    """Lets a mesh have no volume: what is only drawn has no mass."""
+    """Allows a mesh without volume, if it is only drawn and so has no mass."""
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
