@@ -271,7 +271,7 @@ def _close_until_end(
 
 
 def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[tuple[str, int]]) -> None:
-    """Writes into dead flow runs of interrupted runs what finishes the run.
+    """Writes into the dead flow runs of interrupted runs how the run can be finished.
 
     Args:
         client: the server's client.
@@ -301,6 +301,6 @@ def _sweep_once(settings: Settings) -> None:
 
 
 def _watched_flows() -> set[str]:
-    """The names of those flows that give signs of life: of what they carry out."""
+    """Returns the names of the flows that send heartbeats."""
     jobs = [entry for entry in registry().values() if entry.run_job]
     return {"RunPipeline", JOB_WORKER_FLOW, *(entry.perform_name for entry in jobs), *(entry.name for entry in jobs)}

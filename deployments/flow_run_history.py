@@ -93,7 +93,7 @@ def _collect(
 
 
 def _shrink(path: Path, told: GcFlowRuns, *, is_open: bool, act: bool) -> GcFlowRuns:
-    """Gives back what the database does not use, if that is worth it."""
+    """Frees the unused disk space of Prefect's database, if that is worth it."""
     before = measure_database(path)
     if before.free_bytes < WORTH_BYTES:
         return told.model_copy(update={"database_bytes": before.size_bytes})

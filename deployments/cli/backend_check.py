@@ -49,7 +49,7 @@ def check_backend(settings: Settings) -> Finding:
 
 
 def _tell(note: str) -> None:
-    """Prints what the check waits for."""
+    """Prints a note about the check's progress."""
     sys.stderr.write(f"{note}\n")
     sys.stderr.flush()
 

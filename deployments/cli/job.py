@@ -60,7 +60,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
 
 def _run_of(arn: str, service: "Service") -> "OpenRun | None":
-    """Takes the run that ordered a job, if its process has died: who performs the job finishes the run."""
+    """Takes over the run that ordered a job, if its process has died: this process finishes the run after the job."""
     from ...tasks.nights.broken_off import broken_off
     from ...tasks.nights.open_runs import OpenRun
 

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _executed(words: Sequence[str]) -> int:
-    """Executes the command and says what went wrong; answers the exit code.
+    """Executes the command, prints errors, and returns the exit code.
 
     Raises:
         BrokenPipeError: who reads the output or the errors has gone away.

@@ -232,7 +232,7 @@ def _job_variables(pool: WorkPool, target: Target, client: SyncPrefectClient) ->
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """Makes what the server refuses, and that it does not answer, errors of ours."""
+    """Converts refusals and connection errors of the Prefect server to errors of this package."""
     try:
         yield
     except PrefectHTTPStatusError as error:

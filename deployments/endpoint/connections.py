@@ -115,7 +115,7 @@ class _LimitedProtocol(H11Protocol):
         return self._quiet_since
 
     def _end(self) -> None:
-        """Closes the connection, at once if the client does not even read what it was sent."""
+        """Closes the connection, at once if the client does not even read its response."""
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:

@@ -57,7 +57,7 @@ class Failures:
 
 
 def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:
-    """Places on this machine as messages say them, and what clients read instead."""
+    """Yields patterns of paths of this machine in messages, and the texts that replace them for clients."""
     store = settings.object_store
     if "://" in store:
         yield re.compile(re.escape(store.rstrip("/"))), "the object store"

@@ -92,7 +92,7 @@ class LoginPage:
         self._policy = _policy(self._page)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers what is about logging in, and hands everything else on."""
+        """Answers requests about login, and passes all others on."""
         if scope["type"] == "http" and (response := await self._answer(Request(scope, receive))) is not None:
             await response(scope, receive, send)
         else:
@@ -135,7 +135,7 @@ def _is_page(request: Request) -> bool:
 
 
 async def _token(request: Request) -> str | None:
-    """The token in a request's body; `None` if there is none."""
+    """Returns the token in a request's body, or `None`."""
     body = b""
     try:
         async for part in request.stream():

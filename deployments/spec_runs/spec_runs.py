@@ -100,7 +100,7 @@ class StandingFile:
         self._change(steps=steps)
 
     def _change(self, **members: object) -> None:
-        """Changes what is known, and writes it a moment later: of thousands of jobs each has several events."""
+        """Updates the standing, and writes it a moment later: of thousands of jobs each has several events."""
         self._standing = self._standing.model_copy(update=members)
         if not self._is_due:
             self._is_due = True
@@ -176,7 +176,7 @@ class SpecRuns:
         return True
 
     def _open(self) -> Iterator[str]:
-        """The ordered runs that have not ended; those that no visitor ordered are none of them."""
+        """Returns the runs of visitors that have not ended."""
         return (path.parent.name for path in self._runs.glob(f"*/{LOCK}") if path.with_name(STANDING).is_file())
 
     def _check_room(self) -> None:

@@ -112,7 +112,7 @@ class RosOptions(Model):
 
     @model_serializer(mode="wrap")
     def _given(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Writes what was given alone: the rest may come from the robot's `robot.yaml`, in another process."""
+        """Serialises only the options that were given: another process may read the rest from `robot.yaml`."""
         return {name: value for name, value in whole(self).items() if name in self.model_fields_set}
 
     @model_validator(mode="after")

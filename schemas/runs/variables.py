@@ -180,7 +180,7 @@ def _hidden_parameters(trials: Trials, names: set[str]) -> dict[str, Any]:
 
 
 def _hidden_values(values: Any) -> Any:
-    """As many different texts as a parameter has values, so that what has them can be read again."""
+    """Replaces a parameter's values by different placeholders, so that the result can be parsed again."""
     count = len(values) if is_list(values) else 1
     hidden = [HIDDEN, *(f"{HIDDEN[:-1]} {number})" for number in range(2, count + 1))]
     return hidden if is_list(values) else HIDDEN

@@ -164,7 +164,7 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 
 
 def _shown(value: object) -> str:
-    """A value as the one who wrote it knows it."""
+    """Formats a value as the caller wrote it."""
     if is_object(value):
         names = ", ".join(map(str, islice(value, _MOST_SHOWN)))
         if len(value) > _MOST_SHOWN:

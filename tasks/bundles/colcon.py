@@ -97,7 +97,7 @@ Unpack = Callable[[Path, Path], None]
 
 
 def unpack_overlays(folder: Path, unpack: Unpack) -> None:
-    """Replaces the archives in an unpacked colcon bundle by what is in them; does nothing to other bundles.
+    """Replaces the archives in an unpacked colcon bundle by their content; does nothing to other bundles.
 
     Args:
         folder: the unpacked outer archive.

@@ -45,7 +45,7 @@ SYSTEM_TREE = ArchiveLimits(entries=1_000_000, depth=64, is_system_tree=True)
 
 
 def extract(archive: Path, top: Path, limits: ArchiveLimits) -> None:
-    """Writes what is in an archive into an empty folder.
+    """Unpacks an archive into an empty folder.
 
     Raises:
         ArchiveError: it is no archive, is damaged or too large, or has a member that is neither file nor
@@ -140,7 +140,7 @@ class _Extraction:
         return parts
 
     def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """Problem of a path, in words; empty when there is none."""
+        """Describes the problem of a member's path; empty if it has none."""
         if member.name.startswith("/"):
             return "an absolute path"
         if "\\" in path or "\0" in path:

@@ -50,7 +50,7 @@ _MOST_BYTES = 1 << 20
 
 
 def is_launch_file(file: str, path: Path | None) -> bool:
-    """Whether ROS launches a file, by its name, or by what a Python file defines.
+    """Whether a file is a ROS launch file, by its name, or by the functions that a Python file defines.
 
     Args:
         file: its name.

@@ -350,7 +350,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
-        """Compare and set: writes what `compute` makes of the row unless the row changed meanwhile."""
+        """Compare and set: writes the values that `compute` returns for a row; again if the row changed meanwhile."""
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
                 row = one_row(connection, arn)

@@ -279,7 +279,7 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
 
 
 def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = None) -> bool:
-    """Writes into a dead flow run's state what happens to its work; a failure to do so is only logged.
+    """Writes into a dead flow run's state which process continues its work; a failure to do so is only logged.
 
     Args:
         flow_run: its id.

@@ -321,7 +321,7 @@ def _state_of(ended: Ended) -> State[Any]:
 
 
 def _check(task: Task[..., Any]) -> None:
-    """Refuses a task that asks for what items do not have."""
+    """Raises an error for a task with features that mapped items do not have."""
     persists = should_persist_result() if task.persist_result is None else task.persist_result
     asked = {
         "a kept or cached result (persist_result=False keeps none)": persists,

@@ -131,7 +131,7 @@ class RunWatch:
                 self._wait(runs)
 
     def _to_watch(self) -> dict[UUID, _Watched]:
-        """The runs that are watched; the thread ends when there are none."""
+        """Returns the watched flow runs; the thread ends when no run is left."""
         with self._changed:
             runs = dict(self._runs) if threading.main_thread().is_alive() else {}
             self._is_running = bool(runs)

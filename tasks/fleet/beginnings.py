@@ -94,7 +94,7 @@ def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> Pla
 
 
 def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Sequence[PlannedRobot]) -> tuple[str, ...]:
-    """Robots whose turn comes first; those that cannot get the application, or left the fleet, are none."""
+    """Returns the canaries, robots that get their orders first, without unfit ones and those that left the fleet."""
     fit = [robot.arn for robot in planned if robot.unfit_code is None]
     if config.canaryPercentage is not None:
         return tuple(fit[: max(1, len(planned) * config.canaryPercentage // 100)])

@@ -255,7 +255,7 @@ class DeploymentRun:
             self._step("approval", wait)
 
     def _look(self, kept: KeptRollout) -> None:
-        """Takes in what happened.
+        """Polls once: applies the robots' reports, time-outs, cancellation and decisions to the rollout.
 
         Raises:
             StateConflictError: the lease was lost.
@@ -283,7 +283,7 @@ class DeploymentRun:
         self._kept_alive_at_s = now_s
 
     def _show(self, rollout: Rollout) -> None:
-        """Shows how many robots stand how, and says what else it waits for, each time that this changes."""
+        """Reports the counts of robots by state, and the reasons why the deployment waits, whenever these change."""
         self._service.report_progress(progress_of(rollout))
         waits = tuple(in_words(wait, self._job.arn) for wait in waits_for(rollout, self._now_s()))
         if waits != self._told and (waits or rollout.status == "InProgress"):

@@ -134,7 +134,7 @@ def _check_ended(job: Resource) -> None:
 
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> Sha256Of:
-    """Fetches what the last run of a job wrote down, from the store or from this machine."""
+    """Downloads the records of a job's last run from the store, or copies them on this machine."""
     document = SimulationJobDocument.of(job)
     kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
     if place := document.outputs:
@@ -188,7 +188,7 @@ def _sha256_of_left(file: Path) -> str | None:
 
 
 def _copy_left(file: Path, copy: Path) -> None:
-    """Copies a file of outputs, which applications may write to; what is none is not followed, nor waited for."""
+    """Copies a regular file of outputs, which untrusted code may have made: no links, no FIFOs."""
     try:
         with open_left(file) as left, copy.open("xb") as right:
             shutil.copyfileobj(left, right)
@@ -214,7 +214,7 @@ def _read(folder: Path, reference: str) -> RunOutputs:
 
 
 def _below(reference: str) -> str:
-    """A hint for those who named the folder of a job instead of that of its run."""
+    """Makes a hint for an error message if the user named the folder of a job instead of that of its run."""
     runs = sorted(str(path.parent) for path in Path(reference).glob(f"*/{PROVENANCE_FILE}"))
     return f"did you mean {runs[0]}? Otherwise " if runs else ""
 

@@ -51,7 +51,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
 
 
 def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
-    """The command that looks at what went wrong."""
+    """Command line that shows the reason of a failure."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:
         if worst.status == "Completed":

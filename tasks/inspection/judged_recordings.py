@@ -73,7 +73,7 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
 
 
 def check_world(requirements: Sequence[RequirementKind], world: str | None) -> None:
-    """Refuses requirements that need a world where there is none.
+    """Raises an error if requirements need a world and none is given.
 
     Raises:
         ConfigurationError: A requirement needs a world, and no world is given.
@@ -155,7 +155,7 @@ def judging_spec(
 
 
 def _files(recording: Path) -> Iterator[tuple[str, Path]]:
-    """The files of a recording, by names below which they are stored; what else lies beside them is left."""
+    """Returns the files of a recording by their names in the store; other files of the folder are left out."""
     if recording.is_file():
         yield recording.name, recording
         return
@@ -167,7 +167,7 @@ def _files(recording: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _is_stored(bucket: str, key: str, service: Service) -> bool:
-    """Whether an object is there, and young; its key says what is in it."""
+    """Whether an object exists and is recent; its key has the hash of its content."""
     try:
         stored_at = service.store.head(bucket, key).modified_at
     except ObjectNotFoundError:

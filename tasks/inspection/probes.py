@@ -124,7 +124,7 @@ def _job_cost(job: Resource, service: Service) -> JobCost:
 
 
 def _size_bytes(place: StoredPlace | None, service: Service) -> int:
-    """Size of what is stored in one place; 0 of what is not there, or has no manifest."""
+    """Returns the size in bytes of the files that a manifest lists; 0 without a manifest."""
     if place is None:
         return 0
     try:

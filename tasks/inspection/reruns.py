@@ -56,7 +56,7 @@ class Rerun:
 
 @dataclass(frozen=True)
 class _Order:
-    """A job of the earlier run, with what is needed to order it again."""
+    """A job of the earlier run, with the request that orders it again."""
 
     job: ReportedJob
     request: Mapping[str, Any]

@@ -315,7 +315,7 @@ class BatchRun:
         return permit_of(self._machine)(stack)
 
     def _note_wait(self, wait: Wait | None) -> None:
-        """Keeps the reason why the next job waits, for the next report: slots are locked, so no catalog call is made."""
+        """Keeps the reason why the next job waits until the next report: no catalog call while slots are locked."""
         self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:

@@ -288,7 +288,7 @@ def _outcome_of(document: SimulationJobDocument) -> Outcome:
 
 
 def _store_earlier(run: EarlierRun, outputs: RunOutputs) -> StoredPlace:
-    """Stores what a run left that was not its job's last one, as it would have been when it ended."""
+    """Uploads the outputs of a run that was not its job's last one, as at the run's end."""
     outcome = Outcome(
         status=run.status,
         failure_code=run.failure_code,

@@ -441,7 +441,7 @@ class JobRun:
             return self._lease.job.status, None
 
     def _terminate(self, outcome: Outcome, of_run: str | None = None) -> None:
-        """Ends the job; what a run that could not be started has left is stored, without a manifest.
+        """Ends the job; files of a run that could not be started are stored, without a manifest.
 
         Such as its log, and all that the attempts before wrote, of a run that was to continue from a checkpoint.
         """
@@ -540,7 +540,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": outputs.place})
 
     def _clean_up(self, run_id: str) -> None:
-        """Removes what is not needed any more; outputs that could not be stored stay."""
+        """Deletes the run's local files, except outputs that could not be stored."""
         if self._lease.lost:
             return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

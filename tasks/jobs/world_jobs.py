@@ -189,7 +189,7 @@ class GenerationRun:
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
     def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
-        """Counts a world that was made, or why there is none; called from several threads."""
+        """Records a generated world or its failure; called from several threads."""
         with self._lock:
             if failure:
                 self._failures.append(failure)
@@ -332,7 +332,7 @@ def _acting(job: Resource, service: Service) -> Service:
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
-    """Removes what a cancelled job has stored, also where its job worker died just after that."""
+    """Deletes the stored archive of a cancelled job, also if its job worker died just after storing it."""
     if not WorldExportJobDocument.of(job).started:
         return
     try:

@@ -190,7 +190,7 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
 
 
 def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Updates an existing application to what a request to create it says, with its current archives.
+    """Updates an existing application to the values of a request to create it, with its current archives.
 
     Returns:
         The members of the response; `None` when the name is free.
@@ -316,7 +316,7 @@ def _check_etags(wanted: list[str] | None, content: ApplicationDocument, applica
 
 
 def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
-    """The digest of the version's image: what its URI says, else what the caller says it is."""
+    """Returns the digest of the version's image: that of its URI, else the caller's."""
     known = content.image_digest
     if wanted is None:
         return known

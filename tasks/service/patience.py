@@ -25,7 +25,7 @@ _logger = logging.getLogger(__name__)
 
 
 def _say_nothing(text: str) -> None:
-    """Ignores what is said, where there is no listener."""
+    """Does nothing: the default listener."""
 
 
 @dataclass(frozen=True)

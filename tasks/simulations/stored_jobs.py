@@ -299,7 +299,7 @@ def bare_name(role: str, name: str) -> str:
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Refuses what cannot mean anything; whether it can be started is found out by its job worker."""
+    """Raises an error for a launch configuration that names nothing to start; the job worker tests whether it works."""
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

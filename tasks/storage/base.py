@@ -263,7 +263,7 @@ class StoreOver:
         return self.do("write", bucket, files, lambda: self.behind.put_files(bucket, files, stopped=stopped, tell=tell))
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """See `ObjectStore`; with `create_only`, what an earlier attempt of a call wrote is in its way, too."""
+        """See `ObjectStore`; with `create_only`, an object that an earlier attempt wrote is an error, too."""
         return self.do(
             "write", bucket, [key], lambda: self.behind.put_bytes(bucket, key, data, create_only=create_only)
         )

@@ -283,7 +283,7 @@ class DirectoryStore:
         raise StorageError(f"cannot store {bucket}/{key}: its folder was removed {_RACES} times meanwhile")
 
     def _remove_abandoned(self) -> None:
-        """Removes what crashed writers left a day ago or earlier."""
+        """Deletes temporary files that crashed writers left a day ago or earlier."""
         with os.scandir(self._incoming) as entries:
             for entry in entries:
                 with suppress(FileNotFoundError):

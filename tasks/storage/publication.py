@@ -299,7 +299,7 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Removes what a manifest does not name, and puts it in its place."""
+    """Deletes the objects that a manifest does not list, and replaces the manifest by it."""
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -329,7 +329,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 
 
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
-    """Manifest that an interrupted call prepared; None: there is none."""
+    """Returns the manifest that an interrupted call prepared, or None."""
     try:
         return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:

@@ -64,7 +64,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
 
 
 def _text(given: str) -> tuple[str, str]:
-    """The request's text and what to call it in messages."""
+    """Returns the request's text, and its name for error messages."""
     if given == "-":
         return sys.stdin.read(), "standard input"
     if given.lstrip().startswith("{"):

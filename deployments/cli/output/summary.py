@@ -115,7 +115,7 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
 
 
 def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
-    """Lists what jobs had to do without; a remark that many jobs share is one line."""
+    """Lists the remarks of jobs; a remark that many jobs share is one line."""
     by_remark: dict[str, list[str]] = {}
     for job in jobs:
         for remark in job.remarks:

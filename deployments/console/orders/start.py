@@ -156,7 +156,7 @@ def _draft(visit: Visit) -> Draft:
 
 
 def _checked(visit: Visit, draft: Draft) -> Draft:
-    """A draft with what is wrong with it, or with what it would do."""
+    """Checks a draft; returns it with its problems, or with the plan of its run."""
     with _one_at_a_time():
         try:
             spec = checked(draft.text, draft.filename)

@@ -271,7 +271,7 @@ def _create(visit: Visit, draft: WorldsDraft) -> Response:
 
 
 def _check(visit: Visit, template: str) -> None:
-    """Checks that the visitor may do what the form is for.
+    """Checks that the visitor may order what the form requests.
 
     Raises:
         AccessDeniedException: the visitor's key is not good for it.
@@ -284,7 +284,7 @@ def _check(visit: Visit, template: str) -> None:
 
 
 def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
-    """A draft with its plan, or with what is wrong with it."""
+    """Returns a draft with the floor plan of its first world, or with its problems."""
     try:
         if draft.template:
             body = WorldTemplateDocument.of(visit.find(_TEMPLATE, draft.template)).template_body

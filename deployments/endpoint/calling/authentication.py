@@ -124,7 +124,7 @@ class Authenticator:
         self._replays.check(signer.signature, signer.signed_at, self._clock(), repeatable=repeatable)
 
     def check(self, request: ServiceRequest) -> Signer:
-        """Verifies a request's signature, and returns who signed it.
+        """Verifies a request's signature, and returns its signer.
 
         Raises:
             ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
@@ -218,7 +218,7 @@ def _check_payload(request: ServiceRequest) -> None:
 
 
 class _Verifier(SigV4Auth):
-    """Signs what the client said it had signed."""
+    """Computes the SigV4 signature over the headers that the client declares as signed."""
 
     def __init__(self, credentials: Credentials, region: str, signed_headers: tuple[str, ...]) -> None:
         super().__init__(credentials, SERVICE, region)

@@ -124,7 +124,7 @@ class JobCallers:
         )
 
     def _check_created(self, job: Resource, own: Mapping[str, Any], members: Mapping[str, Any]) -> None:
-        """Checks that a job makes another of its own kind: role, applications, and what these read and write."""
+        """Checks that a job creates only jobs like itself: same role, applications, inputs and outputs."""
         for what, given, allowed in self._compared(own, members):
             if given not in allowed:
                 raise AccessDeniedException(

@@ -52,7 +52,7 @@ class CoverageRule(Rule[CoverageRequirement]):
         self._last: Point | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Finds the free floor, and marks what the robot passes over."""
+        """Finds the free floor; each check adds the cells that the robot passes over."""
         asked, position, floor = self.asked, scene.position(self), scene.floor(self)
         if floor is None:
             raise self.cannot("it asks for the floor of a world, but there is no world")

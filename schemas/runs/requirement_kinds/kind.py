@@ -72,7 +72,7 @@ class RequirementError(LaunchError):
 
 
 class NotMeasuredError(RequirementError):
-    """Raised when a scene lacks what a requirement measures, as a recording without its topic."""
+    """Raised when a scene lacks a quantity that a requirement measures, as a recording without its topic."""
 
 
 NOT_READ = "it is judged by the topics that the run records, and there is no recording of a single run"
@@ -174,7 +174,7 @@ class Floor(Protocol):
         ...
 
     def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
-        """Length of the shortest way of a disc from a point to another, or into a polygon; `None`: there is none."""
+        """Length in metres of a disc's shortest path from a point to another, or into a polygon; `None`: no path."""
         ...
 
 
@@ -413,7 +413,7 @@ class Rule(ABC, Generic[Asked]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note to show beside the verdict; `None` if there is none."""
+        """Returns a remark to show beside the verdict, or `None`."""
         return None
 
     def _until(self) -> str:

@@ -180,7 +180,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
 
 
 def pose_of(answer: Any) -> Pose | str | None:
-    """Makes a pose of what a function returned; what is none is returned in words."""
+    """Converts the result of a function to a pose; returns a description of a result that is not a pose."""
     if answer is None:
         return None
     try:

@@ -144,7 +144,7 @@ class Effects:
         return ScriptWork(process, state.phase, name, code, log, due_s, self._monotonic)
 
     def _launch(self, state: State) -> Begun:
-        """Stops what runs, and starts what shall run: the new version, or the good one again."""
+        """Stops the running application, and starts the new version, or the good one again."""
         version = wanted(state)
         self._application.stop()
         switch(self._home, version)

@@ -216,7 +216,7 @@ class Agent:
                 self._fail(f"the new version cannot be started: {error.reason}")
 
     def _steady_s(self) -> float | None:
-        """Time when a version that may be taken back will be steady; `None`: there is none, or it does not run."""
+        """Time when a running version on probation counts as steady, by the monotonic clock; `None`: none is."""
         return self._application.steady_s() if self.state.probation is not None else None
 
     def _fail(self, reason: str) -> None:

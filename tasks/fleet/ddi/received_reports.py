@@ -210,7 +210,7 @@ def _details(status: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _clean(text: str) -> str:
-    """The text without what databases and terminals do not take: lone surrogates and control characters."""
+    """Removes characters that databases or terminals refuse: lone surrogates and control characters."""
     return "".join(
         "\ufffd" if "\ud800" <= each <= "\udfff" or (each < " " and each not in "\n\t") else each for each in text
     )

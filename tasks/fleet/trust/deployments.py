@@ -246,7 +246,7 @@ def _add_condition(step: TargetStep, job: Resource, path: Path, service: Service
 def _check_attested(
     publisher: Publisher, application: str, attestations: Sequence[bytes], *, is_required: bool
 ) -> None:
-    """Refuses what agents would refuse, before they have an order.
+    """Raises an error for a deployment that agents would refuse for its attestations, before they get orders.
 
     Robots may go back to a version whose attestation has a key that agents no longer believe, where they need none.
     """

@@ -197,7 +197,7 @@ class RepositoryReader:
         return copy
 
     def _remove_unused(self, folder: Path) -> None:
-        """Removes copies that were fetched more than a day ago; who still reads one keeps it until then."""
+        """Deletes copies that were downloaded more than a day ago; open ones remain readable until they are closed."""
         before_s = time.time() - _UNUSED_S
         for copy in folder.iterdir():
             with suppress(FileNotFoundError):  # another process removed it

@@ -119,7 +119,7 @@ def remove_run(folder: Path) -> bool:
 
 
 def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
-    """Removes the memory that the containers of a run share; returns what stays of it."""
+    """Deletes the shared memory of a run's containers; returns error texts for memory that cannot be deleted."""
     left, said = remove_shared_memory(folder), ""
     for note, place in product({note.image: note for note in notes}.values(), left):
         try:

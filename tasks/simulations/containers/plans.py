@@ -189,7 +189,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
-    """A name that no other container has: who runs a stored run again does so under its id, in another folder."""
+    """Makes a unique container name: a stored run is repeated under its id, in another folder."""
     digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
     return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
@@ -213,7 +213,7 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
-    """Folders for a container, with what its image has there; any `USER` may write to them."""
+    """Makes folders for a container, filled with the image's content of them; any `USER` may write to them."""
     sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
@@ -249,7 +249,7 @@ def _mounts(sandbox: Sandbox, run_environment: RunEnvironment, drives: bool) -> 
 
 
 def _make_mount_point(sandbox: Sandbox, path: str) -> None:
-    """Makes a folder below what the image has, where the engine would make one that belongs to root.
+    """Creates a mount point in a container's folder, since one that the engine creates would belong to root.
 
     Raises:
         LaunchError: the image has something else there; links could lead anywhere.

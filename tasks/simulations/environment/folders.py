@@ -78,7 +78,7 @@ def remove(folder: Path) -> None:
 
 
 def _unprotect_and_retry(function: object, path: str, problem: object) -> None:
-    """Makes the folder of what cannot be removed writable, and removes it then."""
+    """Makes the parent folder of a file that cannot be deleted writable, and deletes the file then."""
     del function, problem
     target = Path(path)
     for folder in (target.parent, target):

@@ -209,7 +209,7 @@ def _locked(file: TextIO) -> bool:
 
 
 def _remove_parts(part: Path) -> None:
-    """Removes a folder that was to be filled, and what filling it has put beside it."""
+    """Deletes an incomplete folder, and the temporary files beside it."""
     for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
         shutil.rmtree(left, ignore_errors=True)
 

@@ -115,7 +115,7 @@ class RollingUploads:
         return visit
 
     def _has_room(self, key: str, more_bytes: int) -> bool:
-        """Whether a file has room beside what was taken so far."""
+        """Whether a file fits in the space left beside the files taken so far."""
         room = self._room
         if room is None:
             return True

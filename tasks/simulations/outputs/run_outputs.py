@@ -176,7 +176,7 @@ class RunOutputs:
         return self.place
 
     def conclude(self, about: Mapping[str, Any], *, finished: bool) -> tuple[StoredPlace, str | None]:
-        """Publishes what was uploaded before the upload was stopped, usually a part.
+        """Publishes the files, usually not all, that were uploaded before the upload was stopped.
 
         Args:
             about: how the run ended.

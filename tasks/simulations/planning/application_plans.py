@@ -65,7 +65,7 @@ def with_ros_companions(
 
 
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """The job's services, where its ROS has what nodes in Python need; all programs find the package of messages."""
+    """Adds the job's ROS services, if the job's ROS can run Python nodes; all programs find the message package."""
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
 
@@ -103,7 +103,7 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
 def _companion(
     ros: RosLaunch, name: str, argv: Sequence[str], run_environment: RunEnvironment, variables: Mapping[str, str]
 ) -> ProgramPlan:
-    """A program beside a launch; its own log is none of the application's, which are uploaded from the job's home."""
+    """Plans a program beside a launch; its ROS log is kept apart from the application's, which are uploaded."""
     logs: Path = run_environment.sandbox.place(f"{TEMPORARY}/{name}")
     return ProgramPlan(
         name=f"{ros.program.role}.{name}",  # a tool's name has a dash there
@@ -259,7 +259,7 @@ def _plan(
     planned: Applications,
     has_master: bool,
 ) -> tuple[str, Factory | Program]:
-    """Adds an application to what is planned; returns its name and what starts it.
+    """Adds an application to the plan; returns its name, and the factory or program that starts it.
 
     With `has_master` another application brings the job's ROS master.
     """

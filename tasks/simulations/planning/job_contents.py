@@ -256,7 +256,7 @@ def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str
 
 
 def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
-    """The installed package that a request's policy is of, by name, with what it is here; of an application's, none."""
+    """Returns name and digest of the installed package of a request's policy; empty for an application's policy."""
     policy = policy_in(request)
     module = None if policy is None or request.get("robotApplications") else parse_policy(policy).module
     if module is None or (content := package_content(module)) == _BUILT_IN:
@@ -265,7 +265,7 @@ def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
-    """The version of what computes a policy's network, whose last bits may depend on it."""
+    """Returns the version of the library that evaluates a policy's network: its last bits may depend on it."""
     policy = policy_in(request)
     if policy is None or not parse_policy(policy).is_onnx:
         return {}
@@ -346,7 +346,7 @@ def _unknown(*contents: str | None) -> str | None:
 
 
 def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
-    """Why the robot's files may be others the next time: they are nowhere in what is compared."""
+    """Returns the reason why the robot's files may differ the next time: the compared contents do not include them."""
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}

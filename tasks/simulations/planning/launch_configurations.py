@@ -247,7 +247,7 @@ def _is_file_of(folder: Path, path: Path) -> bool:
 
 
 def _runnable(code: Code, path: Path) -> Path:
-    """A file that can be executed, or could be if archives kept that: it says what interprets it."""
+    """Checks that a file is executable, or has a `#!` line: archives may lose executable bits."""
     if not os.access(path, os.X_OK):
         with path.open("rb") as content:
             if content.read(2) != b"#!":

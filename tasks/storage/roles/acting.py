@@ -52,7 +52,7 @@ class ConfinedStore(StoreOver):
         self.behind.ensure_bucket(bucket)
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """See `ObjectStore`; `None` for what the role may not read."""
+        """See `ObjectStore`; `None` for objects that the role may not read."""
         return self.behind.local_path(bucket, key) if is_within(self._places["read"], bucket, key) else None
 
     def _denied(self, what: str, member: str) -> StorageAccessDeniedError:

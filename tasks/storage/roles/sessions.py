@@ -109,7 +109,7 @@ class SessionSource:
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
-        """Asks STS for credentials; the places of the role narrow what the server's role may do."""
+        """Requests credentials from STS; the policy restricts the rights of the server's role to the role's places."""
         wanted = arn if role.assume_role == ITSELF else role.assume_role
         request: dict[str, Any] = {
             "RoleArn": wanted,

@@ -110,7 +110,7 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
 
 
 def _complete(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
-    """Fetches what is missing of a file; once more from its beginning where the rest did not fit to what was there."""
+    """Downloads the missing part of a file; all of it once more if the file's hash is wrong then."""
     was_begun = part.exists()
     try:
         _receive(source, file, part, progress)

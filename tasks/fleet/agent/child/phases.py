@@ -62,7 +62,7 @@ def _validate(home: Home, state: State, architecture: str, say: Say) -> None:
 
 
 def _repository_class() -> type[Repository]:
-    """Imports TUF, which agent and downloads are spared, without what it fetches by: a third of a validation's time."""
+    """Imports TUF, only for a validation and without its HTTP client: that would take a third of its time."""
     fetcher = "tuf.ngclient.urllib3_fetcher"
     sys.modules[fetcher] = SimpleNamespace(Urllib3Fetcher=object)  # type: ignore[assignment]
     try:

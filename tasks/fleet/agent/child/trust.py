@@ -255,7 +255,7 @@ class Repository:
         return content
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
-        """Holds the metadata that TUF accepted against what the journal remembers."""
+        """Compares the metadata that TUF accepted with the versions and times in the agent's journal."""
         versions: dict[str, int] = {}
         believed = datetime.fromtimestamp(max(newest_s, self._now_s), timezone.utc)
         for role in roles:
