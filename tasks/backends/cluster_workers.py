@@ -116,7 +116,7 @@ class Staffing:
             raise BackendError(f"no machine of {self._place} can run jobs: {'; '.join(self._reasons())}")
 
     def _reasons(self) -> list[str]:
-        """Why machines that are present have no job worker."""
+        """Returns the reasons why machines of the cluster have no job worker."""
         idle = [self._machines[name] for name in self._present if name in self._machines]
         reasons = list(dict.fromkeys(machine.reason for machine in idle if machine.reason and not machine.runs))
         more = len(reasons) - _MOST_REASONS

@@ -214,7 +214,7 @@ class _Check:
         return Finding(problem=problem, resource=resource.arn, where=where, detail=detail, remedy=remedy)
 
     def _mended(self, finding: Finding, folder: Folder) -> Finding:
-        """The finding, after its removal was finished where that is what it is about and wanted."""
+        """Finishes an interrupted deletion, if the finding is one and repairs are wanted; returns the finding."""
         if not self.mend or finding.problem is not Problem.HALF_REMOVED:
             return finding
         place = folder.place

@@ -245,7 +245,7 @@ class MachineSlots:
                     self._leave()
 
     def _keep_turn(self, name: str) -> None:
-        """Waits already, for a thread that will; if none does, others are held back for some seconds."""
+        """Registers the wait of a thread that is about to wait; without one, others are held back for some seconds."""
         with self._lock:
             now_s = self._clock()
             self._since_s = self._since_s or now_s

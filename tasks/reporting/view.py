@@ -238,14 +238,14 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
 
 
 def _missed(job: ReportedJob) -> list[str]:
-    """Names of the requirements that made the verdict what it is."""
+    """Returns the names of the requirements that determined the verdict."""
     if job.result is None or job.result.verdict not in ("FAIL", "ERROR"):
         return []
     return [item.name.replace("_", " ") for item in job.result.requirements if item.counts and not item.satisfied]
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
-    """The drawing, and what to say where it is missing."""
+    """Returns the drawing, and the text to show if it is missing."""
     if job.result is None:
         return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:

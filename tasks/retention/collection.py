@@ -118,7 +118,7 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
-    """Whether a unit that no rule keeps is only thinned; what is not whole any more is removed."""
+    """Whether a unit that no rule keeps is only thinned; an incomplete one is deleted."""
     return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
 
 

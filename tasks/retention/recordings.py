@@ -89,7 +89,7 @@ def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act:
 
 
 def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
-    """Deletes objects, and returns what went wrong."""
+    """Deletes objects, and returns the failure in words."""
     try:
         for each in objects:
             delete(each.bucket, each.key)

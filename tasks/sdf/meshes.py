@@ -241,7 +241,7 @@ def _read_trimesh(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> 
 
 
 def _files_beside(path: Path) -> Any:
-    """Reads what an OBJ or glTF file names, in its folder and below: regular files of limited size, no pipes."""
+    """Reads the files that an OBJ or glTF file names, in its folder and below: only regular files of limited size."""
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):

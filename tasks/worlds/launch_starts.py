@@ -167,7 +167,7 @@ def _xml_arguments(text: str) -> list[dict[str, float]]:
 
 
 def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
-    """All mappings in a YAML document, each once however many aliases it has."""
+    """Yields all mappings in a YAML document, each once however many aliases it has."""
     if id(node) in seen:
         return
     if isinstance(node, dict | list):
@@ -271,7 +271,7 @@ def _constant(value: ast.expr | None, constants: Mapping[str, ast.expr]) -> floa
 
 
 def _strings(tree: ast.Module) -> str:
-    """All texts of a program, without its comments."""
+    """Returns all string constants of a program, without its comments."""
     return "\n".join(
         node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)
     )

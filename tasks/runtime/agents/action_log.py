@@ -148,7 +148,7 @@ def _checksum(count: int, first: int, content: bytes) -> int:
 
 
 def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
-    """The next chunk's actions; None when none follows that is whole and begins with the action of that number."""
+    """Reads the next chunk's actions; None if no complete chunk follows that begins with the action of that number."""
     packed = file.read(_CHUNK.size)
     if len(packed) < _CHUNK.size:
         return None
@@ -170,7 +170,7 @@ def _is_plausible(head: _Head, size: int) -> bool:
 
 
 def _restored(content: bytes, count: int, size: int) -> list[bytes] | None:
-    """The actions of a compressed chunk; None when it is none."""
+    """Decompresses the actions of a chunk; None if the chunk is damaged."""
     try:
         if zstandard.frame_content_size(content) != count * size:
             return None
@@ -314,7 +314,7 @@ class ActionRecorder:
 
 
 def _differences(actions: list[bytes], size: int) -> bytes:
-    """Columns of the actions' bytes, each byte as what changed of it since the action before."""
+    """Transposes the actions' bytes to columns, each byte as its difference from the action before."""
     columns = np.frombuffer(b"".join(actions), np.uint8).reshape(len(actions), size).T.copy()
     columns[:, 1:] ^= columns[:, :-1].copy()
     return columns.tobytes()

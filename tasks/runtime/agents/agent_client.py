@@ -86,7 +86,7 @@ class FrameBuffer:
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Returns free buffer space for arriving bytes; it invalidates what `next` returned."""
+        """Returns free buffer space for arriving bytes; it invalidates the last result of `next`."""
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -141,7 +141,7 @@ class ArraySpec:
     """Description of one array of an observation or action: path, type, shape and bounds."""
 
     def __init__(self, description: dict[str, Any]) -> None:
-        """Reads what the simulation says of an array."""
+        """Reads the simulation's description of an array."""
         self.path: tuple[str | int, ...] = tuple(description["path"])
         """Keys that lead to it in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
@@ -236,7 +236,7 @@ class _Layout:
 
 
 def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
-    """Builds dictionaries of what has a path."""
+    """Builds nested dictionaries of the values by their paths."""
     root: dict[str | int, Any] = {}
     for path, value in items:
         if not path:

@@ -133,7 +133,7 @@ def _item_type(leaf: Any) -> np.dtype | None:
 
 
 def _plain_bound(bound: Any, shape: tuple[int, ...]) -> Any:
-    """A bound as JSON: one number if it is the same for all, else a list with null for none."""
+    """Converts a bound to JSON: one number if it is the same for all items, else a list, with null for no bound."""
     if bound is None or math.prod(shape) == 0:
         return None
     values = np.broadcast_to(np.asarray(bound), shape).reshape(-1)

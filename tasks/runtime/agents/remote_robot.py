@@ -196,7 +196,7 @@ class RemoteAgent:
 
 
 def _copied(action: Any) -> Any:
-    """Environments may keep or change what they are given."""
+    """Copies an action: environments may keep or change the arrays that they get."""
     if isinstance(action, dict):
         return {key: _copied(item) for key, item in action.items()}
     if isinstance(action, list | tuple):

@@ -14,7 +14,7 @@ from ....schemas.runs.requirement_kinds.kind import Rule
 
 
 class LoadError(Exception):
-    """Raised when a factory function cannot be imported; the text names what is missing."""
+    """Raised when a factory function cannot be imported; the text names the missing module or attribute."""
 
 
 def add_to_import_path(path: Path) -> None:

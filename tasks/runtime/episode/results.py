@@ -315,7 +315,7 @@ def _without(report: EnvironmentReport, replaced: Set[str]) -> tuple[Verdict, li
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """The environment's sentence, and what it does not know."""
+    """Makes the run's summary: the environment's sentence, and the job's own requirements that are not met."""
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
@@ -330,7 +330,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Returns what is wrong with an episode in which nothing happened, or somebody did not answer."""
+    """Describes defects of an episode, such as that nothing was simulated, or that a program did not answer."""
     if episode.unanswered:
         return [never_answered(episode.unanswered)]
     if episode.steps:

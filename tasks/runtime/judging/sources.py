@@ -83,7 +83,7 @@ class Source:
 
 
 def _is_decided(rule: Rule[Any], time_s: float) -> bool:
-    """Whether all that counts was found before a time: a violation, or the thing that is asked for in time."""
+    """Whether a rule was decided before a time: by a violation, or by reaching its goal in time."""
     if rule.violated_s is not None:
         return rule.violated_s <= time_s + ROUNDING_S
     return rule.is_reached is True
@@ -258,7 +258,7 @@ class Scan:
             near[0] = min(near[0], nearest_m)
 
     def _is_mounted(self, scan: Any, count: int) -> bool:
-        """Finds out where the lidar is on the robot and which way its rays go; what it cannot see is an error."""
+        """Determines the lidar's pose on the robot and its rays' directions; too small a field of view is an error."""
         frame = bare(scan.header.frame_id)
         self._mount = self._tree.relative(self._base, frame)
         if self._mount is None:

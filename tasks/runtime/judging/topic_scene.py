@@ -103,7 +103,7 @@ class Measurements:
             self._contacts.look_back(time_s)
 
     def finish(self, end_s: float, *, is_over: bool) -> None:
-        """Records which sources were silent at the end, and what could have been missed.
+        """Records which sources were silent at the end, and which violations could have been missed.
 
         Args:
             end_s: Time of the last check, in seconds.
@@ -427,7 +427,7 @@ class Measurements:
                 raise NotMeasuredError(f"{self._bag.path.name}: {why}")
 
     def _check(self, topic: str, types: Sequence[str], member: str) -> None:
-        """Refuses a topic that is named and cannot be what it is named for.
+        """Raises an error if a topic of the sources does not exist or has an unsuitable type.
 
         Raises:
             RecordingFault: It is not in the recording, or has another type.

@@ -199,7 +199,7 @@ def _send(number: signal.Signals, pid: int, reached: set[int]) -> None:
 
 
 def _children_of_first_thread(pid: int) -> list[int]:
-    """Most of the children of a process, four times faster than all; what is missing is found once it is an orphan."""
+    """Returns most children of a process, four times faster than all; others are found once they are orphans."""
     try:
         with open(f"/proc/{pid}/task/{pid}/children", "rb", buffering=0) as listed:  # noqa: PTH123
             return [int(child) for child in listed.read().split()]

@@ -28,7 +28,7 @@ _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
 
 
 class _NeverStopped:
-    """Stops nothing: who started this program kills it."""
+    """Never stops: the process that started this program kills it."""
 
     reason = ""
 

@@ -112,7 +112,7 @@ def _plots(topics: Mapping[str, str]) -> list[Panel]:
 
 
 def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
-    """A plot of paths by what they are called."""
+    """Makes a Foxglove plot of message paths, by their labels."""
     lines = [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (label, path), colour in zip(paths.items(), _COLOURS, strict=False)

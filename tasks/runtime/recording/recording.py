@@ -282,7 +282,7 @@ class McapRecorder(Recorder):
         return self._file.add_channel(topic, kind.ROS_TYPE, definition(kind.ROS_TYPE), metadata), kind
 
     def _write_companions(self) -> None:
-        """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
+        """Writes the `metadata.yaml` that makes the folder a rosbag2, and the layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
         self.topics = frozenset(topic for topic, (number, _) in self._channels.items() if counts.get(number, 0))
         topics = [

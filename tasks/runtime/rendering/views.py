@@ -187,7 +187,7 @@ class TopView:
     """Camera view straight down that frames all fixed geoms, or that follows the robot if the world has none."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
-        """Prepares the view; where things are is read from the first state.
+        """Prepares the view; positions are read from the first state.
 
         Args:
             model: The model.
@@ -202,7 +202,7 @@ class TopView:
         self._ready = False
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Follows the robot if that is what it looks at."""
+        """Returns the view, centred on the robot if it follows the robot."""
         if not self._ready:
             self._prepare(data)
         if self._body is not None:

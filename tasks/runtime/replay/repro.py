@@ -191,7 +191,7 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 
 def _move_all(source: Path, folder: Path) -> None:
-    """Moves what is in a folder into another one, the plan last: with it a reproduction is whole."""
+    """Moves the content of a folder to another one, the plan last: with the plan a reproduction is complete."""
     folder.mkdir(exist_ok=True)
     names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
     if taken := [name for name in names if (folder / name).exists()]:
@@ -224,7 +224,7 @@ def _in_docstring(text: str) -> str:
 
 
 def _copied(plan: RunPlan, folder: Path) -> RunPlan:
-    """Copies what a plan names; returns the plan with paths inside the folder."""
+    """Copies the files that a plan names; returns the plan with paths inside the folder."""
     places: dict[Path, Path] = {}
 
     def copy(source: Path | None, name: str) -> Path | None:

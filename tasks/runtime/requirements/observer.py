@@ -247,7 +247,7 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Numbers of all requirements of a kind, for tables and comparisons; what was not measured has none."""
+    """Returns the metrics of all requirements of a kind, for tables and comparisons; unmeasured ones are left out."""
     metrics: dict[str, float] = {}
     for rule in rules:
         if rule.error is None:

@@ -427,7 +427,7 @@ def _struct(ros_type: str, members: dict[str, Any]) -> Any:
 
 
 def _publication(sample: Any) -> Publication | None:
-    """A publication of ROS, from what the built-in reader tells; none if it is another or has left."""
+    """Makes a ROS publication of a sample of the built-in reader; None if it is not of ROS, or has left."""
     topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
     if not topic or not topic.startswith("rt/") or _has_left(sample):
         return None

@@ -152,7 +152,7 @@ class Ros1Wire:
         return b"".join((HEADER.pack(length, MESSAGE), TOPIC.pack(number), content))
 
     def _look(self) -> None:
-        """Reads what the bridge has sent, sends it what it can take, and greets a new one."""
+        """Polls the bridge process: reads its messages, sends queued ones, and accepts a new connection."""
         if self._listener is None:
             return
         if self._link is not None:
@@ -190,7 +190,7 @@ class Ros1Wire:
             self._lose(str(error))
 
     def _understand(self, kind: int, content: memoryview) -> None:
-        """Takes over what a frame says.
+        """Applies a frame of the bridge process: a velocity command, or the state of the nodes.
 
         Raises:
             ValueError: The content is not a frame of the protocol.
@@ -345,7 +345,7 @@ def _has_header(ros_type: str) -> bool:
 
 
 def _layout(store: Typestore, ros_type: str) -> tuple[Any, ...]:
-    """Types of the fields of a message and of those in it, without what ROS 1 alone has."""
+    """Returns the types of a message's fields, nested ones included, without fields that only ROS 1 has."""
     fields = store.fielddefs[ros_type][1]
     return tuple(
         _part(store, part)

@@ -370,7 +370,7 @@ def _next_goal(
     here: tuple[float, float],
     now: tuple[float, float] | None,
 ) -> tuple[float, float] | None:
-    """The goal that was given before until it is visited, then the nearest one that is not; none at the end."""
+    """Returns the last goal until it is visited, then the nearest unvisited one; None at the end."""
     left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
     if now in left:
         return now

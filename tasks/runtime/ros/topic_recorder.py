@@ -219,7 +219,7 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes new messages, and writes what is due."""
+        """Takes new messages, and writes those that are due."""
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -365,7 +365,7 @@ class TopicRecorder:
     # The report
 
     def _report(self) -> None:
-        """Writes the report if there is something new in it; it is never half there."""
+        """Writes the report atomically, if it has changed."""
         reports = [topic.report() for topic in self._topics.values()]
         report = RecorderReport(domain=self._domain, topics=[*reports, *self._refused.values()])
         if report == self._said:
@@ -378,7 +378,7 @@ class TopicRecorder:
 
 
 def _offer(found: Announced) -> Offer:
-    """Returns how a topic is offered; only publishers that are reliable too send again what they sent before."""
+    """Returns the QoS of a topic's publishers; only reliable ones send earlier messages to new subscribers."""
     return Offer(found.is_latched and found.is_reliable, found.is_reliable, found.depth)
 
 

@@ -135,7 +135,7 @@ class Furnishing:
             kernel.restrict_mount(target, kernel.READ_ONLY)
 
     def _make_place(self, target: str, *, is_folder: bool) -> None:
-        """Makes what something can be mounted on, unless it is there; never through a link out of the new root."""
+        """Creates a mount point, a file or folder, unless it exists; never through a link out of the new root."""
         if os.path.exists(target) and os.path.realpath(target).startswith(self._root + "/"):
             return
         parent = target if is_folder else os.path.dirname(target)
@@ -334,7 +334,7 @@ def _identity(path: str) -> list[int] | None:
 
 
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
-    """A sight that is the same in this namespace of mounts: what was mounted since it was made may not be there."""
+    """Checks that a path is the same in this mount namespace, which lacks later mounts; returns its sight."""
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")
     return Sight(path, view)

@@ -183,7 +183,7 @@ class Checkpointer:
         return self._resumed is not None
 
     def begin(self, parts: RunParts) -> None:
-        """Checks that environment and agent support checkpoints; otherwise a file says why there are none."""
+        """Checks that environment and agent support checkpoints; otherwise writes the reason to a file."""
         programs = [
             f"{program_in_words(program, self._plan)} is a program of its own, whose state cannot be restored"
             for program in self._plan.programs
@@ -294,7 +294,7 @@ class Checkpointer:
 
 
 def _why_not_resumable(parts: RunParts) -> list[str]:
-    """Why a run of these parts cannot be continued; empty when it can."""
+    """Returns the reasons why a run of these parts cannot be continued; empty if it can."""
     reasons = [
         f"the {role} ({type(part).__name__}) has no state() and restore()"
         for role, part in (("environment", parts.environment), ("agent", parts.agent))

@@ -363,7 +363,7 @@ class StateLogger(Observer):
 
 
 def _differences(rows: Rows) -> bytes:
-    """Columns of bit patterns, each number as what changed of it since the frame before."""
+    """Transposes the numbers' bit patterns to columns, each as its difference from the frame before."""
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()

@@ -360,7 +360,7 @@ class _FirstCrash:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns the run's outcome if something crashed in it: failed, unless it was canceled later."""
+        """Returns the run's outcome if one of its programs crashed: failed, unless it was canceled later."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)

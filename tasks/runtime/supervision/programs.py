@@ -173,7 +173,7 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """Returns what a ROS launch program could not launch, if its log says so since the last call."""
+        """Returns a launch failure of a ROS launch program that its log has reported since the last call."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:

@@ -358,7 +358,7 @@ class LevelScan:
         self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
-        """Shortens the rays that end at what is left to MuJoCo."""
+        """Shortens the rays that hit geoms which MuJoCo's ray casting tests."""
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
         parts: list[slice] = []
@@ -406,7 +406,7 @@ def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Float
 
 
 def _alpha(model: mujoco.MjModel) -> NDArray[np.float32]:
-    """Opacities; rays go through what is wholly transparent."""
+    """Returns the opacities of the geoms; rays pass through fully transparent ones."""
     own = model.geom_matid < 0
     alpha = model.geom_rgba[:, 3].copy()
     alpha[~own] = model.mat_rgba[model.geom_matid[~own], 3]

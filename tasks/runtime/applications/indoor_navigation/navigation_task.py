@@ -97,7 +97,7 @@ class NavigationTask(Task):
         self._sense()
 
     def before_step(self, action: Action, physics: ScenePhysics) -> None:
-        """Passes a velocity command to the robot's controller, which limits it to what the robot can do.
+        """Passes a velocity command to the robot's controller, which limits it to the robot's largest speeds.
 
         Args:
             action: see `action_spec`.

@@ -75,7 +75,7 @@ def _meant(element: ET.Element, path: Path, root: Path) -> str:
 
 
 def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
-    """Every file that an MJCF names, with those of what it includes; relative names are the main file's."""
+    """Yields every file that an MJCF and its includes name; relative names are relative to the main file."""
     compilers = list(element.iter("compiler"))
     meshes, textures = (
         next((each.get(key) or each.get("assetdir") for each in compilers if each.get(key) or each.get("assetdir")), "")

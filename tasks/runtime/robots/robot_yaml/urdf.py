@@ -216,7 +216,7 @@ def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Locat
 
 
 def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -> Iterator[MeshUse]:
-    """Gives each mesh file at each scale a name of its own, and leaves out what is not to be drawn.
+    """Gives each mesh file at each scale a name of its own, and leaves out meshes that are not drawn.
 
     MuJoCo's importer names meshes after their files without the folders, and takes `visual/base.stl` for
     `collision/base.stl`.
