@@ -286,7 +286,7 @@ def _piece(world: World, name: str) -> Furniture:
 
 
 def _carried(world: World, piece: Furniture) -> list[Furniture]:
-    """Furniture that rests on a piece, not what is on the table that a chair is pushed under."""
+    """Returns the objects that rest on a furnishing, but not those on the table that a chair is pushed under."""
     parts, (c, s) = parts_of(piece), turn(piece.yaw)
     carried: list[Furniture] = []
     for item in world.furniture:

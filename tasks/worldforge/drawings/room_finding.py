@@ -138,7 +138,7 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
 
 
 def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> FurnishedRoomType:
-    """The type of a room: by the notes, by what the shape says, by its name, by its classes and layers."""
+    """Determines the type of a room: from notes, the shape's attributes, its name, or its classes and layers."""
     if label in notes.rooms:
         return notes.rooms[label].type
     if stated := shape.facts.get("type"):

@@ -179,7 +179,7 @@ def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> 
 
 
 def _centre(numbers: Sequence[float], start: Point, end: Point) -> Point | None:
-    """Centre of an arc of `A`; none of an ellipse's."""
+    """Returns the centre of a circular arc of `A`; None for an ellipse."""
     radius, other, _, large, sweep = (abs(numbers[0]), abs(numbers[1]), *numbers[2:5])
     chord = hypot(end[0] - start[0], end[1] - start[1])
     if not chord or abs(radius - other) > _ROUND * radius:

@@ -110,7 +110,7 @@ def _equal(first: Thing, second: Thing) -> bool:
 
 
 def _hang_alike(first: Thing, second: Thing) -> bool:
-    """Whether bodies that hang on equal things are equal and hang there in the same way."""
+    """Whether bodies that hang on equal objects are equal and hang there in the same way."""
     joints = [_joint_values(each.joint) if each.joint else () for each in (first, second)]
     away = max(np.abs(first.position - second.position).max(), np.abs(first.rotation - second.rotation).max())
     alike = len(joints[0]) == len(joints[1]) and np.allclose(*joints, atol=_SAME_M)

@@ -84,7 +84,7 @@ def _view(world: World) -> View:
 
 
 def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block]:
-    """Draws floors, walls and windows; returns what of it casts shadows."""
+    """Draws floors, walls and windows; returns the parts that cast shadows."""
     blocks: list[Block] = []
     for room in world.floorplan.rooms:
         floor_color = palette.add_floor(surface_name("floor", room))
@@ -248,7 +248,7 @@ def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
 
 
 def _draw_outlines(raster: Raster, colors: Colors) -> None:
-    """Darkens edges where something nearer begins."""
+    """Darkens pixels at the edges of nearer surfaces."""
     depth = np.maximum(raster.depth, np.float32(-1e6))
     limit = np.float32(_EDGE_M * raster.view.scale)
     lines = np.zeros(depth.shape, np.bool_)

@@ -274,7 +274,7 @@ class Palette:
         self._patterns[number] = self.patterned.index(pattern) + 1
 
     def patterns(self) -> NDArray[np.uint8]:
-        """Returns the pattern of each colour number: 0 for none, else an index in `patterned` plus one."""
+        """Returns the pattern of each colour number: 0 for no pattern, else an index in `patterned` plus one."""
         table = np.zeros(len(self._colors), np.uint8)
         table[list(self._patterns)] = list(self._patterns.values())
         return table

@@ -129,7 +129,7 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
 
 
 def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> int:
-    """The body that moved so fast that MuJoCo began anew, since when ways mean little; -1: none did."""
+    """Returns the body that was so fast that MuJoCo reset the simulation, which voids distances; -1: no body was."""
     for kind, joints in (
         (mujoco.mjtWarning.mjWARN_BADQPOS, model.jnt_qposadr),
         (mujoco.mjtWarning.mjWARN_BADQVEL, model.jnt_dofadr),

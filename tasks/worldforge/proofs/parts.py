@@ -56,7 +56,7 @@ Corner = tuple[float, float, float]
 
 
 class Extent(NamedTuple):
-    """The box around something, in metres; plain numbers, as arrays of three take ten times as long."""
+    """Bounding box in metres; plain numbers, as arrays of three take ten times as long."""
 
     low: Corner
     high: Corner
