@@ -52,7 +52,7 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
 
     Args:
         batches: their ids.
-        service: where the catalog is.
+        service: the service, with its catalog and object store.
 
     Returns:
         The names of their limits.
@@ -171,7 +171,7 @@ def close_dead_runs(settings: Settings) -> None:
     """Starts a thread that regularly closes flow runs whose process died, on the Prefect server.
 
     Args:
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     connect = partial(get_client, sync_client=True)
     threading.Thread(target=_close_until_end, args=(connect, settings), name="dead runs", daemon=True).start()
@@ -196,7 +196,7 @@ def close_dead_runs_once(settings: Settings) -> None:
     """Starts a thread that closes dead flow runs once.
 
     Args:
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     threading.Thread(target=_sweep_once, args=(settings,), name="dead runs").start()
 
@@ -275,7 +275,7 @@ def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[
 
     Args:
         client: the server's client.
-        settings: of the home.
+        settings: settings of the data home.
         told: run ids and counts of interruptions that were already reported; the new ones are added.
     """
     for run in broken_off_runs(settings):

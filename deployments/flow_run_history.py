@@ -53,7 +53,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
 
     Args:
         settings: whose local server.
-        service: where the batches are.
+        service: the service, with its catalog and object store.
         act: whether anything is changed.
 
     Returns:

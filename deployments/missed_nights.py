@@ -57,7 +57,7 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
     Without a server in Prefect's settings nothing is looked at.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         now: the time; `None`: that of the clock.
     """
     if get_current_settings().api.url is None:

@@ -37,7 +37,7 @@ def carry_out(
 
     Args:
         spec: the specification.
-        settings: where everything is kept.
+        settings: settings of the run.
         arguments: those of the command line: `output` and `open`.
         command: the command that does the same again.
         report: where a copy of the report goes; None: nowhere.

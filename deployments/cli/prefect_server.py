@@ -96,7 +96,7 @@ def tell_after_outage(outage: "Outage", settings: Settings) -> None:
 
     Args:
         outage: what `wait_for_server_once` returned.
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     from ..dead_run_sweeper import close_dead_runs_once
 

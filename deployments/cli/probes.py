@@ -141,7 +141,7 @@ def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
     Args:
         record: the run.
         since: what is older was there before.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
     """
     for step in reversed(record.steps):
         arn = step.arn or step.output.get("arn")

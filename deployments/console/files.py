@@ -44,7 +44,7 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
     Args:
         place: where the outputs are that it is one of.
         name: its name there.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ObjectNotFoundError: no manifest names it.

@@ -26,7 +26,7 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.
-        name: of the note.
+        name: name of the note.
         most_bytes: what of it is read.
 
     Returns:

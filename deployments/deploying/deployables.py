@@ -148,7 +148,7 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
     Args:
         spec: the specification, checked.
         origin: name of its file, which problems of a run mention.
-        name: of the deployment; absent: the specification's.
+        name: name of the deployment; absent: the specification's.
         tags: more tags.
 
     Raises:

@@ -61,7 +61,7 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
     """Logs one HTTP request, if the access log is on.
 
     Args:
-        request: what was asked.
+        request: the HTTP request.
         status: HTTP status of the answer.
         error: name of the error that it tells of; `-`: of none.
         duration_s: how long it took.
@@ -102,7 +102,7 @@ class Endpoint:
     """API server: the ASGI application that serves every RoboMaker operation over HTTP.
 
     Args:
-        service: where the operations happen.
+        service: the service, with its catalog and object store.
         access_keys: access keys by id; `None`: requests need no signature, and web pages are refused.
         on_submitted: called with the ARN of every stored job, again if the call is repeated;
             from several threads, before the client has its answer.
@@ -174,7 +174,7 @@ class Endpoint:
         """Counts and logs an answered request.
 
         Args:
-            request: what was asked.
+            request: the HTTP request.
             status: HTTP status of the answer.
             duration_s: how long it took.
             error: name of the error that the answer tells of; `-`: of none.

@@ -60,7 +60,7 @@ class HealthPages:
         """Returns the health page at a path; `None` if there is none.
 
         Args:
-            request: what is asked.
+            request: the HTTP request.
             is_of_job: whether a simulation job asks, which sees no more than that it works.
 
         Raises:

@@ -37,7 +37,7 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
 
     Args:
         fleets: what to show.
-        stream: where to; names are folded to the width of a terminal, and left whole elsewhere.
+        stream: output stream; names are folded to the width of a terminal, and left whole elsewhere.
         everything: whether large fleets are shown with all their robots.
         now: the time, for when robots were seen.
     """
@@ -181,7 +181,7 @@ class LineWatcher:
     """Progress display of a deployment that prints a line for each change.
 
     Args:
-        stream: where to.
+        stream: output stream, such as standard output.
         clock: seconds on a clock that only runs forward.
     """
 

@@ -29,7 +29,7 @@ class ServedAgents:
     """Connects the update server with enrolment and update repository; usable from any thread.
 
     Args:
-        service: where robots and repository are stored.
+        service: the service, with its catalog and object store.
         enrolled: called when an agent was enrolled, so that it is known soon.
     """
 
@@ -82,7 +82,7 @@ class TrustUpkeep:
     """Thread that regularly renews expiring signatures of the update repository.
 
     Args:
-        service: where the repository is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -131,7 +131,7 @@ class RobotsBeside:
 
     Args:
         endpoint: the application of all other paths.
-        service: where robots, rollouts and files are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ConfigurationError: the setting `robots_url` is not right.

@@ -81,7 +81,7 @@ def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str
     Args:
         folder: where the server keeps its database.
         port: port of 127.0.0.1 that it listens at.
-        auth_string: what every request has to carry, `user:secret`.
+        auth_string: credentials that every request needs, `user:secret`.
     """
     return {
         "PREFECT_HOME": str(folder),

@@ -237,7 +237,7 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
 
     Args:
         port: the port.
-        auth_string: what every request to Prefect's API has to carry.
+        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
     """
     return Guard(LoginPage(RepeatedLogins(create_app(final=True)), f"http://{_HOST}:{port}", auth_string))
 
@@ -247,7 +247,7 @@ def run(listener: socket.socket, auth_string: str) -> None:
 
     Args:
         listener: a socket that listens at a port of 127.0.0.1.
-        auth_string: what every request to Prefect's API has to carry.
+        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
     """
     wait_in_the_event_loop()
     look_seldom()

@@ -24,7 +24,7 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
     Args:
         key: the visitor's; `None`: none is asked for.
         spec: the specification.
-        catalog: where the resources are.
+        catalog: the catalog of the resources.
 
     Raises:
         SpecError: the request of a step, which is made to find its resources, is invalid.
@@ -59,7 +59,7 @@ class Permits:
         key: the visitor's; `None`: none is asked for.
         address: IP address of the visitor.
         audit_log: records every step, also refused ones; `None`: steps are not recorded.
-        service: where the operations happen.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, key: AccessKey | None, address: str | None, audit_log: AuditLog | None, service: Service):

@@ -46,7 +46,7 @@ class WarmWorker:
     """Job worker that is kept warm: finds waiting jobs and runs them.
 
     Args:
-        service: where the jobs are.
+        service: the service, with its catalog and object store.
         pools: kinds of jobs, and how many of each run at once.
         prefect: watches the Prefect server; no job begins without it.
         look: event that is set when a job may wait.

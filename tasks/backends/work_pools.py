@@ -33,7 +33,7 @@ class WorkPool:
     """Backend that starts job workers as Prefect flow runs in a work pool.
 
     Args:
-        name: of the pool.
+        name: name of the pool.
         most: how many job workers it is to have at most; absent: as many as it has machines.
         look_s: seconds between two polls of the server.
     """

@@ -33,7 +33,7 @@ class Lease:
     Args:
         job: the job as it was when the lease was taken.
         owner: name of the lease's holder.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, job: Resource, owner: str, service: Service) -> None:
@@ -238,9 +238,9 @@ def run_under_lease(
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: carries the job on from wherever it stands to a terminal state.
-        held: where this process notes the leases that it holds.
+        held: record of the leases that this process holds.
 
     Raises:
         ResourceNotFoundException: the catalog has no such job.
@@ -262,9 +262,9 @@ def run_if_unclaimed(
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: carries the job on, holding its lease.
-        held: where this process notes the leases that it holds.
+        held: record of the leases that this process holds.
 
     Returns:
         True when `work` was run or the job had ended; false when another worker holds its lease.
@@ -299,7 +299,7 @@ def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) ->
     Args:
         work: carries the job on from wherever it stands to a terminal state.
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and

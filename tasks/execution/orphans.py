@@ -47,7 +47,7 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
     """Ends this process after its parent died: releases its jobs, and marks its flow run as crashed in Prefect.
 
     Args:
-        catalog: where the jobs are.
+        catalog: the catalog of the jobs.
         flow_run: the flow run that this process was started for.
     """
     with _ended(1):

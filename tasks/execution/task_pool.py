@@ -48,7 +48,7 @@ def run_tasks(
         run_name: name of each task run; arguments in braces stand for their values.
         workers: how many run at once.
         job_arn: the job that they are parts of.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
         look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
             returns true, calls that have not begun are left out.
         summary: makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
@@ -97,7 +97,7 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
     Args:
         work: watches for a cancel request of the job, and ends soon after one.
         job_arn: the job.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         BaseException: what `work` raised, or the interruption, once it has ended.

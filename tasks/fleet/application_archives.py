@@ -69,8 +69,8 @@ def fetch_source(source: StoredSource, version: str, path: Path, service: Servic
     Args:
         source: the archive.
         version: the application's.
-        path: where it goes.
-        service: where it is stored.
+        path: path of the local file.
+        service: the service, with its catalog and object store.
 
     Raises:
         DeploymentError: the archive was deleted, may not be read, or was changed since the version was created.
@@ -91,8 +91,8 @@ def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service
         bucket: where it lies.
         key: the same.
         etag: what it had when the deployment was created; nothing: that was not noted.
-        path: where it goes.
-        service: where it is stored.
+        path: path of the local file.
+        service: the service, with its catalog and object store.
 
     Raises:
         DeploymentError: the condition file was deleted, may not be read, or was changed.

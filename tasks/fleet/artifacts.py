@@ -69,8 +69,8 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
 
     Args:
         path: the file; its folder exists.
-        content: what it holds.
-        mode: who may read it, as `chmod` has it.
+        content: content of the file.
+        mode: permissions of the file, as of `chmod`.
 
     Raises:
         OSError: the file cannot be written.
@@ -85,8 +85,8 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
 
     Args:
         path: the other file; its folder exists.
-        content: what it holds.
-        mode: who may read it, as `chmod` has it.
+        content: content of the file.
+        mode: permissions of the file, as of `chmod`.
 
     Raises:
         OSError: the file cannot be written.
@@ -116,7 +116,7 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
     Args:
         application: the application's version, as `find_application` finds it.
         architectures: those of the robots.
-        service: where the archives are, and where the files go.
+        service: the service, with its catalog and object store.
 
     Returns:
         The files by architecture; architectures that the application has no archive for are absent.

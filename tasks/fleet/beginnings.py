@@ -121,9 +121,9 @@ def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Ser
 
     Args:
         job: the deployment job.
-        plan: what it will do.
-        gets: what robots get.
-        service: where it is stored.
+        plan: the rollout's plan.
+        gets: the files that robots get.
+        service: the service, with its catalog and object store.
     """
     earlier = _end_earlier(job, gets.architectures, service)
     rollout = begin(plan, service.clock().timestamp(), earlier)

@@ -146,7 +146,7 @@ class Rollouts:
 
         Args:
             job: ARN of the deployment job.
-            event: what happened.
+            event: the event to apply.
             at_s: when, in seconds since the epoch.
             order: the number of the order that it is about; it decides the job, if that order was moved.
 

@@ -97,7 +97,7 @@ class DeploymentRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
     """
 

@@ -64,7 +64,7 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
 
     Args:
         arn: the fleet.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         InvalidParameterException: the text is not the ARN of a fleet.
@@ -90,7 +90,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
 
     Args:
         fleet: the fleet's ARN.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         page: how many are read at once.
     """
     found: list[Resource] = []
@@ -155,7 +155,7 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
     Args:
         job: the job.
         why: what ends it.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         changes: why it failed, where it fails; nothing: it is canceled.
     """
     stop(job.arn, why, service)
@@ -291,7 +291,7 @@ def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, 
 
     Args:
         name: the robot's.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         random_bytes: gives that many bytes that others cannot guess.
         rotate: whether a token that it has is replaced.
 

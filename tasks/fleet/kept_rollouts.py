@@ -57,7 +57,7 @@ class KeptRollout:
 
     Args:
         job: the deployment job; it has a rollout.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceNotFoundException: the deployment job has no rollout.
@@ -296,7 +296,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
     """Returns the rollouts whose robots may have open orders, also of jobs that have ended.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         known: those that were read before, by job; what has not changed is not read again.
 
     Returns:
@@ -323,7 +323,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
     After the job's end, `served_rollouts` makes it part of the rollout.
 
     Args:
-        service: where the rollout is stored.
+        service: the service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
         event: what the robot said; repetitions change nothing, and neither do orders of jobs that do not exist.
         at_s: when, in seconds since the epoch.

@@ -157,7 +157,7 @@ class OrderKeeper:
 
     Args:
         orders: the table.
-        robots: who is in it.
+        robots: the enrolled robots.
     """
 
     def __init__(self, orders: OpenOrders, robots: KnownRobots) -> None:

@@ -22,7 +22,7 @@ class BundleFiles:
     """Local copies of installation files that robots download; usable from any thread.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         keeper: knows which file an order has.
     """
 
@@ -91,8 +91,8 @@ class OrderWatch:
     """Thread that watches robots and rollouts in the catalog and updates the table of orders.
 
     Args:
-        service: where robots and rollouts are stored.
-        robots: who is enrolled.
+        service: the service, with its catalog and object store.
+        robots: the enrolled robots.
         keeper: keeps the orders.
         files: those of the orders.
         rollouts: reads the open rollouts: `kept_rollouts.open_rollouts`.

@@ -42,7 +42,7 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
 
     Args:
         policy: says how many of the newest deployments of each fleet keep their files.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         act: whether they are removed; otherwise it is only said what would be.
 
     Returns:

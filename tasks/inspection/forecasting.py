@@ -50,7 +50,7 @@ def forecast_run(
     """Forecasts time, disk space and cost of a whole run from the measurements of a probe (small trial run).
 
     Args:
-        name: of the specification.
+        name: name of the specification.
         steps: what each step took in the probe, and how much it is to do.
         places: where jobs and worlds run at once.
         backend: where jobs of batches run.

@@ -30,7 +30,7 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     Args:
         operation: the operation that made the job.
         answer: the job's final description.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     arn, status = str(answer["arn"]), str(answer["status"])
     jobs = simulation_standings(arn, service)
@@ -68,7 +68,7 @@ def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
 
     Args:
         arn: the job, or the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceNotFoundException: the catalog has no such resource.

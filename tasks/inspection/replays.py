@@ -41,7 +41,7 @@ def verify_run(
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         trial: number of the trial, of a job that has trials.
         run_program: whether the robot's program, if it is one, is run again nevertheless.
 

@@ -68,7 +68,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     Args:
         record: the earlier run.
         selection: which of its jobs.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The rerun; `None`: nothing that is selected has failed.
@@ -107,7 +107,7 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
     Args:
         arn: the batch, which has ended.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The request; `None`: none of its jobs failed.

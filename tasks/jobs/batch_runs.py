@@ -72,7 +72,7 @@ class BatchRun:
 
     Args:
         lease: the right to change the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:

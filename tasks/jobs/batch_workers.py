@@ -39,7 +39,7 @@ class BatchWorker:
 
     Args:
         batch: ARN of the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, batch: str, service: Service) -> None:
@@ -209,7 +209,7 @@ class AwaitedJobs:
     """Waits for a batch's jobs to end, with one query for all of them; safe to use from several threads.
 
     Args:
-        catalog: where they are.
+        catalog: the catalog.
         batch: ARN of the batch.
     """
 

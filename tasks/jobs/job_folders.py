@@ -37,7 +37,7 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     Args:
         folder: the job's.
         document: what is known of the job.
-        run_id: its last run.
+        run_id: id of the job's last run.
     """
     remove_containers_of_job(folder)
     run = folder / run_id
@@ -68,7 +68,7 @@ def remove_abandoned_containers(service: Service) -> None:
     logged, and tried again by the next.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
     """
     try:
         for run, job in abandoned_runs(service):
@@ -90,7 +90,7 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer.
@@ -110,7 +110,7 @@ def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
     could not be stored are needed; so is what has changed a moment ago, as its process may still end its programs.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer.
@@ -213,7 +213,7 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
     """Finds outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
         job: ARN or id of the only job that is looked at; absent: all.
 
     Raises:

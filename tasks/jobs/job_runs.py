@@ -88,12 +88,12 @@ def perform_job(
 
     Args:
         arn: the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
         on_trials: see `OnTrials`; absent: trials are not reported.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its place among the jobs that simulate; absent: it needs none.
+        place: its slot among the simulating jobs; absent: it needs none.
         waits: whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
@@ -107,7 +107,7 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
 
     Args:
         arn: the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         reason: why it has to stop.
 
     Returns:
@@ -138,12 +138,12 @@ class JobRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         stop: see `Stop`.
         run_step: how its steps are run.
         on_trials: see `OnTrials`; absent: trials are not reported.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its place among the jobs that simulate; absent: it needs none.
+        place: its slot among the simulating jobs; absent: it needs none.
     """
 
     def __init__(

@@ -52,7 +52,7 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: ends a job that is being cancelled, holding its lease.
 
     Raises:
@@ -71,7 +71,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
     Args:
         lease: the right to change the job.
-        event: what happened.
+        event: the event to apply.
         changes: members of the document that are set with it, without those of failures if it is cancelled.
 
     Returns:
@@ -137,7 +137,7 @@ class GenerationRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:

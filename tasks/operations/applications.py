@@ -46,7 +46,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
     Args:
         role: which kind of application.
         request: the request's members.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceAlreadyExistsException: the name is taken.

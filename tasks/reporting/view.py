@@ -185,7 +185,7 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
     """Computes the values for the HTML page of a run's report.
 
     Args:
-        report: what to show.
+        report: the report to show.
         results: the results of its trials; None: each job is one trial.
     """
     pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(

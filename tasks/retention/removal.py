@@ -59,7 +59,7 @@ def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: boo
     Args:
         unit: the unit.
         spared: ARNs of the jobs that stay.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         results_stay: whether it would only be thinned.
 
     Raises:
@@ -78,7 +78,7 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
     Args:
         unit: the unit.
         spared: ARNs of the jobs that stay, as something that is kept names them.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         StillInUse: a job is used by somebody.

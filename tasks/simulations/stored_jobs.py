@@ -136,7 +136,7 @@ def store_job(
 
     Args:
         request: a job by itself, or one of a batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         token: makes the call repeatable.
         batch: ARN of the batch it belongs to, and the place of its request there.
 
@@ -163,7 +163,7 @@ def reuse_job(
 
     Args:
         request: the order, alone or out of a batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         token: makes the call repeatable.
         batch: see `store_job`.
         applications: what applications are; absent: as they are in the catalog.

@@ -43,7 +43,7 @@ def generate_world(
     """Generates one world of a generation job, stores its files, and adds it to the catalog.
 
     Args:
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         job: the generation job.
         index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
         world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
@@ -120,7 +120,7 @@ def add_world(service: Service, job: Resource, index: int, arn: str, made: World
     """Adds a generated world to the catalog, unless it exists.
 
     Args:
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         job: the generation job.
         index: which of the job's worlds, from 0.
         arn: ARN the world gets.

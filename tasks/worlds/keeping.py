@@ -30,7 +30,7 @@ def keep_world(
         world: the world.
         prefix: what its id begins with.
         tags: its tags.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         origin: what it was made of, by which it is found again.
 
     Raises:
@@ -52,7 +52,7 @@ def keep_variation(
         bundle: the other world's bundle.
         wanted: what is to differ.
         arn: the other world's ARN.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         origin: what it is made of, by which it is found again.
 
     Raises:
@@ -86,7 +86,7 @@ def keep_bundle(
         write: writes the bundle into a new folder.
         prefix: beginning of the world's id.
         tags: its tags.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         origin: what it was made of, by which it is found again.
 
     Raises:

@@ -38,7 +38,7 @@ def time_span(text: str, option: str) -> timedelta:
 
     Args:
         text: numbers with units, the largest first: w, d, h, m, s.
-        option: where it was given, for the error.
+        option: name of the option, for the error message.
 
     Raises:
         ConfigurationError: the text is not a time span.
@@ -55,7 +55,7 @@ def percentage(text: str | None, option: str, *, whole: bool = False, none: bool
 
     Args:
         text: a number, with or without `points` behind it; None: nothing was given.
-        option: where it was given, for the error.
+        option: name of the option, for the error message.
         whole: whether 100 is allowed, too.
         none: whether 0 is allowed, too.
 
@@ -80,7 +80,7 @@ def output_file(path: str | None, option: str) -> Path | None:
 
     Args:
         path: what was given; None: nothing.
-        option: where it was given, for the error.
+        option: name of the option, for the error message.
 
     Raises:
         ConfigurationError: the path is that of a folder, or its folder does not exist.

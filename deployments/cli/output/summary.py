@@ -31,7 +31,7 @@ def print_summary(
     Args:
         record: the run.
         command: the command that runs it again.
-        stream: where to print.
+        stream: output stream, such as standard output.
         server: address of the Prefect server's pages; empty: not shown.
         page: address of the run's page in the console; empty: not shown.
         lost: lines about what it judges less than earlier runs.

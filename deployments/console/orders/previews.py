@@ -49,7 +49,7 @@ class Previews:
         Args:
             body: of the template.
             seed: of the job.
-            visitor: who asks.
+            visitor: the visitor who asks.
 
         Raises:
             NoPlanError: the world cannot be generated, or takes too long.

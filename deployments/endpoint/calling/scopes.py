@@ -60,7 +60,7 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
         key: the caller's.
         shape: the operation.
         request: the members of its request, which have been checked.
-        catalog: where the resources are.
+        catalog: the catalog of the resources.
 
     Raises:
         AccessDeniedException: the key does not permit a resource; the message is the same whether or not the resource
@@ -175,7 +175,7 @@ class Calls:
     """Makes API calls with authorisation and audit log.
 
     Args:
-        service: where the operations happen.
+        service: the service, with its catalog and object store.
         on_submitted: called with the ARN of every stored job.
         audit_log: records every call, also refused ones; `None`: calls are not recorded.
     """

@@ -128,7 +128,7 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
 
     Args:
         text: the document; its signature was checked.
-        target: its path.
+        target: path of the target.
         architecture: the robot's, in RoboMaker's words.
 
     Raises:

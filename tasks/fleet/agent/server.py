@@ -90,7 +90,7 @@ class Server:
     """Client of the update server on a robot.
 
     Args:
-        connection: who the robot is.
+        connection: URL, tenant, name and token of the robot.
     """
 
     def __init__(self, connection: Connection) -> None:

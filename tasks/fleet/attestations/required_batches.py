@@ -45,7 +45,7 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
     Args:
         job: the deployment job, which requires a batch.
         application: its version, as `find_application` finds it.
-        service: where the batch is, and where the envelope goes.
+        service: the service, with its catalog and object store.
 
     Returns:
         What is still to be waited for; `None`: nothing, the envelope is stored.
@@ -108,8 +108,8 @@ def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
 
     Args:
         job: the deployment job; one that requires no batch is not checked.
-        gets: what robots would get.
-        service: where the envelope is.
+        gets: the files that robots would get.
+        service: the service, with its catalog and object store.
 
     Raises:
         DeploymentError: a file differs from those that the attestation covers.
@@ -205,7 +205,7 @@ def check_deployment(job: Resource, key: PublicKey, service: Service) -> Deploym
     Args:
         job: the deployment job.
         key: the public key that attestations have to be signed by.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         StorageError: the object store does not answer.

@@ -27,8 +27,8 @@ def pause(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceNotFoundException: the catalog has no such job.
@@ -52,8 +52,8 @@ def approve(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceNotFoundException: the catalog has no such job.
@@ -68,8 +68,8 @@ def reject(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceNotFoundException: the catalog has no such job.
@@ -86,7 +86,7 @@ def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
 
     Args:
         job: ARN of the deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     said = [each for each in Rollouts(service.catalog).events(job) if each.event.get("kind") in ("paused", "resumed")]
     if not said or said[-1].event["kind"] == "resumed":

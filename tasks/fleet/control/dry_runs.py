@@ -69,7 +69,7 @@ def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resou
         document: the deployment, as it would be stored.
         application: the version of the application.
         fleet: the fleet.
-        service: where robots are stored.
+        service: the service, with its catalog and object store.
     """
     job = Resource.new(arn=f"{fleet.arn}/dry-run", kind=DEPLOYMENT, id="dry-run", status="Pending", document=document)
     robots = list(reversed(robots_of(fleet.arn, service)))

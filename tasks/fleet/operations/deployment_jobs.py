@@ -83,7 +83,7 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
 
     Args:
         members: those of a request of CreateDeploymentJob.
-        service: where fleet, robots and application are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceError: CreateDeploymentJob would refuse the request; a deployment that is under way is no reason here.

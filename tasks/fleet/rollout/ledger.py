@@ -69,7 +69,7 @@ def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = N
     """Creates the initial state of a rollout.
 
     Args:
-        plan: what it will do.
+        plan: the rollout's plan.
         now_s: the time.
         earlier: orders of earlier rollouts that robots have not answered, by robot: `Ledger.unanswered` of the last.
     """

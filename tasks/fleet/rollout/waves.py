@@ -53,7 +53,7 @@ class Line:
         """Lines up the robots of a rollout.
 
         Args:
-            plan: its plan.
+            plan: the rollout's plan.
             robots: how each stands; read whenever the line is asked.
         """
         self._robots = robots

@@ -43,7 +43,7 @@ class TargetStep:
         """Uploads a file for the update repository unless it exists; returns its object-store key.
 
         Args:
-            target: its path as a target.
+            target: path of the target.
             path: the file.
             hashes: what `FileHashes.of` says of it.
 
@@ -164,7 +164,7 @@ def publish(
         job: the deployment job.
         application: the application's version, as `find_application` finds it.
         architectures: those of the robots with agents.
-        service: where the archives are, and where the repository is.
+        service: the service, with its catalog and object store.
         attestations: what others attest of the version, each a signed envelope as JSON.
 
     Returns:

@@ -42,7 +42,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
 
     Args:
         robot: the robot.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         random_bytes: gives that many bytes that others cannot guess.
         rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
 
@@ -79,7 +79,7 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
         name: the robot's.
         secret: the 40 characters of its one-time token.
         token_sha256: of the token that the robot made itself, in hexadecimal digits.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The root that it is to trust, as JSON; the same again if the first answer got lost. `None`: the one-time token

@@ -269,7 +269,7 @@ def first_root(
         threshold: how many of them are needed.
         online: the key of each of `ONLINE_ROLES`.
         now: the time.
-        attested: what it says of attestations.
+        attested: its rules about attestations.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -290,7 +290,7 @@ def following_root(
         known: the newest.
         now: the time.
         replaced: roles whose keys are replaced, and by which.
-        attested: what it says of attestations; absent: the same as before.
+        attested: its rules about attestations; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1

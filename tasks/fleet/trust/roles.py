@@ -113,7 +113,7 @@ class RepositoryReader:
     """Reads files of the update repository for robots that ask for them; usable from any thread.
 
     Args:
-        service: where the repository is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:

@@ -127,7 +127,7 @@ def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
     """Finds files of the update repository that no deployment needs.
 
     Args:
-        publisher: of this machine; no deployment may be published meanwhile.
+        publisher: publisher on this machine; no deployment may be published meanwhile.
         documents: paths of the documents of the deployments that are needed.
 
     Raises:

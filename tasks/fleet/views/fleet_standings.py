@@ -147,7 +147,7 @@ def find_deployment(named: str | None, service: Service) -> Resource:
 
     Args:
         named: name or ARN that the user gave; `None`: the only deployment in progress.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         InvalidParameterException: nothing has this name, the fleet has had no deployment, or none or several
@@ -204,7 +204,7 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
 
     Args:
         job: the deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
 
     Raises:

@@ -73,7 +73,7 @@ def endpoint_variables(
         variables: of the run so far.
         role: that its request names.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
         environ: variables of this process.
         has_role_keys: whether the role has credentials.
     """

@@ -46,7 +46,7 @@ def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Servi
     Args:
         request: the job's.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         LaunchError: the role has no credentials.
@@ -77,7 +77,7 @@ def access_variables(
         variables: of the run.
         request: the job's.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
         environ: variables of this process.
 
     Raises:
@@ -187,7 +187,7 @@ def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every
 
     Args:
         request: the job's.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         folder: the run's own.
         every_s: how often it is looked whether they have changed, in seconds.
 

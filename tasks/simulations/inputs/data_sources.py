@@ -34,7 +34,7 @@ def resolve_data_sources(
 
     Args:
         configs: the data sources of a request.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         role: ARN of the role that reads them.
 
     Raises:

@@ -145,7 +145,7 @@ class UploadEnd:
     Args:
         job: ARN of the job.
         batch: ARN of its batch; `None`: it has none.
-        catalog: where it is stored.
+        catalog: the catalog.
         why_stop: why the job has to end; `None` if it does not have to.
     """
 

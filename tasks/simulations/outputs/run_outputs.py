@@ -49,7 +49,7 @@ class RunOutputs:
         job: the job.
         run_id: the run.
         folder: the run's own folder.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
     """
 

@@ -41,7 +41,7 @@ def find_application(reference: str, role: ApplicationRole, version: str | None,
         reference: ARN or name.
         role: which kind of application it is.
         version: a version's number; `None` or `$LATEST`: what the application is now.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The application; or the version, with the application's ARN and tags.

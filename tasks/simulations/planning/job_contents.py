@@ -46,7 +46,7 @@ class CurrentApplications:
     """Looks applications up in the catalog, each only once for many jobs.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         planned: by ARN, and by role and name, what takes the place of the catalog's.
     """
 

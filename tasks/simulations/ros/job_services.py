@@ -63,7 +63,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
     Args:
         root: the run's root.
         arn: the job: it can ask about no other one.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     folder = root / FOLDER if root is not None else None
     if folder is None or not folder.is_dir():
@@ -93,7 +93,7 @@ def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
     Args:
         question: `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with `keys`, or `list_tags`.
         arn: the job that asks.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     members: Mapping[str, Any] = question if isinstance(question, dict) else {}
     tags: Mapping[str, str] = {}

@@ -122,7 +122,7 @@ def book_row(
     """Yields the geoms of a row of books.
 
     Args:
-        name: of the row; books are numbered.
+        name: name of the row; books are numbered.
         foot: middle of the box's lower side.
         yaw: where their backs face.
         size: depth, width and height of the box; all books are as deep.

@@ -163,7 +163,7 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
     file are its arguments.
 
     Args:
-        folder: of the version.
+        folder: folder of the version.
         launch: package and file.
         which: finds installed programs.
 
@@ -228,7 +228,7 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
     """Returns the command line of a pre- or post-launch script.
 
     Args:
-        folder: of the version.
+        folder: folder of the version.
         file: its path in the bundle.
         code: failure code of its absence.
 

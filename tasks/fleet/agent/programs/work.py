@@ -21,7 +21,7 @@ class ChildWork:
 
     Args:
         child: the child.
-        phase: what it does.
+        phase: phase of the installation that it carries out.
     """
 
     due_s = None  # it says itself when it is done
@@ -83,12 +83,12 @@ class ScriptWork:
 
     Args:
         process: started, with its output in a file.
-        phase: what it does.
+        phase: phase of the installation that it carries out.
         name: what it is called in reasons.
         code: failure code.
         log: its output.
         due_s: until when it has to have ended, by the monotonic clock.
-        monotonic: that clock.
+        monotonic: the monotonic clock, in seconds.
     """
 
     percent = None
@@ -151,7 +151,7 @@ class Watch:
 
     Args:
         due_s: when it ends, by the monotonic clock.
-        monotonic: that clock.
+        monotonic: the monotonic clock, in seconds.
         check: starts the health command; `None`: there is none.
     """
 
