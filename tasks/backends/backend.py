@@ -101,10 +101,10 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
     """Validates a cluster address in `ROBOMAKER_BACKEND`, without connecting, and that its library is installed.
 
     Args:
-        kind: of the cluster, and the extra that brings its library: `dask`.
-        place: what stands after it: a host and a port, with or without a protocol.
+        kind: kind of the cluster, and extra that installs its library: `dask`.
+        place: address after the kind: a host and a port, with or without a protocol.
         library: the module that speaks with the cluster.
-        wanted: what the place has to be, in words.
+        wanted: description of a valid address, for the error message.
 
     Raises:
         ConfigurationError: the address is not valid, or the library of the cluster is not installed.
@@ -121,9 +121,9 @@ def check_answer(cluster: str, address: str, program: str) -> None:
     """Raises an error at once if no program listens at a cluster's address; the clusters' own clients try for long.
 
     Args:
-        cluster: what it is, in words: `the Dask cluster tcp://10.0.0.7:8786`.
-        address: where it has to be.
-        program: what has to run there.
+        cluster: description for messages: `the Dask cluster tcp://10.0.0.7:8786`.
+        address: host and port of the cluster.
+        program: name of the program that has to listen there.
 
     Raises:
         BackendError: no program listens at the address; the message says what to check.

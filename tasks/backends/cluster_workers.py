@@ -43,7 +43,7 @@ class Staffing:
     """Decides which machines of a cluster get a job worker of a batch, and when one that ended is restarted.
 
     Args:
-        place: where the machines are, in words: `the Dask cluster tcp://10.0.0.7:8786`.
+        place: description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
         wanted: how many job workers can be of use.
     """
 
@@ -170,7 +170,7 @@ class ClusterWorkers:
     """Job workers of one batch on a cluster, started and watched by a thread.
 
     Args:
-        cluster: where they are started.
+        cluster: the cluster that they are started on.
         batch: ARN of the batch.
         wanted: how many can be of use.
     """

@@ -68,7 +68,7 @@ class DaskCluster:
 
     Args:
         client: connected.
-        place: what it is, in words.
+        place: description of the cluster, for messages.
     """
 
     def __init__(self, client: "Client", place: str) -> None:

@@ -95,7 +95,7 @@ class PoolRuns:
         most: how many there are to be at most; `None`: one for each machine.
         batch: ARN of the batch.
         wanted: how many can be of use.
-        client: of the Prefect server.
+        client: client of the Prefect server.
     """
 
     def __init__(self, pool: str, most: int | None, batch: str, wanted: int, client: SyncPrefectClient) -> None:

@@ -59,7 +59,7 @@ class RayDriver:
     """Child process that is connected to a Ray cluster and starts job workers there; it is restarted if it dies.
 
     Args:
-        address: of the cluster.
+        address: address of the cluster.
         batch: ARN of the batch.
         wanted: how many job workers can be of use.
     """

@@ -88,7 +88,7 @@ class PoolWorkers:
     """Job workers of one batch in a Prefect work pool, started and watched by a thread.
 
     Args:
-        runs: their flow runs.
+        runs: flow runs of the job workers.
         look_s: seconds between two polls of the server.
     """
 

@@ -92,10 +92,10 @@ class Catalog(CatalogLeases):
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
         Args:
-            resource: what to add.
+            resource: the resource to add.
             token: the caller's token; `None`: every call adds.
             unique_name: whether no other of its kind may have its name, then or later.
-            lease: its lease, if it is held from the beginning; `None`: any job worker may take it.
+            lease: lease of the resource, if it is held from the beginning; `None`: any job worker may take it.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.
@@ -191,7 +191,7 @@ class Catalog(CatalogLeases):
         """Deletes a resource from the catalog, with the client tokens that created it.
 
         Args:
-            arn: its ARN.
+            arn: ARN of the resource.
             children: kinds of children that go with it.
 
         Raises:
@@ -219,14 +219,14 @@ class Catalog(CatalogLeases):
         """Changes members of a resource's document in the catalog.
 
         Args:
-            arn: its ARN.
+            arn: ARN of the resource.
             changes: the members that are set; or a function that, given the document, returns these or
                 the whole new document. It has to be quick, and is called again when another process
                 changed the resource meanwhile; what it raises is raised, and nothing is changed.
-            owner: who has to hold the lease; `None`: it does not matter.
-            name: its new name, for kinds whose names may repeat; `None`: as it is.
-            labels: its new labels; `None`: as they are.
-            status: its new status, for kinds without a lifecycle; `None`: as it is.
+            owner: owner that has to hold the lease; `None`: the lease is not checked.
+            name: new name, for kinds whose names may repeat; `None`: unchanged.
+            labels: new labels; `None`: unchanged.
+            status: new status, for kinds without a lifecycle; `None`: unchanged.
 
         Raises:
             ResourceNotFoundException: the catalog has no such resource.
@@ -316,10 +316,10 @@ class Catalog(CatalogLeases):
         """Changes a resource's status by an event of its state machine; of several concurrent callers one succeeds.
 
         Args:
-            arn: its ARN.
-            event: what happened, an event of the kind's lifecycle.
+            arn: ARN of the resource.
+            event: event of the kind's lifecycle.
             document_changes: members of the document that are set with it.
-            owner: who has to hold the lease; `None`: it does not matter.
+            owner: owner that has to hold the lease; `None`: the lease is not checked.
             labels: labels that are set with it; others stay; `None`: all stay as they are.
 
         Raises:

@@ -41,7 +41,7 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
     """Makes the pagination token for the page of a list that follows an entry.
 
     Args:
-        kind: what is listed.
+        kind: kind of the listed resources.
         filters: with which conditions.
         sequence: the entry's place in the order of creation.
     """
@@ -176,7 +176,7 @@ def list_query(
     """Makes the database query for a page of a list of resources, newest first.
 
     Args:
-        kinds: what is listed.
+        kinds: kinds of the listed resources.
         filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
             tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.

@@ -214,7 +214,7 @@ def close_unheard(
     Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
 
     Args:
-        client: of a server that has answered for as long: else it may not have heard those that live.
+        client: client of a server that has answered for as long: else it may not have heard those that live.
         flow_names: names of the flows that give signs of life; others on the server are left alone.
         now: the time; absent: the present.
         end_of: knows how flow runs ended; those of which it does not are closed as dead.
@@ -282,8 +282,8 @@ def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = N
     """Writes into a dead flow run's state which process continues its work; a failure to do so is only logged.
 
     Args:
-        flow_run: its id.
-        words: what finishes it, or how a person does.
+        flow_run: id of the dead flow run.
+        words: text that says which process finishes it, or how a person can.
         client: the server's client; `None`: of the server that Prefect's settings name.
 
     Returns:

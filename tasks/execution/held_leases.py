@@ -46,7 +46,7 @@ def role_of(main: str, words: Sequence[str]) -> str:
 
     Args:
         main: name of its main module; empty: it is a script.
-        words: its command line.
+        words: command line of the process.
     """
     if "prefect_robomaker.deployments.worker" in main:
         return "robomaker serve"

@@ -122,7 +122,7 @@ class CatalogWait:
     A catalog that answers and still refuses a change is soon given up.
 
     Args:
-        arn: what waits, for the log.
+        arn: ARN of the waiting job, for the log.
         look: reads the catalog.
         is_over: returns whether to stop waiting.
         pause_s: seconds until the next try after the catalog did not answer.

@@ -34,9 +34,9 @@ class Item:
     """One call of a task inside a mapped Prefect task run (`task.map`).
 
     Args:
-        task: what is mapped.
-        index: its place in the map, from 0.
-        parameters: of the call; futures in them are waited for.
+        task: the task that is mapped.
+        index: number of the item in the map, from 0.
+        parameters: parameters of the call; futures in them are waited for.
     """
 
     task: Task[..., Any]
@@ -165,7 +165,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
 
     Args:
         max_workers: how many items and submitted tasks run at once; absent: as `ThreadPoolTaskRunner` has it.
-        summary: what the state of a map's task run says.
+        summary: makes the text of the state of a map's task run.
     """
 
     def __init__(self, max_workers: int | None = None, summary: Summary = in_words) -> None:
@@ -186,9 +186,9 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
         """Runs a task once for each item, in threads, all as one Prefect task run.
 
         Args:
-            task: what to run.
-            parameters: of the call; each iterable that is not `unmapped` has an element for each item.
-            wait_for: what has to complete before any item begins.
+            task: the task to map.
+            parameters: parameters of the call; each iterable that is not `unmapped` has an element for each item.
+            wait_for: futures that have to complete before any item begins.
 
         Returns:
             A future for each item, in order.

@@ -82,7 +82,7 @@ class RunWatch:
 
         Args:
             run: the flow run's id.
-            name: its name.
+            name: name of the flow run.
             cancel: called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
             goes_on: called from another thread when it was closed as dead: says whether this process still does its
                 work, so that it takes the run back.
@@ -225,7 +225,7 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
     """Watches the running flow inside the `with` block, unless its parent flow is watched already.
 
     Args:
-        catalog: where the jobs are that it runs; their leases are released if the process has to end as an orphan.
+        catalog: the catalog of its jobs; their leases are released if the process has to end as an orphan.
         cancel: called from another thread when the run is cancelled in Prefect; again while the catalog does not
             answer.
     """

@@ -87,8 +87,8 @@ def available_memory_bytes(proc: Path = _PROC, control_groups: Path = _CONTROL_G
     """Returns the memory in bytes that new processes can get without swapping; `None` if unknown.
 
     Args:
-        proc: where the kernel says what it has.
-        control_groups: where control groups are mounted.
+        proc: path of the proc file system.
+        control_groups: path where control groups are mounted.
     """
     limits = [*_machine(proc), *_groups(proc, control_groups)]
     return min(limits, default=None)

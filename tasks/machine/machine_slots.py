@@ -60,7 +60,7 @@ class WaitTimes:
         """Records the resource that is waited for at this moment.
 
         Args:
-            scarce: what; None: there is no wait.
+            scarce: resource that is short; None: there is no wait.
             now_s: seconds on any clock.
         """
         if self._scarce is not None:
@@ -100,9 +100,9 @@ class MachineSlots:
     Safe to use from several threads.
 
     Args:
-        settings: where they are, how many, and what has to be free before a job begins.
+        settings: folder and number of the slots, and memory and disk that have to be free before a job begins.
         batch: ARN of the batch; None: the job is in none.
-        priority: of the batch; the higher, the earlier its jobs begin.
+        priority: priority of the batch; the higher, the earlier its jobs begin.
         tell: called with a text that jobs wait, and why.
         watch: called with the reason why jobs wait, after a wait of two seconds, and with None when the wait is over.
         memory: measures the available memory in bytes; None: not known.
@@ -147,7 +147,7 @@ class MachineSlots:
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
-            name: what waits, for people.
+            name: name of the waiting job, for messages.
             wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
                 turn is kept for it, so that the slot goes to no batch that comes after this one.
 
@@ -173,7 +173,7 @@ class MachineSlots:
         or `leave`.
 
         Args:
-            name: what waits, for people.
+            name: name of the waiting job, for messages.
         """
         with self._lock:
             now_s = self._clock()
@@ -202,7 +202,7 @@ class MachineSlots:
         """Returns how long jobs have waited until now, in seconds by resource.
 
         Args:
-            since_s: what this answered earlier, and is to be left out; None: nothing.
+            since_s: earlier result of this function, which is subtracted; None: nothing is.
         """
         return self._times.total_s(since_s or {})
 
@@ -306,7 +306,7 @@ def jobs_that_wait(
     """Lists the jobs that wait for resources of this machine, the longest wait first.
 
     Args:
-        settings: where the slots are.
+        settings: settings of the machine's slots.
         pid: the process that waits; None: any.
         clock: seconds since 1970.
     """

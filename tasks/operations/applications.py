@@ -44,7 +44,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Stores a new robot or simulation application, and returns the members of the response.
 
     Args:
-        role: which kind of application.
+        role: kind of application, robot or simulation.
         request: the request's members.
         service: the service, with its catalog and object store.
 
@@ -106,7 +106,7 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
     Raises:
         ResourceNotFoundException: the catalog has no such application.
-        InvalidParameterException: it is built in, or has another revision by now; or a source cannot
+        InvalidParameterException: the application is built in, or has another revision by now; or a source cannot
             be read, or the environment is none.
     """
     application = find_application(request["application"], role, None, service)
@@ -120,7 +120,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Deletes an application with all versions, or one version; does nothing if it does not exist.
 
     Raises:
-        InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
+        InvalidParameterException: the application is built in, only `$LATEST` is to be deleted, or the ARN is invalid.
     """
     reference, version = request["application"], request.get("applicationVersion")
     if reference.startswith("arn:"):
@@ -260,7 +260,7 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
 
     Raises:
         ResourceNotFoundException: the catalog has no such application.
-        InvalidParameterException: it has another revision by now, an archive cannot be read, or its
+        InvalidParameterException: the application has another revision by now, an archive cannot be read, or its
             content is not what the request says.
         LimitExceededException: the application has 40 versions already.
         ThrottlingException: others change it all the time.

@@ -51,7 +51,7 @@ def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
     """Returns for each name which kept item refers to it.
 
     Args:
-        names: by id, what each names.
+        names: ids that each names, by id.
         kept: ids of those that are kept.
     """
     found: dict[str, str] = {}

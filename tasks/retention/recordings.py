@@ -25,7 +25,7 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
     Args:
         older_than: The time; less than two days count as these.
         besides: ARNs of jobs, and ids of runs, that do not count, since they go.
-        service: Where they are stored.
+        service: The service, with its catalog and object store.
         act: Whether they are removed; otherwise it is only said what would be.
 
     Returns:

@@ -83,7 +83,7 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
     Raises:
         StillInUse: a job is used by somebody.
         StorageError: an object or file cannot be deleted.
-        OSError: the same, on this machine.
+        OSError: a local file cannot be deleted.
     """
     if unit.folder is not None and (unit.folder / RECORD).exists():
         (unit.folder / RECORD).replace(unit.folder / REMOVING)

@@ -52,7 +52,7 @@ class Patience:
         """Calls a function until the object store answers, or waiting is over.
 
         Args:
-            call: what to do; safe to do again after half of it was done.
+            call: the operation; it can be repeated after it was interrupted.
             probe: asks the store for a sign of life.
 
         Raises:
@@ -228,8 +228,8 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
     Args:
         store: the store, patient or not.
-        bucket: which bucket it is about.
-        call: what to do; safe to do again after half of it was done.
+        bucket: name of the bucket.
+        call: the operation; it can be repeated after it was interrupted.
     """
     return store.do("write", bucket, (), call) if isinstance(store, PatientStore) else call()
 

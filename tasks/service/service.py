@@ -325,14 +325,14 @@ class Service:
         """Stores a new job under a new id.
 
         Args:
-            kind: its kind of resource, as in its ARN.
-            prefix: what its id begins with.
+            kind: kind of the job, as in its ARN.
+            prefix: prefix of the job's id.
             document: the request, and what its job worker needs besides.
-            tags: its tags.
+            tags: tags of the job.
             token: makes the call repeatable.
             parent: ARN of the batch it belongs to.
-            labels: what else lists find it by.
-            status: where it begins its life: at its end, if it takes over the results of another.
+            labels: further values by which lists can be filtered.
+            status: first status of the job: a terminal one if it reuses the results of another.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.

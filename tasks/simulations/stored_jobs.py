@@ -48,8 +48,8 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
 
     Args:
         document: the job that is wanted.
-        made_of: what its world and its applications are now.
-        service: where jobs and outputs are stored.
+        made_of: contents of its world and applications now.
+        service: the service, with its catalog and object store.
     """
     if made_of.once_only:
         return FoundResults(None, made_of.once_only)
@@ -166,7 +166,7 @@ def reuse_job(
         service: the service, with its catalog and object store.
         token: makes the call repeatable.
         batch: see `store_job`.
-        applications: what applications are; absent: as they are in the catalog.
+        applications: source of applications; absent: the catalog.
 
     Returns:
         The job; `None`: there are no results to take over, or the request gives no seed.
@@ -196,9 +196,9 @@ def job_document(
 
     Args:
         request: the order, alone or out of a batch.
-        service: where applications, world and data are stored.
+        service: the service, with its catalog and object store.
         batch: see `store_job`.
-        applications: what applications are; absent: as they are in the catalog.
+        applications: source of applications; absent: the catalog.
 
     Raises:
         ServiceError: as for `store_job`.
@@ -238,8 +238,8 @@ def check_references(request: Mapping[str, Any], service: Service, applications:
 
     Args:
         request: the members of the order, which have been checked.
-        service: where worlds are stored.
-        applications: what applications are.
+        service: the service, with its catalog and object store.
+        applications: source of applications.
 
     Raises:
         ServiceError: as for `store_job`.

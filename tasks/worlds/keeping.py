@@ -28,10 +28,10 @@ def keep_world(
 
     Args:
         world: the world.
-        prefix: what its id begins with.
-        tags: its tags.
+        prefix: prefix of the world's id.
+        tags: tags of the world.
         service: the service, with its catalog and object store.
-        origin: what it was made of, by which it is found again.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
         StorageError: the files cannot be stored.
@@ -50,10 +50,10 @@ def keep_variation(
 
     Args:
         bundle: the other world's bundle.
-        wanted: what is to differ.
+        wanted: changes of the variation.
         arn: the other world's ARN.
         service: the service, with its catalog and object store.
-        origin: what it is made of, by which it is found again.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
         ConfigurationError: the world has no such door or furnishing, or the variation equals the world.
@@ -85,9 +85,9 @@ def keep_bundle(
     Args:
         write: writes the bundle into a new folder.
         prefix: beginning of the world's id.
-        tags: its tags.
+        tags: tags of the world.
         service: the service, with its catalog and object store.
-        origin: what it was made of, by which it is found again.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
         StorageError: the files cannot be stored.

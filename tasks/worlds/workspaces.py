@@ -108,7 +108,7 @@ def opened_workspace(path: Path, service: Service) -> Iterator[Workspace]:
 
     Args:
         path: the folder, or a bundle of `colcon bundle` or another archive.
-        service: where there is room.
+        service: service whose data home has the temporary folder.
 
     Raises:
         ConfigurationError: the folder or bundle does not exist, or is not an archive.

@@ -195,7 +195,7 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     Args:
         folder: the run's own folder.
         output_dir: the run's outputs.
-        problems: what else is to be noted in their log.
+        problems: further problems to write to the log.
     """
     notes = list(problems)
     for role in ROLES:

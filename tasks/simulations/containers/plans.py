@@ -70,10 +70,10 @@ def plan_container(
 
     Args:
         role: the application's.
-        application: it, or the version of it.
-        uri: its image.
-        config: its entry in the job's request.
-        run_environment: what it finds.
+        application: the application or application version.
+        uri: name of the application's image.
+        config: entry of the application in the job's request.
+        run_environment: folders, variables and limits of the run.
         drives: whether it is a robot application that drives a simulation over a socket.
         variables: usual ones, which its launch configuration may set otherwise.
         bridge: the job's ROS bridge, if it has one.

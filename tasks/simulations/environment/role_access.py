@@ -74,7 +74,7 @@ def access_variables(
     has credentials: SDKs would take them for those of the store.
 
     Args:
-        variables: of the run.
+        variables: environment variables of the run.
         request: the job's.
         sandbox: the run's folders.
         service: the service, with its catalog and object store.

@@ -208,8 +208,8 @@ def disk_limit(folder: Path, most_bytes: int) -> int:
     What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 
     Args:
-        folder: where.
-        most_bytes: what it may write to a disk that is large enough.
+        folder: folder that is written to.
+        most_bytes: limit in bytes on a disk that is large enough.
     """
     free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
     return min(most_bytes, max(free, _LEAST_DISK_BYTES))

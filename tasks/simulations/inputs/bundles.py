@@ -89,7 +89,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
     Args:
         source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
         role: `Robot` or `Simulation`, for failure codes.
-        service: where the archive is stored.
+        service: the service, with its catalog and object store.
         is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
             `$LATEST` is whatever is there now.
 
@@ -133,7 +133,7 @@ def remove_unless_used(copy: Path, before: datetime) -> bool:
     """Deletes a local copy of a bundle, unless it was used since a time.
 
     Args:
-        copy: its folder.
+        copy: folder of the local copy.
         before: the time.
 
     Returns:
@@ -228,7 +228,7 @@ def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
 
     Args:
         world: the world.
-        service: where its bundle is stored.
+        service: the service, with its catalog and object store.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:
@@ -245,7 +245,7 @@ def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: 
     Args:
         request: for the job.
         world: the world it names.
-        service: where that is stored.
+        service: the service, with its catalog and object store.
         where: the path of `request` in a batch's request, with a dot at its end.
 
     Raises:

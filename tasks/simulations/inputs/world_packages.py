@@ -39,7 +39,7 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
     Args:
         world: the job's world.
         sandbox: the run's folders.
-        service: where the world is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         LaunchError: the packages cannot be written.
@@ -66,8 +66,8 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
     """Makes the variables with which ROS programs find the packages of the job's world first.
 
     Args:
-        packages: where they are.
-        variables: those that the programs have otherwise.
+        packages: folder of the packages.
+        variables: other environment variables of the programs.
         in_container: whether the programs find the folders of the job at the root.
     """
     prefix = f"{WORLD_PACKAGES}/{_PREFIX}" if in_container else str(packages.prefix)
@@ -87,7 +87,7 @@ def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
 
     Args:
         folder: the run's own copy.
-        packages: where the packages of the job's world are.
+        packages: folder of the packages of the job's world.
     """
     for start in package_folders(folder):
         for parent, _, files in os.walk(start):

@@ -69,9 +69,9 @@ class LeftOut:
         """Records a file that is not uploaded.
 
         Args:
-            name: its path among the outputs.
-            why: what is wrong with it, as a predicate.
-            size_bytes: its size.
+            name: path of the file among the outputs.
+            why: reason, as a predicate.
+            size_bytes: size of the file in bytes.
         """
         self.count(1, size_bytes)
         if len(self._named) < _MOST_NAMED:
@@ -150,7 +150,7 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
 
     Args:
         folder: folder of the run's outputs.
-        prefix: of the keys that the files get.
+        prefix: prefix of the keys that the files get.
         room: space for stored files; the listed files are taken from it, and the left-out ones recorded in it.
         ended: polled before each file, so it has to be quick; true stops the listing.
 

@@ -95,8 +95,8 @@ def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
     Such buckets are made, as programs rely on it.
 
     Args:
-        service: where buckets are.
-        bucket: that of the job's outputs.
+        service: the service, with its catalog and object store.
+        bucket: bucket of the job's outputs.
         folder: the run's own folder.
     """
     place = service.store.local_path(bucket, "any")

@@ -37,11 +37,11 @@ class RollingUploads:
     Args:
         uploads: the configurations; see `rolling_only`.
         folder: the run's own folder.
-        store: where files go.
-        bucket: where they go.
-        prefix: of the run's outputs.
+        store: object store that files are uploaded to.
+        bucket: name of the bucket.
+        prefix: prefix of the run's outputs.
         every_s: seconds between two polls for finished files.
-        room: what may be stored of the run; files without room wait for the end, which leaves them out by name.
+        room: space left for files of the run; files without space wait for the end, which leaves them out by name.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
 
     Args:
         root: what `/` is for the glob.
-        glob: which files.
+        glob: pattern of the files.
         visit: see `Visit`; may take the file away.
     """
     with _opened_below(root, glob.fixed_folder) as folder:
@@ -92,7 +92,7 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
 
     Args:
         folder: descriptor of its folder.
-        name: its name there.
+        name: name of the file there.
         target: the other path; its folder is made.
 
     Raises:
@@ -113,8 +113,8 @@ def take(folder: int, name: str, target: Path) -> bool:
 
     Args:
         folder: descriptor of its folder.
-        name: its name there.
-        target: where to, on the same file system; its folder is made.
+        name: name of the file there.
+        target: new path on the same file system; its folder is created.
 
     Returns:
         Whether it was taken: no process can write to it any more.

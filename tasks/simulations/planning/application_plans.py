@@ -49,7 +49,7 @@ def with_ros_companions(
     Args:
         programs: the applications that are programs, and tools.
         ros: the first of them that ROS launches; `None`: none is.
-        run_environment: what they find.
+        run_environment: folders, variables and limits of the run.
         wants_topics: whether all topics of ROS 1 are to be recorded; those of ROS 2 are when the plan is whole.
     """
     found = list(programs)
@@ -140,7 +140,7 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 
     Args:
         request: the job's request.
-        run_environment: what they find.
+        run_environment: folders, variables and limits of the run.
 
     Raises:
         LaunchError: an application cannot be downloaded or started; the error carries the job's failure code.

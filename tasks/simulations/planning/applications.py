@@ -39,7 +39,7 @@ def find_application(reference: str, role: ApplicationRole, version: str | None,
 
     Args:
         reference: ARN or name.
-        role: which kind of application it is.
+        role: kind of the application, robot or simulation.
         version: a version's number; `None` or `$LATEST`: what the application is now.
         service: the service, with its catalog and object store.
 

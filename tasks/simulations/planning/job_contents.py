@@ -47,7 +47,7 @@ class CurrentApplications:
 
     Args:
         service: the service, with its catalog and object store.
-        planned: by ARN, and by role and name, what takes the place of the catalog's.
+        planned: applications that replace those of the catalog, by ARN, and by role and name.
     """
 
     def __init__(self, service: Service, planned: Mapping[str, Resource] | None = None) -> None:
@@ -103,8 +103,8 @@ def contents_of_request(
 
     Args:
         request: the request of a job.
-        service: where worlds and applications are stored.
-        applications: what applications are; absent: as they are in the catalog.
+        service: the service, with its catalog and object store.
+        applications: source of applications; absent: the catalog.
 
     Raises:
         ResourceNotFoundException: the world or an application does not exist.
@@ -150,7 +150,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
 
     Args:
         requests: the requests of the jobs.
-        current: what applications are; what does not exist is left out, and fails when its job is made.
+        current: source of applications; missing ones are left out, and fail when their job is made.
 
     Returns:
         The packages; `None`: the jobs import nothing but what is built in, or runs in containers.

@@ -70,7 +70,7 @@ def resolve_launch(
 
     Args:
         code: the application.
-        launch: its launch configuration.
+        launch: launch configuration of the application.
         which: finds programs that are not in the bundle.
         python: the interpreter for scripts.
         has_master: another application of the job brings the ROS 1 master.
@@ -169,7 +169,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
     """A program of the ROS in a colcon bundle, which was built for another system than this machine's.
 
     Raises:
-        LaunchError: what runs it is missing here.
+        LaunchError: the interpreter of the program is missing on this machine.
     """
     if (interpreter := missing_interpreter(code.folder, program, which)) is None:
         return program

@@ -73,7 +73,7 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
 
     Args:
         job: the job.
-        folder: of that run.
+        folder: folder of that run.
     """
     if job.status != "Running":
         return None
@@ -91,7 +91,7 @@ def reached_s(folder: Path) -> float:
     """Returns the simulated time in seconds of a run's last checkpoint; 0 without one.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
     """
     last = last_checkpoint(folder / CHECKPOINTS_FOLDER)
     return last[1].sim_time_s if last else 0.0
@@ -101,7 +101,7 @@ def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
     """Checks that a plan is that of a run: its applications could write to where it was.
 
     Raises:
-        CheckpointError: it names another run, folders of others, more time, or programs, with which no run is
+        CheckpointError: the plan names another run, folders of others, more time, or programs, with which no run is
             continued.
     """
     folder = folder.absolute()

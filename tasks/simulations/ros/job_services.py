@@ -169,7 +169,7 @@ def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]
     Args:
         job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
             which hear each other too, most likely have different ones.
-        holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
+        holders: prefix of the names of sockets; only processes with the same prefix avoid each other's domains.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):

@@ -100,8 +100,8 @@ class QuickPuts:
         Args:
             bucket: the bucket.
             key: the object's key.
-            data: its content, or the part's.
-            crc32: of the data, in base64; the server compares it.
+            data: content of the object or part.
+            crc32: CRC32 of the data, in base64; the server compares it.
             query: names the part, quoted, with its members in order; none for an object.
             stopped: says, between two pieces, whether it is not wanted any more.
 
@@ -136,12 +136,12 @@ class QuickPuts:
         """Returns the headers of a PUT request, signed with AWS Signature Version 4.
 
         Args:
-            path: of the URL, quoted.
+            path: path of the URL, quoted.
             data: the body.
-            crc32: of the body, in base64.
-            credentials: who signs.
+            crc32: CRC32 of the body, in base64.
+            credentials: credentials that sign the request.
             now: the time, in UTC.
-            query: of the URL, quoted and in order.
+            query: query string of the URL, quoted and in order.
         """
         day, time = f"{now:%Y%m%d}", f"{now:%Y%m%dT%H%M%SZ}"
         digest = hashlib.sha256(data).hexdigest()
