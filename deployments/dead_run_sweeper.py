@@ -51,7 +51,7 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
     """Lists Prefect concurrency limits that belong to finished batches.
 
     Args:
-        batches: their ids.
+        batches: ids of the batches.
         service: the service, with its catalog and object store.
 
     Returns:
@@ -87,7 +87,7 @@ class RecordedEnds:
 
     Args:
         settings: the data home's.
-        client: of the server that shows the flow runs.
+        client: client of the server that shows the flow runs.
     """
 
     def __init__(self, settings: Settings, client: SyncPrefectClient) -> None:

@@ -30,7 +30,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
 
     Args:
         settings: whose local server.
-        policy: what is kept; without an age every flow run is.
+        policy: retention policy; without an age every flow run is kept.
         now: the time.
         act: whether anything is changed.
 

@@ -37,7 +37,7 @@ def _executed(words: Sequence[str]) -> int:
     """Executes the command, prints errors, and returns the exit code.
 
     Raises:
-        BrokenPipeError: who reads the output or the errors has gone away.
+        BrokenPipeError: the reader of standard output or standard error has closed it.
     """
     try:
         return _execute(words)

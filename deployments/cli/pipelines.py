@@ -38,12 +38,12 @@ def carry_out(
     Args:
         spec: the specification.
         settings: settings of the run.
-        arguments: those of the command line: `output` and `open`.
+        arguments: parsed command line: `output` and `open`.
         command: the command that does the same again.
-        report: where a copy of the report goes; None: nowhere.
+        report: path of a copy of the report; None: no copy.
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
-        rerun_of: of which run it is the rerun; `None`: of none.
+        rerun_of: the run that it repeats; `None`: it is no rerun.
         open_run: the run, where another process began it.
 
     Returns:

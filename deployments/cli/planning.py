@@ -80,7 +80,7 @@ def with_time(needed: "PlannedPairs", forecast: "Forecast", planned: int) -> "Pl
 
     Args:
         needed: the number of trials.
-        forecast: what a probe measured.
+        forecast: the forecast from a probe's measurements.
         planned: trials that the specification has now.
     """
     more = needed.pairs / planned - 1

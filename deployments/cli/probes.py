@@ -35,7 +35,7 @@ class Machines:
         """Raises an error for an impossible number of machines or price.
 
         Args:
-            settings: those of the probe, with its backend.
+            settings: settings of the probe, with its backend.
 
         Raises:
             ConfigurationError: a number is too small, or jobs run on this machine alone.
@@ -140,7 +140,7 @@ def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
 
     Args:
         record: the run.
-        since: what is older was there before.
+        since: time before which resources were not created by the pass.
         service: the service, with its catalog and object store.
     """
     for step in reversed(record.steps):

@@ -186,9 +186,9 @@ class Console:
 
     Args:
         endpoint: the application of all other paths; it makes the calls of operations, and counts requests.
-        service: what is shown.
-        access_keys: those that may log in, by id; `None`: no login is asked for, and no web page of others let in.
-        worker_status: what is shown of the job worker.
+        service: the service, with its catalog and object store.
+        access_keys: access keys that may log in, by id; `None`: no login, and no foreign web page is admitted.
+        worker_status: returns the job worker's status to show.
         spec_runs: runs of specifications that visitors order; `None`: they can order none.
     """
 

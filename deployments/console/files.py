@@ -42,8 +42,8 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
     """Makes the HTTP response with one of a job's output files.
 
     Args:
-        place: where the outputs are that it is one of.
-        name: its name there.
+        place: place of the job's outputs in the object store.
+        name: name of the file there.
         service: the service, with its catalog and object store.
 
     Raises:

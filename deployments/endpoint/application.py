@@ -106,7 +106,7 @@ class Endpoint:
         access_keys: access keys by id; `None`: requests need no signature, and web pages are refused.
         on_submitted: called with the ARN of every stored job, again if the call is repeated;
             from several threads, before the client has its answer.
-        worker_status: what the health page shows of the job worker; plain JSON.
+        worker_status: returns the job worker's status for the health page; plain JSON.
         audit_log: records every call of an operation, also refused ones.
         console: path of the console beside it, which the status page leads to; `None`: there is none.
     """

@@ -45,7 +45,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
     """Makes the uvicorn protocol class that enforces connection limits.
 
     Args:
-        limits: what each client is given.
+        limits: limits of each connection.
     """
 
     class Limited(_LimitedProtocol):

@@ -37,7 +37,7 @@ class HealthPages:
     """Health and status pages of the API server.
 
     Args:
-        service: what is looked at.
+        service: the service, with its catalog and object store.
         worker_status: returns the job worker's status; plain JSON.
         is_open: whether every client may see what the service holds; otherwise only that it works.
         console: path of the console; `None`: there is none.
@@ -116,7 +116,7 @@ class Metrics:
         service: whose resources are counted when somebody asks.
         access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
             some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
-        worker_status: what the job worker says of itself.
+        worker_status: returns the job worker's status.
     """
 
     def __init__(

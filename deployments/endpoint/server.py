@@ -89,10 +89,10 @@ def run_server(
     Args:
         application: the application to serve.
         host: name or address to listen at.
-        port: where; 0: any that is free.
+        port: TCP port; 0: any free one.
         ready: called with the port once requests are answered.
         stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
-        tls: what HTTPS needs; `None`: HTTP.
+        tls: certificate and key for HTTPS; `None`: HTTP.
         limits: how many connections, and how slow; `None`: the usual.
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 

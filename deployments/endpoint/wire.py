@@ -193,7 +193,7 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
     Args:
         code: the error's name.
         status: HTTP status.
-        message: what is wrong; shortened to what fits a log.
+        message: text of the error; shortened for logs.
     """
     members = {"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}
     return WireResponse(members, status, {"x-amzn-errortype": code})

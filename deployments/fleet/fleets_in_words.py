@@ -36,7 +36,7 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
     """Prints fleets, each with its latest deployment and a table of its robots.
 
     Args:
-        fleets: what to show.
+        fleets: the fleets to show.
         stream: output stream; names are folded to the width of a terminal, and left whole elsewhere.
         everything: whether large fleets are shown with all their robots.
         now: the time, for when robots were seen.

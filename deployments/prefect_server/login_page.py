@@ -78,7 +78,7 @@ class LoginPage:
     Args:
         application: Prefect's.
         origin: origin of the server's pages, such as `http://127.0.0.1:4200`.
-        auth_string: what a browser that logs in gets, `user:secret`.
+        auth_string: credentials that a browser gets by logging in, `user:secret`.
     """
 
     def __init__(self, application: ASGIApp, origin: str, auth_string: str) -> None:

@@ -45,7 +45,7 @@ async def beside(jobs: "Sequence[Job]", api_url: str, auth_string: str) -> "Asyn
     """Runs background jobs beside the Prefect server, until the block ends.
 
     Args:
-        jobs: what to run.
+        jobs: the functions to run.
         api_url: API of the server, which answers.
         auth_string: `user:secret`, as the server wants it.
     """

@@ -127,7 +127,7 @@ class SpecRuns:
     Args:
         home: the data home.
         variables: environment variables of their processes, besides those of this one.
-        audit_log: where their steps are written down; `None`: nowhere.
+        audit_log: audit log of their steps; `None`: steps are not recorded.
     """
 
     def __init__(self, home: Path, variables: Mapping[str, str], audit_log: Path | None = None) -> None:

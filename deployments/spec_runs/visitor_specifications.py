@@ -18,7 +18,7 @@ def checked(text: str, filename: str) -> CheckedSpec:
 
     Args:
         text: YAML or JSON.
-        filename: what problems call it.
+        filename: file name for the messages of problems.
 
     Raises:
         SpecError: the specification is invalid; the error lists all its problems.

@@ -27,7 +27,7 @@ class WorkerProcess:
     """Job worker in a child process, which always ends with this one.
 
     Args:
-        settings: where the jobs are.
+        settings: settings of the job worker.
         variables: environment variables in addition to those of this process.
     """
 

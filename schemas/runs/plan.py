@@ -139,7 +139,7 @@ class RunPlan(Model):
         """Whether a process of the run steps a `dm_env` environment; otherwise it only has programs.
 
         A job without a simulation application means `indoor-navigation`, unless its robot application is a
-        program: that runs alone.
+        program, which then runs alone.
         """
         if self.simulation_application is not None:
             return self.simulation_application.attribute is not None

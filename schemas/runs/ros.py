@@ -152,7 +152,7 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
         The options; none for `off`.
 
     Raises:
-        InvalidParameterException: It is something else; says what would be right.
+        InvalidParameterException: The value is not a valid set of options; the message says what would be right.
     """
     if text == "off":
         return None

@@ -66,7 +66,7 @@ class ResourceArn:
 
         Args:
             arn: the ARN.
-            kinds: what it may name; none: anything.
+            kinds: allowed kinds of resources; none: all.
 
         Raises:
             InvalidParameterException: the text is not an ARN of this service, or is that of another kind of resource.
@@ -111,8 +111,8 @@ def new_id(prefix: IdPrefix, source: random.Random) -> str:
     """Makes a random resource id: the prefix, a hyphen, twelve digits and small letters.
 
     Args:
-        prefix: what it is an id of.
-        source: where the randomness comes from; `random.SystemRandom()` where ids have to differ
+        prefix: prefix of ids of this kind of resource.
+        source: source of randomness; `random.SystemRandom()` where ids have to differ
             between processes.
     """
     return f"{prefix}-{''.join(source.choices(_ALPHABET, k=_LENGTH))}"

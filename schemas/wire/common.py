@@ -207,7 +207,7 @@ def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
 
     Args:
         members: names of the members.
-        given: their values, in the same order; `None` is absent.
+        given: values of the members, in the same order; `None` is absent.
 
     Raises:
         ValueError: none or both of the members are given.

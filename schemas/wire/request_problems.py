@@ -81,7 +81,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     At most `MAX_PROBLEMS` are returned; a last one counts the others.
 
     Args:
-        error: what validation raised.
+        error: the error that the validation raised.
         model: the model it was validated against.
     """
     count = error.error_count()

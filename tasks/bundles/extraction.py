@@ -48,7 +48,7 @@ def extract(archive: Path, top: Path, limits: ArchiveLimits) -> None:
     """Unpacks an archive into an empty folder.
 
     Raises:
-        ArchiveError: it is no archive, is damaged or too large, or has a member that is neither file nor
+        ArchiveError: the file is not an archive, is damaged or too large, or has a member that is neither file nor
             folder or would land elsewhere; what was written stays.
         OSError: the disk is full, or the folder cannot be written.
     """

@@ -53,8 +53,8 @@ def is_launch_file(file: str, path: Path | None) -> bool:
     """Whether a file is a ROS launch file, by its name, or by the functions that a Python file defines.
 
     Args:
-        file: its name.
-        path: where it is; `None`: not in a bundle.
+        file: name of the file.
+        path: path of the file; `None`: it is not in a bundle.
     """
     if file.endswith(_XML + _ONLY_ROS_2):
         return True
@@ -67,8 +67,8 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
     """The kinds of ROS that may read a launch file, the likelier one first.
 
     Args:
-        file: its name.
-        path: where it is; `None`: not in a bundle, so that only the name says something.
+        file: name of the file.
+        path: path of the file; `None`: it is not in a bundle, so that only the name is used.
     """
     if not file.endswith(_XML):
         return (2,)

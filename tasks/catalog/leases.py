@@ -181,7 +181,7 @@ class CatalogLeases(CatalogReader):
         """Expires the leases of a process that is known to be dead, so that others need not wait.
 
         Args:
-            owners: prefixes of the names of the leases' owners.
+            owners: prefix of the names of the leases' owners.
 
         Returns:
             How many leases it held.

@@ -88,9 +88,9 @@ def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service
     """Downloads a deployment's condition file, a program that robots run before they download.
 
     Args:
-        bucket: where it lies.
-        key: the same.
-        etag: what it had when the deployment was created; nothing: that was not noted.
+        bucket: bucket of the file.
+        key: key of the file.
+        etag: ETag of the file when the deployment was created; `None`: not recorded.
         path: path of the local file.
         service: the service, with its catalog and object store.
 

@@ -46,7 +46,7 @@ def signing_key(service: Service) -> SigningKey:
     """Returns the service's key that signs installation files for robots; it is created on first use.
 
     Raises:
-        ConfigurationError: what lies there is no key, or it cannot be read or written.
+        ConfigurationError: the file does not hold a key, or cannot be read or written.
     """
     path = service.folder("robots") / "signing-key.pem"
     try:
@@ -115,7 +115,7 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
 
     Args:
         application: the application's version, as `find_application` finds it.
-        architectures: those of the robots.
+        architectures: CPU architectures of the robots.
         service: the service, with its catalog and object store.
 
     Returns:

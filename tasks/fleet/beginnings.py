@@ -52,7 +52,7 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[
     """Makes the plan of a deployment: its robots in order and its limits.
 
     Args:
-        job: its job.
+        job: the deployment job.
         robots: ARNs of the robots to deploy to, in the order of the rollout.
         has_file: whether there is a file for a robot; those without one fail.
     """

@@ -154,7 +154,7 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
 
     Args:
         job: the job.
-        why: what ends it.
+        why: cause of the end.
         service: the service, with its catalog and object store.
         changes: why it failed, where it fails; nothing: it is canceled.
     """

@@ -121,7 +121,7 @@ class KeptRollout:
         """Closes orders that another rollout takes over and waits for.
 
         Args:
-            orders: their numbers, by robot; those of others are left alone.
+            orders: numbers of the orders, by robot; orders of other robots are not changed.
 
         Returns:
             The robots of them that have answered already.
@@ -297,7 +297,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
     Args:
         service: the service, with its catalog and object store.
-        known: those that were read before, by job; what has not changed is not read again.
+        known: rollouts that were read before, by job; unchanged ones are not read again.
 
     Returns:
         Them, those of older jobs first.
@@ -325,7 +325,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
     Args:
         service: the service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
-        event: what the robot said; repetitions change nothing, and neither do orders of jobs that do not exist.
+        event: the robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
         at_s: when, in seconds since the epoch.
 
     Raises:

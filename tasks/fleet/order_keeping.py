@@ -69,9 +69,9 @@ def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
     """Translates a robot's report into an event of its rollout.
 
     Args:
-        report: what the robot said.
-        robot: its ARN; reports have the robot's own id.
-        known: what is known of the order, with this report (`heard`).
+        report: the robot's report.
+        robot: ARN of the robot; reports have the robot's own id.
+        known: state of the order, including this report (`heard`).
     """
     if isinstance(report, OrderFetched):
         return Fetched(robot=robot, action_id=report.action_id)

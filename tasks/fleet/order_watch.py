@@ -94,7 +94,7 @@ class OrderWatch:
         service: the service, with its catalog and object store.
         robots: the enrolled robots.
         keeper: keeps the orders.
-        files: those of the orders.
+        files: files of the orders.
         rollouts: reads the open rollouts: `kept_rollouts.open_rollouts`.
         tend: does what is due of those whose jobs have ended: `EndedRollouts.tend`.
     """

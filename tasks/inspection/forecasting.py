@@ -51,14 +51,14 @@ def forecast_run(
 
     Args:
         name: name of the specification.
-        steps: what each step took in the probe, and how much it is to do.
-        places: where jobs and worlds run at once.
-        backend: where jobs of batches run.
+        steps: time of each step in the probe, and its amount of work in the run.
+        places: numbers of jobs and worlds that run at once.
+        backend: backend that runs the jobs of batches.
         made_at: the time now.
-        assumed: what the figures rest on, in words.
+        assumed: assumptions of the forecast, in words.
         probes: ids of the runs that were measured.
         ran: the jobs that were measured, with their verdicts.
-        price_per_hour: of a machine; absent: there is no cost.
+        price_per_hour: price of a machine; absent: no cost is computed.
     """
     each = [forecast_step(probe, whole, places) for probe, whole in steps]
     wall_time_s = sum(step.wall_time_s for step in each)
@@ -170,7 +170,7 @@ class _Costs:
     """Costs of jobs: the mean of the probed jobs of their kind, else of all probed jobs.
 
     Args:
-        jobs: those of the probe.
+        jobs: jobs of the probe.
     """
 
     def __init__(self, jobs: Sequence[JobCost]) -> None:

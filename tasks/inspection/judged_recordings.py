@@ -32,7 +32,7 @@ def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], Recor
     """Parses a file with requirements, and the recording topics that they are measured by.
 
     Args:
-        data: What a file says: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
+        data: Content of a file: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
         place: The file, for messages.
 
     Raises:

@@ -275,7 +275,7 @@ class BatchTrials:
     Args:
         batch: ARN of the batch.
         requests: the requests of its jobs, in order.
-        catalog: where the jobs are, and how many of their trials have finished.
+        catalog: catalog of the jobs, with the numbers of their finished trials.
         clock: seconds on a clock that only runs forward.
     """
 

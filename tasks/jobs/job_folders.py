@@ -35,8 +35,8 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
     Args:
-        folder: the job's.
-        document: what is known of the job.
+        folder: folder of the job.
+        document: document of the job.
         run_id: id of the job's last run.
     """
     remove_containers_of_job(folder)

@@ -46,7 +46,7 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
     Args:
         operation: the operation that orders it.
         request: the request's members.
-        service: where its applications are, and the settings that hold.
+        service: service with the job's applications, and the settings of this process.
     """
     requests = _simulations(operation, request)
     packages = imported_packages(requests, CurrentApplications(service))
@@ -83,7 +83,7 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
     """Returns this process's environment, reduced to the parts that a job needs.
 
     Args:
-        needed: what the job needs.
+        needed: names of the environment variables and settings that the job needs.
         settings: settings of this process.
         environ: environment variables of this process.
     """
@@ -162,8 +162,8 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
     """Lists the needs of a job that this process does not meet; empty if it may run the job.
 
     Args:
-        needed: what was recorded with the order; `None`: a client ordered it.
-        service: of this process.
+        needed: environment that was recorded with the order; `None`: a client ordered it.
+        service: service of this process.
     """
     if needed is None:
         return []

@@ -118,7 +118,7 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
     """Adds the jobs of batches to a mapping of protected jobs and batches.
 
     Args:
-        orders: units that need an order, by the order's ARN.
+        orders: text that says what needs an order, by the order's ARN.
         service: the service, with its catalog and object store.
     """
     return {arn: who for order, who in orders.items() for arn in _with_children([order], service)}

@@ -79,7 +79,7 @@ def output_file(path: str | None, option: str) -> Path | None:
     """Checks an output file's path, and makes it absolute.
 
     Args:
-        path: what was given; None: nothing.
+        path: path that the user gave; None: none was given.
         option: name of the option, for the error message.
 
     Raises:

@@ -47,8 +47,8 @@ class Previews:
         """Draws the floor plan of a generation job's first world, as SVG.
 
         Args:
-            body: of the template.
-            seed: of the job.
+            body: body of the world template.
+            seed: seed of the generation job.
             visitor: the visitor who asks.
 
         Raises:

@@ -55,7 +55,7 @@ class Replays:
         """Records a verified signature as used; raises an error if it was used before.
 
         Args:
-            signature: its hexadecimal digits.
+            signature: hexadecimal digits of the signature.
             signed_at: when it was made.
             now: the time.
             repeatable: whether a second call would do nothing more.

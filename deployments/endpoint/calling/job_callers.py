@@ -48,7 +48,7 @@ class JobCallers:
     """Recognises API requests of simulation jobs, which have fewer rights.
 
     Args:
-        service: where jobs are; jobs of job workers with its home are known.
+        service: the service; only jobs of job workers with its data home are recognised.
     """
 
     def __init__(self, service: Service) -> None:

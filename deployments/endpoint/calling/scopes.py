@@ -192,8 +192,8 @@ class Calls:
 
         Args:
             name: the operation.
-            members: of its request.
-            call: who calls; gets what was called, and how it ended.
+            members: members of the request.
+            call: record of the call, with the caller; the operation and its outcome are added.
 
         Raises:
             AccessDeniedException: the caller's access key is not good for it.

@@ -64,7 +64,7 @@ class Addresses:
 
     Args:
         tenant: first part of every path; hawkBit's own is `DEFAULT`.
-        public_url: where robots reach this server, such as `https://fleet.example.com`, without a path; `None`: as
+        public_url: URL of this server for robots, such as `https://fleet.example.com`, without a path; `None`: as
             each request's `Host` says, which is right where no proxy is in between.
 
     Raises:
@@ -109,8 +109,8 @@ class Addresses:
         """Returns the absolute base URL of a robot.
 
         Args:
-            scope: of the request that is answered.
-            host: its header `Host`.
+            scope: ASGI scope of the request.
+            host: header `Host` of the request.
             robot: the robot.
 
         Raises:

@@ -113,7 +113,7 @@ class RobotDoor:
         clock: the time, in seconds since 1970.
         chance: random numbers from 0 to below 1.
         settings: how robots poll.
-        agents: what our own agents ask for besides; nothing: they find nothing.
+        agents: enrolment and update repository for this package's agents; `None`: not served.
 
     Raises:
         ConfigurationError: tenant or public address are not right.

@@ -183,7 +183,7 @@ def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -
     Goals that another goal follows are places to begin at, and goals with `by_s` are meant so.
 
     Args:
-        requirements: What an order asks for, as JSON; what is no goal is passed over.
+        requirements: Requirements of a request, as JSON; those that are no goals are ignored.
         start_room: Name of the room that the origin is in; None: that is not known.
     """
     goals = [

@@ -383,7 +383,7 @@ class Rule(ABC, Generic[Asked]):
 
         Args:
             end_s: Simulated time at its end.
-            ended_by: What ended it.
+            ended_by: Cause of the run's end.
         """
         self._end_s, self._ended_by = end_s, ended_by
         if (why := self._unjudgeable()) is not None:

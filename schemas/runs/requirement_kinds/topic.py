@@ -210,8 +210,8 @@ def _numbers_in(value: Any) -> Iterator[float]:
     """Numbers of a field; of a list those that are finite.
 
     Raises:
-        TypeError: It is no number.
-        ValueError: It is none, or one that is not finite.
+        TypeError: The value is not a number.
+        ValueError: The value cannot be converted to a number, or is not finite.
     """
     values: Any = value.tolist() if hasattr(value, "tolist") else value
     if is_list(values):

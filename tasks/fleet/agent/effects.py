@@ -40,7 +40,7 @@ class Effects:
         home: the agent's.
         options: time-outs, and the health command.
         sandbox: rights of scripts.
-        application: what runs.
+        application: the running application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.
     """
@@ -86,7 +86,7 @@ class Effects:
         """Starts the version that shall run, where its application ended or the agent is new; `None`: none shall.
 
         Raises:
-            StepFailed: it cannot be started.
+            StepFailed: the application cannot be started.
         """
         switch(self._home, version)
         if version is None:

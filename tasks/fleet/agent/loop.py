@@ -62,11 +62,11 @@ class Agent:
     """Main loop of the agent, the program on a robot that installs deployments.
 
     Args:
-        state: what the journal has.
+        state: state from the journal.
         journal: keeps the state.
         polls: talks with the server.
         effects: does what phases stand for.
-        application: what runs.
+        application: the running application.
         monotonic: a clock that only goes forward, in seconds.
         wait: sleeps for seconds at most, or until one of some pipes can be read or a process ends.
         notifier: tells systemd.

@@ -50,7 +50,7 @@ class Polls:
         monotonic: a clock that only goes forward, in seconds.
         chance: random numbers from 0 to below 1, so that robots do not all poll at once.
         longest_wait_s: between two polls while the server is away.
-        attributes: what the robot says it is, for a state.
+        attributes: returns the robot's attributes for a state.
         say: logs a line.
     """
 

@@ -44,7 +44,7 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
 
     Args:
         job: the deployment job, which requires a batch.
-        application: its version, as `find_application` finds it.
+        application: the application version, as `find_application` finds it.
         service: the service, with its catalog and object store.
 
     Returns:

@@ -145,7 +145,7 @@ def check_robots(
         document: the deployment.
         application: the version of the application.
         fleet: ARN of the fleet.
-        robots: those of the fleet.
+        robots: robots of the fleet.
 
     Raises:
         InvalidParameterException: the fleet has no robots, none can run the application or be asked the condition, or

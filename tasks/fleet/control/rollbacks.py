@@ -157,7 +157,7 @@ class EndedRollouts:
         """Does the work that is due for rollouts whose jobs have ended.
 
         Args:
-            rollouts: those that are open; of jobs that have not ended, their runs take care.
+            rollouts: open rollouts; those of jobs that have not ended are left to their runs.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer; ask again.

@@ -82,7 +82,7 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
     """Forecasts what a deployment would do (`robomaker fleet deploy --dry-run`); stores nothing.
 
     Args:
-        members: those of a request of CreateDeploymentJob.
+        members: members of a request of CreateDeploymentJob.
         service: the service, with its catalog and object store.
 
     Raises:

@@ -162,7 +162,7 @@ class Ledger:
         """Applies an event to the rollout, after the time-outs that came before it.
 
         Args:
-            event: what happened. Robots that are not of this rollout are left alone.
+            event: the event to apply. Robots that are not of this rollout are left alone.
             now_s: when; a time before that of an earlier event counts as that.
         """
         if isinstance(event, Outage):

@@ -54,7 +54,7 @@ def begin_apart(
         publisher: publisher on this machine; it gets the keys of the other roles.
         root_keys: how many root keys are made.
         threshold: how many of them have to sign a root.
-        folder: where they go, such as a medium that is taken away; it is made.
+        folder: folder for the root keys, such as on a removable medium; it is created.
         change: changes of its rules about attestations; without keys, it names the key of this machine.
 
     Raises:
@@ -123,7 +123,7 @@ def renew_root(
         publisher: publisher on this machine.
         rotate: roles that get new keys.
         key_files: root keys of holders; nothing: those in the data home.
-        folder: where new root keys go; nothing: into the data home.
+        folder: folder for new root keys; `None`: the data home.
         change: changes of its rules about attestations.
 
     Raises:
@@ -148,7 +148,7 @@ def draft_root(
     Args:
         publisher: publisher on this machine.
         rotate: roles that get new keys; nothing: the same keys, valid for longer.
-        folder: where new root keys go, as many as before; nothing: into the data home.
+        folder: folder for new root keys, as many as before; `None`: the data home.
         change: changes of its rules about attestations.
 
     Returns:
@@ -186,7 +186,7 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
     Args:
         publisher: publisher on this machine.
         draft: the root, from `draft_root`.
-        key_files: of root keys; nothing: those in the data home.
+        key_files: files of root keys; empty: those in the data home.
 
     Returns:
         How many signatures it still needs; 0: it is published.

@@ -163,9 +163,9 @@ def publish(
     Args:
         job: the deployment job.
         application: the application's version, as `find_application` finds it.
-        architectures: those of the robots with agents.
+        architectures: CPU architectures of the robots with agents.
         service: the service, with its catalog and object store.
-        attestations: what others attest of the version, each a signed envelope as JSON.
+        attestations: attestations of the version, each a signed envelope as JSON.
 
     Returns:
         What orders say, by architecture; architectures that the application has no archive for are absent.

@@ -78,7 +78,7 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
     Args:
         name: the robot's.
         secret: the 40 characters of its one-time token.
-        token_sha256: of the token that the robot made itself, in hexadecimal digits.
+        token_sha256: SHA-256 of the token that the robot made itself, in hexadecimal digits.
         service: the service, with its catalog and object store.
 
     Returns:

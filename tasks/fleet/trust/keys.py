@@ -38,8 +38,8 @@ def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
     """Creates a signing key for a TUF role, and writes it into a folder.
 
     Args:
-        role: what it is for.
-        folder: where its file goes; it has to exist.
+        role: TUF role of the key.
+        folder: folder for the key's file; it has to exist.
         random_bytes: source of randomness.
 
     Raises:
@@ -146,7 +146,7 @@ class Machine:
     """Keys and last known repository state of this machine, in the folder `robots/trust` of a data home.
 
     Args:
-        folder: that folder.
+        folder: folder of the keys.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -202,7 +202,7 @@ class Machine:
         """Raises an error if the object store has only older timestamps than were seen, which means it was set back.
 
         Args:
-            number: of the newest in the store.
+            number: number of the newest timestamp in the store.
             seen: what `seen` said before the store was asked.
 
         Raises:

@@ -116,8 +116,8 @@ def next_repository(
 
     Args:
         root: the root that robots have, or are about to get.
-        current: what it says; `None`: nothing yet.
-        changes: what is to be different.
+        current: the repository now; `None`: it is empty.
+        changes: changes to make.
         signers_of: the keys.
         now: the time.
         taken: versions that are used already.

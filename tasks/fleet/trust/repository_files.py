@@ -83,8 +83,8 @@ class RepositoryFiles:
 
         Args:
             root: the root.
-            number: that of the newest timestamp.
-            newest: that timestamp.
+            number: number of the newest timestamp.
+            newest: the newest timestamp.
             applications: delegated roles that are read as well, if they are there.
 
         Raises:

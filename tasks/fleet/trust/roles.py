@@ -93,8 +93,8 @@ def target_key(path: str, sha256: str) -> str:
     """Returns the object-store key of a file in the update repository: TUF puts the hash before the name.
 
     Args:
-        path: of the target.
-        sha256: of its content, in hexadecimal digits.
+        path: path of the target.
+        sha256: SHA-256 of its content, in hexadecimal digits.
     """
     folder, _, name = path.rpartition("/")
     return f"{FOLDER}/targets/{folder}/{sha256}.{name}"
@@ -150,7 +150,7 @@ class RepositoryReader:
         """Returns the local path of a file in the update repository, after downloading it if necessary.
 
         Args:
-            path: its path, with the hash before the name.
+            path: path of the target, with the hash before the name.
 
         Raises:
             ObjectNotFoundError: the repository has no such file.

@@ -36,8 +36,8 @@ def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) ->
     """Returns the status of a deployment for `robomaker fleet status`.
 
     Args:
-        job: its job.
-        rollout: its rollout; nothing: it has not begun.
+        job: the deployment job.
+        rollout: rollout of the job; `None`: it has not begun.
         now_s: the time, in seconds since the epoch.
     """
     document = DeploymentJobDocument.of(job)

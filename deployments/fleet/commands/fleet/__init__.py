@@ -25,8 +25,8 @@ def decided(decide: "Callable[[str, str, Service], None]", arguments: argparse.N
 
     Args:
         decide: the decision: deployment job, person, service.
-        arguments: those of `add_decision`.
-        outcome: what is printed after the deployment's ARN.
+        arguments: parsed arguments of `add_decision`.
+        outcome: text to print after the deployment's ARN.
     """
     from ....cli.inputs.options import open_service, who
 

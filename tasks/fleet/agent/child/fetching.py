@@ -88,7 +88,7 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
 
     Args:
         source: source that the file is downloaded from.
-        file: its length and hash, as they were signed.
+        file: signed length and hash of the file.
         path: path of the complete file; while it is incomplete, its path ends with `.part`.
         progress: called with the downloaded bytes and all bytes.
 

@@ -54,7 +54,7 @@ class Child:
     """Child process of the robot's agent, which sends messages as lines.
 
     Args:
-        do: what it does; it is given what answers.
+        do: function of the child; it gets the function that sends answers.
     """
 
     def __init__(self, do: Callable[[Callable[..., None]], None]) -> None:

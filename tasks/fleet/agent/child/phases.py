@@ -28,7 +28,7 @@ def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:
 
     Args:
         home: the agent's.
-        state: what the agent remembers.
+        state: state of the agent.
         architecture: the robot's.
         say: answers.
     """

@@ -60,7 +60,7 @@ class Attested:
         """Reads the attestation rules from a TUF root.
 
         Raises:
-            StepFailed: it has another form, which a newer agent may know.
+            StepFailed: the document has another form, which a newer agent may know.
         """
         content = root.get(_MEMBER, {"keys": {}, "applications": []})
         try:
@@ -77,8 +77,8 @@ class Attested:
         """Raises an error if the version to install is not attested.
 
         Args:
-            document: what is to be installed.
-            sha256: of the bundle that this robot would get.
+            document: deployment document to install.
+            sha256: SHA-256 of the bundle that this robot would get.
             envelopes: the attestations of the deployment, by path.
 
         Raises:
@@ -188,7 +188,7 @@ class Repository:
             seen: called with the version of the repository's timestamp, before any of its content is used.
 
         Raises:
-            StepFailed: it is not to be trusted, or has nothing for this robot.
+            StepFailed: the metadata is not trusted, or has nothing for this robot.
             TryLater: the server cannot be reached.
         """
         try:

@@ -25,7 +25,7 @@ class Application:
     Args:
         home: the agent's.
         options: how long it may take to stop.
-        sandbox: its rights.
+        sandbox: rights of the application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.
     """
@@ -63,7 +63,7 @@ class Application:
         """Starts a version of the application.
 
         Raises:
-            StepFailed: it cannot be started.
+            StepFailed: the application cannot be started.
         """
         self.due_s = None
         folder = self._home.folder / version.folder

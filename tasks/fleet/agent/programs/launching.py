@@ -229,7 +229,7 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
 
     Args:
         folder: folder of the version.
-        file: its path in the bundle.
+        file: path of the script in the bundle.
         code: failure code of its absence.
 
     Raises:
@@ -247,7 +247,7 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
     Args:
         home: the agent's.
         version: whose launch configuration and tags are exported.
-        data: where the application keeps what outlives its versions; programs take it for their home.
+        data: folder of the application's data that outlives its versions; programs have it as `HOME`.
         base: the agent's own.
     """
     passed = {name: value for name, value in base.items() if name not in _NOT_PASSED_ON}

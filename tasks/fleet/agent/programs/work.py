@@ -84,9 +84,9 @@ class ScriptWork:
     Args:
         process: started, with its output in a file.
         phase: phase of the installation that it carries out.
-        name: what it is called in reasons.
+        name: name of the script in failure reasons.
         code: failure code.
-        log: its output.
+        log: file with the script's output.
         due_s: until when it has to have ended, by the monotonic clock.
         monotonic: the monotonic clock, in seconds.
     """
