@@ -23,7 +23,7 @@ from .requirement_kinds.kind import RequirementKind
 from .trials import trials_of
 
 MAX_REQUIREMENTS = 50
-"""How many requirements a run may have."""
+"""Most requirements that a run may have."""
 
 
 REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = classes_of(

@@ -19,9 +19,9 @@ TRIALS_FOLDER = "trials"
 SUMMARY_NAME = "trials"
 """Name of the summary in a result's `extra`."""
 MAX_FAILING = 100
-"""How many trials that did not pass a summary names."""
+"""Most trials that a summary names of those that did not pass."""
 MAX_COMBINATIONS = 200
-"""How many combinations of parameters a summary counts."""
+"""Most combinations of parameters that a summary counts."""
 
 
 class TrialRow(Model):

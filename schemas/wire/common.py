@@ -129,7 +129,7 @@ IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:r
 TagKey = Annotated[str, ShapeName("TagKey"), text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 TagValue = Annotated[str, ShapeName("TagValue"), text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 MAX_TAGS = 50
-"""How many tags a resource may have."""
+"""Most tags that a resource may have."""
 TagMap = Annotated[
     dict[TagKey, TagValue],
     ShapeName("TagMap"),

@@ -13,7 +13,7 @@ from .node import Ended
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 60.0
-"""How long a machine is left alone after its job worker has ended; each further pause is twice as long."""
+"""Pause before a machine's job worker is started again after its end; each further pause is twice as long."""
 
 STEADY_S = 60.0
 """A job worker that lasted this long was well; pauses after it begin anew."""
@@ -32,7 +32,7 @@ class _Machine:
     """Whether its last job worker could not use its settings."""
 
     reason: str = ""
-    """Why its last job worker ended, unless it ended well."""
+    """Reason why its last job worker ended, unless it ended well."""
 
     @property
     def runs(self) -> bool:

@@ -95,7 +95,7 @@ class Ownership:
     """Name of who holds its lease, or held it last; `None`: no process has held it."""
 
     since: datetime | None
-    """When the owner took it."""
+    """Time at which the owner took it."""
 
     is_held: bool
     """Whether the owner holds the lease, and it has not run out."""

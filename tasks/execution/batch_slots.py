@@ -31,7 +31,7 @@ _LATE_S = 5.0
 
 _PREFIX = "robomaker-"
 _PAGE = 50
-"""How many limits are read at once."""
+"""Limits that are read at once."""
 
 _logger = logging.getLogger(__name__)
 

@@ -39,10 +39,10 @@ AUTOMATION = "robomaker: close dead runs"
 """Name of the automation, by which it is found again."""
 
 SILENCE_S = 30.0
-"""How long a run may give no sign of life before it counts as dead: three of them may be late."""
+"""Time without a heartbeat after which a run counts as dead: three of them may be late."""
 
 UNHEARD_S = 90.0
-"""How long a run may give no sign of life before it is closed without the automation, which is quicker."""
+"""Time without a heartbeat after which a run is closed without the automation, which is quicker."""
 
 _SETTLE_S = 5.0
 """How long after its flow run a task run may still be closed by an event that is on its way."""
@@ -63,13 +63,13 @@ _EVENTS_KEPT = timedelta(days=30)
 
 _EVENTS_PAGE = 50  # the most that the server gives at once
 _TOLD_FOR = timedelta(days=1)
-"""How long after a run was closed its true end is looked for."""
+"""Time after the closing of a run in which its true end is searched for."""
 
 _LATE_S = 300.0
 """How late states of task runs reach a server that is flooded with them; 240 s were seen."""
 
 _DEPTH = 4
-"""How deep flows are in each other at most."""
+"""Largest depth of nested flows."""
 
 _ENDS = ("Completed", "Failed", "Crashed", "Cancelled", "TimedOut", "Paused", "Suspended")
 

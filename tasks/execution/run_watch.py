@@ -36,10 +36,10 @@ BEAT_S = 10.0
 """Time from one sign of life to the next."""
 
 _LOOK_S = 2.0
-"""How often the server is asked whether a run was cancelled."""
+"""Seconds between two polls of the server whether a run was cancelled."""
 
 _MOST_MISSES = 3
-"""How often it may give no answer, one time after the other, since it is only busy."""
+"""Polls in a row that the server may leave unanswered, as it may only be busy."""
 
 _watched_around: ContextVar[UUID | None] = ContextVar("robomaker_watched_run", default=None)
 _logger = logging.getLogger(__name__)

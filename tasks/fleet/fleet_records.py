@@ -51,7 +51,7 @@ DEPLOYMENT = "deployment-job"
 
 _NOT_BEGUN = ("Pending", "Preparing")
 PATIENCE_S = 10.0
-"""How long a change of a fleet waits for the changes of others."""
+"""Longest wait of a change of a fleet for other changes."""
 
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01

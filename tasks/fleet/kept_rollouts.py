@@ -276,7 +276,7 @@ class OpenRollout:
     """Files that robots download, by the robot's ARN; robots that cannot get the application are absent."""
 
     launch: DeploymentLaunchConfig
-    """How the application is started."""
+    """Launch of the application."""
 
 
 def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:

@@ -51,7 +51,7 @@ class SaidBefore:
     """The last ones, oldest first."""
 
     withheld: ReportedCode | None = None
-    """Why the server could not send the file, when the robot asked for it last."""
+    """Reason why the server could not send the file at the robot's last request."""
 
 
 def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:

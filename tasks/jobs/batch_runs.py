@@ -44,7 +44,7 @@ _logger = logging.getLogger(__name__)
 
 _WAIT_S = 0.5
 _ASK_S = 0.2
-"""How often the catalog is asked whether the batch is to be cancelled."""
+"""Seconds between two polls of the catalog whether the batch is to be cancelled."""
 _INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
@@ -323,7 +323,7 @@ class BatchRun:
         return self._why_stop() is None and len(self._made) + len(self._failed) < len(self._requests)
 
     def _why_stop(self) -> StopReason | None:
-        """Why the batch's jobs have to stop, if they have to; the first reason stays."""
+        """Reason why the batch's jobs have to stop, or `None`; the first reason stays."""
         if self._stop is None:
             if self._lease.lost or self._is_cancelled():
                 self._stop = StopReason.BATCH_CANCELED
@@ -332,7 +332,7 @@ class BatchRun:
         return self._stop
 
     def _why_jobs_stop(self) -> StopReason | None:
-        """Why jobs that run have to stop, if they have to.
+        """Reason why running jobs have to stop, or `None`.
 
         A batch that another process has taken over is no reason: each job has a lease of its own, and the other process
         waits for those that are held.

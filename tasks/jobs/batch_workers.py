@@ -194,7 +194,7 @@ class BatchWorker:
             _logger.warning("%s could not be marked as failed: %s", arn, error)
 
     def _why_stop(self) -> StopReason | None:
-        """Why jobs of the batch have to end, by the status that was seen last."""
+        """Reason why jobs of the batch have to end, by its last known status."""
         return STOPPING.get(self._status)
 
 

@@ -401,7 +401,7 @@ class JobRun:
         return self._why_stop() is not None
 
     def _why_stop(self) -> StopReason | None:
-        """Why the job has to end, if it has to."""
+        """Reason why the job has to end, or `None`."""
         return self._asked()[1]
 
     def _note_answers(self) -> None:

@@ -39,10 +39,10 @@ class Room:
     """Free on the disk of the data home."""
 
     running: int
-    """How many jobs run."""
+    """Number of running jobs."""
 
     growing: int
-    """How many of those began a moment ago, and may still take all the memory that a job needs."""
+    """Number of jobs that began a moment ago, and may still take all the memory that a job needs."""
 
 
 def why_wait(need: Need, room: Room) -> Wait | None:

@@ -99,7 +99,7 @@ def _holder(text: bytes) -> Holder:
 _COUNTS_S = 3.0
 _REMOVED_S = 60.0
 WRITE_EVERY_S = 0.5
-"""How often a waiter writes its file."""
+"""Seconds between two writes of a waiter's file."""
 
 
 class WaiterRecord(Model):

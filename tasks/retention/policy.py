@@ -18,7 +18,7 @@ class Candidate:
     failed: bool = False
     """Whether it did not succeed."""
     busy: str = ""
-    """Why it cannot be removed now; empty when it can."""
+    """Reason why it cannot be deleted now; empty if it can."""
     begun: bool = False
     """Whether its removal has begun, so that nothing but being in use keeps it."""
 

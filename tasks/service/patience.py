@@ -36,7 +36,7 @@ class Patience:
     """Seconds after which a failing call is not repeated any more."""
 
     first_pause_s: float = 1.0
-    """How long after the first failure the store is asked again."""
+    """Seconds until the first retry after a failure."""
 
     stopped: Stopped = never
     """Whether to wait no more."""

@@ -39,7 +39,7 @@ class Timing:
     """Time intervals of the service, in seconds."""
 
     lease_s: float = 30.0
-    """How long after its last sign of life a job worker counts as dead."""
+    """Seconds without a heartbeat after which a job worker counts as dead."""
 
     renew_lease_every_s: float = 5.0
     """Seconds between two renewals of a lease by its holder."""
@@ -60,7 +60,7 @@ class Timing:
     """Seconds until a run that was killed from outside is tried again: memory may be short just now."""
 
     after_outage_s: float = 1.0
-    """How long after the catalog did not answer it is asked again."""
+    """Seconds until the next try after the catalog did not answer."""
 
     longest_retry_pause_s: float = 60.0
     """The longest pause before a job is tried again whose flow run raised."""

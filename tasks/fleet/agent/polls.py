@@ -76,7 +76,7 @@ class Polls:
         self._told_attributes: Mapping[str, str] | None = None
         self._deliver_s = 0.0
         self.due_s = monotonic()
-        """When to poll next, by the monotonic clock."""
+        """Time of the next poll, by the monotonic clock."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
         """Polls the server once; returns what it wants."""

@@ -50,7 +50,7 @@ class Options:
     """Architecture by RoboMaker's name (`X86_64`, `ARM64`, `ARMHF`); absent: the machine's."""
 
     health_s: float = 10.0
-    """How long a new version has to stay up."""
+    """Seconds for which a new version has to keep running."""
 
     health_command: str | None = None
     """Run by a shell once it stayed up; its exit code 0 says that the version is healthy."""
@@ -59,7 +59,7 @@ class Options:
     """Time limit for each condition file, preLaunchFile, postLaunchFile and health command, in seconds."""
 
     stop_s: float = 10.0
-    """How long an application may take to end before it is killed."""
+    """Seconds in which an application has to end before it is killed."""
 
     longest_wait_s: float = 300.0
     """Between two polls while the server is away."""

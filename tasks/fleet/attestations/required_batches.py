@@ -34,7 +34,7 @@ from .envelopes import PublicKey, attestation_key, known_public_key, sign, verif
 from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
 
 LONGEST_WAIT = timedelta(days=14)
-"""How long after its creation a deployment waits for its batch: as long as a batch may run."""
+"""Longest wait of a deployment for its batch, from the deployment's creation: as long as a batch may run."""
 
 _FOLDER = "robots/attestations"
 

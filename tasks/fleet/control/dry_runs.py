@@ -50,13 +50,13 @@ class DryRun:
     """Changes by robot, in the order in which robots get their orders; those that cannot get the application last."""
 
     at_once: int
-    """How many robots have orders at the same time, at most."""
+    """Most robots that have orders at the same time."""
 
     requires_approval: bool
     rolls_back: bool
     windows: tuple[MaintenanceWindow, ...]
     opens_s: float | None
-    """When the first robot may begin, in seconds since the epoch; `None`: at once."""
+    """Earliest start of the first robot, in seconds since the epoch; `None`: at once."""
 
     blocked_by: str | None
     """ARN of a deployment of the fleet that has not ended, so that this one would be refused; `None`: there is none."""

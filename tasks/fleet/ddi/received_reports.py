@@ -62,10 +62,10 @@ class Feedback:
     execution: Execution
     finished: Finished
     count: int | None = None
-    """How many parts are done."""
+    """Number of parts that are done."""
 
     of: int | None = None
-    """How many parts there are."""
+    """Number of all parts."""
 
     code: int | None = None
     """The robot's own number for what happened; updaters of others send none."""

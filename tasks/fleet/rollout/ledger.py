@@ -62,7 +62,7 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
         "DeploymentFleetDoesNotExist",
     ),
 }
-"""How the rollout ends, and the failure code of robots that have begun."""
+"""End of the rollout, and failure code of robots that have begun."""
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:

@@ -104,7 +104,7 @@ class RenewedRoot(NamedTuple):
     version: int
     expires: datetime
     missing: int
-    """How many signatures it still needs; 0: it is published."""
+    """Number of missing signatures; 0: it is published."""
 
     new_keys: list[Path]
     """Files of new root keys, which have signed it already."""

@@ -85,7 +85,7 @@ class TargetStep:
 
 
 BundleSuffix = Literal["tar.gz", "zip", "tar"]
-"""How a bundle's name ends, which tells an agent how to unpack it."""
+"""Suffix of a bundle's name, by which an agent knows how to unpack it."""
 
 _GZIP, _ZIP = b"\x1f\x8b", b"PK"
 

@@ -18,7 +18,7 @@ from .metadata import Changes, to_bytes
 from .publishing import publisher_of
 
 VALID_S = 3600.0
-"""How long a one-time token is taken."""
+"""Time for which a one-time token is valid."""
 
 _ROBOT = "robot"
 _SECRET_BYTES = 20

@@ -32,7 +32,7 @@ class Lifetime:
     """Time for which a TUF role's signatures are valid, and after which they are renewed."""
 
     valid: timedelta
-    """From its signature on."""
+    """Validity from the time of the signature."""
 
     renew_before: timedelta
     """It is signed again once less than that is left; for the root, people are warned."""

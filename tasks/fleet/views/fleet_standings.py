@@ -176,7 +176,7 @@ def _only_one(service: Service) -> Resource:
 
 
 LOOK_S = 1.0
-"""How often it is looked."""
+"""Seconds between two snapshots."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +185,10 @@ class Look:
 
     job: Resource
     at_s: float
-    """When it was looked, in seconds since the epoch."""
+    """Time of the snapshot, in seconds since the epoch."""
 
     rollout: Rollout | None = None
-    """How each robot stands; nothing: it has not begun."""
+    """States of the robots; `None`: the deployment has not begun."""
 
     waves: Sequence[tuple[str, ...]] = ()
     """ARNs of the robots of each wave."""

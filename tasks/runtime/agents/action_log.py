@@ -279,7 +279,7 @@ class ActionRecorder:
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
-        """Why there is no log; None: there is one."""
+        """Reason why the run has no log; None: it has one."""
         self.summary: ActionsSummary | None = None
         """Summary of the log; absent until it is complete."""
         try:

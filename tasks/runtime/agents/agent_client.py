@@ -287,7 +287,7 @@ class Simulation:
         self._frames = FrameBuffer({HELLO: limit, OBSERVATION: limit, END: limit, ERROR: limit})
         self.mode: str = options["mode"]
         self.ended_by: str | None = None
-        """Why the run ended, once it is over: `environment`, `canceled`, `duration limit`, …"""
+        """Cause of the run's end, once it is over: `environment`, `canceled`, `duration limit`, …"""
         kind, payload = self._receive()
         hello = json.loads(bytes(payload))
         if kind != HELLO or hello.get("protocol") != PROTOCOL:

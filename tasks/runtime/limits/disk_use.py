@@ -16,7 +16,7 @@ from ....schemas.runs.programs import FoundFiles
 from .files import HeldFile, deleted_files, files_below
 
 PAUSE_S = 1.0
-"""From the end of one walk to the beginning of the next."""
+"""Seconds from the end of one walk to the beginning of the next."""
 SLICE_S = 0.0003
 """Time limit for one disk check, in seconds; ten checks a second take 0.3 % of a processor."""
 URGENT_SLICE_S = 0.01

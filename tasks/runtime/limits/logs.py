@@ -82,9 +82,9 @@ def _last_lines(path: Path) -> list[str]:
 
 
 MAX_LOG_BYTES = 100_000_000
-"""How much of one log is kept from its beginning."""
+"""Bytes of one log that are kept from its beginning."""
 MAX_END_BYTES = 64 * 1024
-"""How much of its end is kept besides."""
+"""Bytes of its end that are kept besides."""
 _SLACK_BYTES = 4 * 1024 * 1024
 
 

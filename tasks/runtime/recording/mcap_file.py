@@ -41,7 +41,7 @@ class Rows(NamedTuple):
     """Messages of several topics that were logged at the same times: a row has one of each."""
 
     times_ns: NDArray[np.int64]
-    """When they were logged, in order."""
+    """Log times of the messages, in order."""
 
     records: bytes | memoryview
     """The rows one after the other, each the records of its messages (see `message_record`)."""

@@ -208,7 +208,7 @@ class JointNames:
 
     joints: Sequence[JointPlace]
     positions: int
-    """How many positions there are; velocities follow."""
+    """Number of positions; velocities follow them."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
         """Returns the joint of the number at an index of the state, and whether it is a position or velocity."""

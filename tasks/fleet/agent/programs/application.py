@@ -52,7 +52,7 @@ class Application:
         """Whether it had been up for long when it ended the last time."""
 
         self.due_s: float | None = None
-        """When it is started again, by the monotonic clock."""
+        """Time of its next start, by the monotonic clock."""
 
     @property
     def is_running(self) -> bool:

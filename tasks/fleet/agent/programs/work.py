@@ -33,10 +33,10 @@ class ChildWork:
         self._has_answered = False
         self._is_over = False
         self.percent: int | None = None
-        """How much is done."""
+        """Percentage that is done."""
 
         self.later: str | None = None
-        """Why it has to be tried again later."""
+        """Reason why it has to be tried again later."""
 
     @property
     def pipe(self) -> int | None:
@@ -113,7 +113,7 @@ class ScriptWork:
         self._monotonic = monotonic
         self._is_over = False
         self.due_s: float | None = due_s
-        """When it has taken too long."""
+        """Time at which it times out, by the monotonic clock; `None`: it is over."""
 
     def poll(self) -> list[Event]:
         """Checks, without waiting, whether the script has ended or timed out, and ends one that has timed out.
