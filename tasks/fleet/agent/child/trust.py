@@ -185,7 +185,7 @@ class Repository:
             floors: versions that roles must not be older than.
             newest_s: the latest time at which the repository was fresh.
             architecture: the robot's.
-            seen: called with the version of the repository's timestamp, before any of its content is used.
+            seen: called with the verified versions and time of the repository, before any of its content is used.
 
         Raises:
             StepFailed: the metadata is not trusted, or has nothing for this robot.
