@@ -51,8 +51,8 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
     """Lists Prefect concurrency limits that belong to finished batches.
 
     Args:
-        batches: their ids.
-        service: where the catalog is.
+        batches: ids of the batches.
+        service: the service, with its catalog and object store.
 
     Returns:
         The names of their limits.
@@ -87,7 +87,7 @@ class RecordedEnds:
 
     Args:
         settings: the data home's.
-        client: of the server that shows the flow runs.
+        client: client of the server that shows the flow runs.
     """
 
     def __init__(self, settings: Settings, client: SyncPrefectClient) -> None:
@@ -152,14 +152,14 @@ SWEEP_S = 5.0
 """Time from one sweep to the next while a flow run is open."""
 
 IDLE_SWEEP_S = 60.0
-"""The same once none has been for as long: only what is told late is found then."""
+"""Seconds between two sweeps once no flow run has been open for as long: they find only late reports."""
 
 IDLE_LOOK_S = 20.0
-"""Time from one look for open flow runs to the next, then; less than `SILENCE_S`, so that a run that dies is closed no
+"""Seconds between two polls for open flow runs then; less than `SILENCE_S`, so that a run that dies is closed no
 later for it."""
 
 _LIMITS_S = 60.0
-"""Time from one look at the limits of batches to the next."""
+"""Seconds between two checks of the batches' concurrency limits."""
 
 _RETRY_S = 1.0
 
@@ -171,7 +171,7 @@ def close_dead_runs(settings: Settings) -> None:
     """Starts a thread that regularly closes flow runs whose process died, on the Prefect server.
 
     Args:
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     connect = partial(get_client, sync_client=True)
     threading.Thread(target=_close_until_end, args=(connect, settings), name="dead runs", daemon=True).start()
@@ -196,13 +196,13 @@ def close_dead_runs_once(settings: Settings) -> None:
     """Starts a thread that closes dead flow runs once.
 
     Args:
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     threading.Thread(target=_sweep_once, args=(settings,), name="dead runs").start()
 
 
 class _Pace:
-    """Says when to sweep: often while a flow run is open and for a minute after that, else seldom."""
+    """Decides when to sweep: often while a flow run is open and for a minute after that, else seldom."""
 
     def __init__(self) -> None:
         self._open_at_s = self._swept_at_s = self._answers_since_s = time.monotonic()
@@ -210,12 +210,12 @@ class _Pace:
 
     @property
     def pause_s(self) -> float:
-        """Seconds to wait until the next look for open flow runs."""
+        """Seconds to wait until the next poll for open flow runs."""
         return SWEEP_S if time.monotonic() - self._open_at_s < IDLE_SWEEP_S else IDLE_LOOK_S
 
     @property
     def last_look(self) -> datetime:
-        """Time of the last look for open flow runs, or slightly before it."""
+        """Time of the last poll for open flow runs, or slightly before it."""
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
@@ -271,12 +271,12 @@ def _close_until_end(
 
 
 def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[tuple[str, int]]) -> None:
-    """Writes into dead flow runs of interrupted runs what finishes the run.
+    """Writes into the dead flow runs of interrupted runs how the run can be finished.
 
     Args:
         client: the server's client.
-        settings: of the home.
-        told: what was said before; gets what is said now.
+        settings: settings of the data home.
+        told: run ids and counts of interruptions that were already reported; the new ones are added.
     """
     for run in broken_off_runs(settings):
         key = (run.run_id, len(run.order.interruptions))
@@ -301,6 +301,6 @@ def _sweep_once(settings: Settings) -> None:
 
 
 def _watched_flows() -> set[str]:
-    """The names of those flows that give signs of life: of what they carry out."""
+    """Returns the names of the flows that send heartbeats."""
     jobs = [entry for entry in registry().values() if entry.run_job]
     return {"RunPipeline", JOB_WORKER_FLOW, *(entry.perform_name for entry in jobs), *(entry.name for entry in jobs)}

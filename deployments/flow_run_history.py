@@ -30,7 +30,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
 
     Args:
         settings: whose local server.
-        policy: what is kept; without an age every flow run is.
+        policy: retention policy; without an age every flow run is kept.
         now: the time.
         act: whether anything is changed.
 
@@ -53,7 +53,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
 
     Args:
         settings: whose local server.
-        service: where the batches are.
+        service: the service, with its catalog and object store.
         act: whether anything is changed.
 
     Returns:
@@ -93,7 +93,7 @@ def _collect(
 
 
 def _shrink(path: Path, told: GcFlowRuns, *, is_open: bool, act: bool) -> GcFlowRuns:
-    """Gives back what the database does not use, if that is worth it."""
+    """Frees the unused disk space of Prefect's database, if that is worth it."""
     before = measure_database(path)
     if before.free_bytes < WORTH_BYTES:
         return told.model_copy(update={"database_bytes": before.size_bytes})

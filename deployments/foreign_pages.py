@@ -36,11 +36,11 @@ def refusal(
     """Returns why a request is refused because a foreign web page may have sent it; `None` if it is allowed.
 
     Args:
-        kind: what is asked for.
+        kind: kind of the requested resource.
         method: the method, in capitals; of a WebSocket any.
         headers: the request's headers.
         is_own_host: whether a `Host` names this server and no web site can have that name.
-        schemes: those that the server's own pages may have; with `https` a proxy before it may end TLS.
+        schemes: URL schemes that the server's own pages may have; with `https` a proxy before it may end TLS.
     """
     found = _found(headers)
     hosts, origins = found[b"host"], found[b"origin"]

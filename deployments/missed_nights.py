@@ -57,7 +57,7 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
     Without a server in Prefect's settings nothing is looked at.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         now: the time; `None`: that of the clock.
     """
     if get_current_settings().api.url is None:
@@ -154,7 +154,7 @@ def looked_at(
 
 
 def _runs(schedule: NightSchedule, settings: Settings, client: SyncPrefectClient) -> Mapping[datetime, DueRun]:
-    """The runs for times of the schedule since the last look, and the next ones."""
+    """Returns the flow runs for the schedule's times since the last check, and for the next ones."""
     found = client.read_flow_runs(
         deployment_filter=DeploymentFilter.model_validate({"id": {"any_": [schedule.deployment]}}),
         flow_run_filter=FlowRunFilter.model_validate({"expected_start_time": {"after_": schedule.checked_until}}),

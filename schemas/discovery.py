@@ -62,7 +62,7 @@ def classes_of(
     """Finds the subclasses of a base class that plugin modules define, and returns them by name.
 
     Args:
-        base: Their base class.
+        base: Base class of the classes.
         package: As for `modules_of`.
         kind: Likewise.
         names: Gives the names of a class; none for a base class of others.

@@ -77,7 +77,7 @@ class Role(Model):
 
     @property
     def has_source(self) -> bool:
-        """Whether the role says where its credentials come from."""
+        """Whether the role names the source of its credentials."""
         return bool(self.access_key_id or self.profile or self.block or self.assume_role)
 
     def means(self, arn: str) -> bool:

@@ -63,7 +63,7 @@ def given_options(arguments: argparse.Namespace, *names: str) -> list[str]:
     """Returns options as words of a command line, as they were given.
 
     Args:
-        arguments: those of a command.
+        arguments: parsed arguments of a command.
         names: options with one or several values; those that were not given are left out.
     """
     values = {name: getattr(arguments, name) for name in names}

@@ -19,7 +19,7 @@ def check_backend(settings: Settings) -> Finding:
     """Runs a test job on the configured backend (where jobs run), and reports the result.
 
     Args:
-        settings: those of a run, with the backend that is examined.
+        settings: settings of a run, with the backend that is examined.
     """
     from ...flows import lookup
     from ...tasks.jobs.job_owners import OwnOrder
@@ -49,7 +49,7 @@ def check_backend(settings: Settings) -> Finding:
 
 
 def _tell(note: str) -> None:
-    """Says what is waited for."""
+    """Prints a note about the check's progress."""
     sys.stderr.write(f"{note}\n")
     sys.stderr.flush()
 

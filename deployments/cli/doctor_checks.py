@@ -58,8 +58,8 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
     """Runs all checks of `robomaker doctor`.
 
     Args:
-        settings: what is examined.
-        notify: whether a test message is sent to those who are told how runs ended.
+        settings: the settings that are examined.
+        notify: whether a test message is sent to the addresses that are notified of the ends of runs.
     """
     without_roles = settings.model_copy(update={"roles_file": None})  # a wrong file is told once, and in its place
     checks: dict[str, Callable[[], Finding]] = {
@@ -176,7 +176,7 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
 
     Args:
         home: the data home.
-        least_free_bytes: what has to be free for a job to begin.
+        least_free_bytes: bytes that have to be free on the disk before a job begins.
     """
     probe = home / f".doctor-{uuid.uuid4().hex}"
     try:
@@ -387,8 +387,8 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
     """Checks for unfinished jobs that no process will continue by itself.
 
     Args:
-        settings: what the jobs' needs are compared with.
-        opened_with: what the catalog is opened with.
+        settings: settings that the jobs' needs are compared with.
+        opened_with: settings that the catalog is opened with.
     """
     from ...tasks.jobs.job_owners import left_jobs
     from ...tasks.service.service import Service

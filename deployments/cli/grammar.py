@@ -79,7 +79,7 @@ def find_commands(folder: Path, package: str) -> list[Command]:
 
     Args:
         folder: the folder.
-        package: its full name as a package.
+        package: full name of the package.
     """
     return sorted(_commands(folder, package), key=lambda command: _place(command.name, _FIRST))
 

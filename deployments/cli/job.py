@@ -25,7 +25,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     from ...tasks.service.service import Service
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
@@ -60,7 +60,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
 
 def _run_of(arn: str, service: "Service") -> "OpenRun | None":
-    """Takes the run that ordered a job, if its process has died: who performs the job finishes the run."""
+    """Takes over the run that ordered a job, if its process has died: this process finishes the run after the job."""
     from ...tasks.nights.broken_off import broken_off
     from ...tasks.nights.open_runs import OpenRun
 

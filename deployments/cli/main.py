@@ -34,10 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _executed(words: Sequence[str]) -> int:
-    """Executes the command and says what went wrong; answers the exit code.
+    """Executes the command, prints errors, and returns the exit code.
 
     Raises:
-        BrokenPipeError: who reads the output or the errors has gone away.
+        BrokenPipeError: the reader of standard output or standard error has closed it.
     """
     try:
         return _execute(words)
@@ -50,7 +50,7 @@ def _executed(words: Sequence[str]) -> int:
 
 
 def _interrupted(interruption: KeyboardInterrupt) -> int:
-    """Says that the command was interrupted; answers the exit code, unless it was a signal that ends the process."""
+    """Prints that the command was interrupted; returns the exit code, or ends the process by the signal."""
     with suppress(OSError):  # the terminal may be gone
         sys.stderr.write("\nrobomaker: interrupted\n")
         sys.stderr.flush()
@@ -80,7 +80,7 @@ def _execute(words: Sequence[str]) -> int:
 
 
 def _report(error: Exception, *, debug: bool) -> int:
-    """Says what went wrong; answers the exit code."""
+    """Prints the error, and returns the exit code."""
     from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 
     if debug:

@@ -37,13 +37,13 @@ def carry_out(
 
     Args:
         spec: the specification.
-        settings: where everything is kept.
-        arguments: those of the command line: `output` and `open`.
+        settings: settings of the run.
+        arguments: parsed command line: `output` and `open`.
         command: the command that does the same again.
-        report: where a copy of the report goes; None: nowhere.
+        report: path of a copy of the report; None: no copy.
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
-        rerun_of: of which run it is the rerun; `None`: of none.
+        rerun_of: the run that it repeats; `None`: it is no rerun.
         open_run: the run, where another process began it.
 
     Returns:
@@ -117,7 +117,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Returns the settings of a run, with the backend from the command line.
 
     Raises:
-        ConfigurationError: one of them cannot be used; nothing has been started.
+        ConfigurationError: a setting or the backend is invalid; nothing has been started.
     """
     from ...tasks.backends.backend import open_backend
 

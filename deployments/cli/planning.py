@@ -80,7 +80,7 @@ def with_time(needed: "PlannedPairs", forecast: "Forecast", planned: int) -> "Pl
 
     Args:
         needed: the number of trials.
-        forecast: what a probe measured.
+        forecast: the forecast from a probe's measurements.
         planned: trials that the specification has now.
     """
     more = needed.pairs / planned - 1
@@ -180,7 +180,7 @@ def _names(text: str) -> set[str]:
 
 
 def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
-    """How many jobs, as a number where it can be told, and in words."""
+    """Returns the number of jobs, or `None` if it cannot be computed before the run, and a text that says it."""
     construct = for_each_of(requests)
     entries = _entries(construct.entries[FOR_EACH] if construct else requests, outputs)
     if entries is None:

@@ -92,11 +92,11 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
 
 
 def tell_after_outage(outage: "Outage", settings: Settings) -> None:
-    """Reports to the Prefect server, at a run's end, what it missed during an outage.
+    """Reports to the Prefect server, at a run's end, the ends of flow runs that it missed during an outage.
 
     Args:
         outage: what `wait_for_server_once` returned.
-        settings: of the home that knows how its runs ended.
+        settings: settings of the data home that knows how its runs ended.
     """
     from ..dead_run_sweeper import close_dead_runs_once
 

@@ -36,7 +36,7 @@ class Machines:
         """Raises an error for an impossible number of machines or price.
 
         Args:
-            settings: those of the probe, with its backend.
+            settings: settings of the probe, with its backend.
 
         Raises:
             ConfigurationError: a number is too small, or jobs run on this machine alone.
@@ -104,13 +104,13 @@ def run_pass(
 
     Args:
         spec: the specification.
-        settings: where everything is kept, with the backend.
-        size: how much of it is run.
-        listener: told how it goes.
+        settings: settings of the run, with the backend.
+        size: limits of the pass: worlds, jobs and trials.
+        listener: called with the progress of the pass.
         spec_path: the file that the specification is from.
 
     Raises:
-        ProbeFailedError: it did not come to its end.
+        ProbeFailedError: the pass failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     quiet = settings.model_copy(update={"notify": ()})
@@ -141,8 +141,8 @@ def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
 
     Args:
         record: the run.
-        since: what is older was there before.
-        service: where they are stored.
+        since: time before which resources were not created by the pass.
+        service: the service, with its catalog and object store.
     """
     for step in reversed(record.steps):
         arn = step.arn or step.output.get("arn")
@@ -178,13 +178,13 @@ def probe(
 
     Args:
         spec: the specification; `check_probed` accepts it.
-        settings: where everything is kept, with the backend.
+        settings: settings of the run, with the backend.
         machines: how many there are to be, and what they cost.
-        listener: told how the probe goes.
+        listener: called with the progress of the probe.
         spec_path: the file that the specification is from.
 
     Raises:
-        ProbeFailedError: the probe did not come to its end.
+        ProbeFailedError: a pass of the probe failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     cpus = os.cpu_count() or 1

@@ -190,7 +190,7 @@ def _stop(worker: WorkerProcess) -> None:
 
 
 def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: str) -> None:
-    """Says where the endpoint is and how to use it."""
+    """Prints the endpoint's URL, and how to use it."""
     region = settings.region
     variables = {"AWS_ENDPOINT_URL_ROBOMAKER": facts["url"], "AWS_REGION": region, "AWS_DEFAULT_REGION": region}
     if not signed:

@@ -19,7 +19,7 @@ def work(batch: str, *, end_with_input: bool) -> int:
     """Runs a job worker for a batch until no jobs are left; implements `robomaker work`.
 
     Args:
-        batch: its ARN.
+        batch: ARN of the batch.
         end_with_input: whether the process ends when its standard input closes.
 
     Raises:

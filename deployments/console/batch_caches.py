@@ -14,7 +14,7 @@ class BatchBriefs:
     """Cache of batch summaries for the web console, each valid until its batch changes.
 
     Args:
-        catalog: where the batches are.
+        catalog: the catalog of the batches.
     """
 
     def __init__(self, catalog: Catalog) -> None:
@@ -50,7 +50,7 @@ class JobLines:
     """Cache of a batch's job rows for the web console, each valid until its job changes.
 
     Args:
-        catalog: where the jobs are.
+        catalog: the catalog of the jobs.
     """
 
     def __init__(self, catalog: Catalog) -> None:

@@ -225,7 +225,7 @@ def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> Ba
 
 
 def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
-    """How a batch stands; of one that came to its end, how its jobs did."""
+    """Returns how a batch's state is shown; for a completed batch, how its jobs ended."""
     if batch.status == "Completed" and verdicts is not None:
         if verdicts.get("ERROR") or sum(verdicts.values()) < total:
             return Look("broken", "some broke")

@@ -68,9 +68,9 @@ def carry_out(visit: Visit) -> Response:
     """Handles a form of the web console (cancel, restart, ...), and shows the resource again.
 
     Raises:
-        ResourceNotFoundException: there is no such act, or no such resource.
+        ResourceNotFoundException: the console has no such action, or the catalog no such resource.
         AccessDeniedException: the visitor's key is not good for it.
-        ServiceError: it cannot be done to the resource as it is.
+        ServiceError: the action is not possible in the present state of the resource.
     """
     folder, resource_id, act = (visit.request.path_params[name] for name in ("folder", "id", "act"))
     if (other := _OTHERS.get((folder, act))) is not None:
@@ -142,7 +142,7 @@ def add_page(module: str, path: str, page: Page) -> None:
         page: The page.
 
     Raises:
-        ConfigurationError: It would never be shown, or hide what is needed to log in.
+        ConfigurationError: The path does not begin with `/`, or another page of the console has it.
     """
     if not path.startswith("/"):
         raise ConfigurationError(f"{module} has a page {path!r}; its path has to begin with /")
@@ -186,9 +186,9 @@ class Console:
 
     Args:
         endpoint: the application of all other paths; it makes the calls of operations, and counts requests.
-        service: what is shown.
-        access_keys: those that may log in, by id; `None`: no login is asked for, and no web page of others let in.
-        worker_status: what is shown of the job worker.
+        service: the service, with its catalog and object store.
+        access_keys: access keys that may log in, by id; `None`: no login, and no foreign web page is admitted.
+        worker_status: returns the job worker's status to show.
         spec_runs: runs of specifications that visitors order; `None`: they can order none.
     """
 
@@ -259,7 +259,7 @@ class Console:
 
     @contextmanager
     def _noted(self, request: ServiceRequest) -> Iterator[list[int]]:
-        """Has the endpoint count and log a request, once the status of its answer is known."""
+        """Counts and logs a request after the `with` block, with the HTTP status that the block adds to the list."""
         began = time.perf_counter()
         # Streams last as long as somebody looks, and say nothing about how quick pages are.
         request.operation = "console-stream" if request.url.path.endswith("/live") else "console"

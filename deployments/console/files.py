@@ -42,13 +42,13 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
     """Makes the HTTP response with one of a job's output files.
 
     Args:
-        place: where the outputs are that it is one of.
-        name: its name there.
-        service: where it is stored.
+        place: place of the job's outputs in the object store.
+        name: name of the file there.
+        service: the service, with its catalog and object store.
 
     Raises:
         ObjectNotFoundError: no manifest names it.
-        StorageError: it cannot be read.
+        StorageError: the file cannot be read.
     """
     if place is None or name not in published(place, service):
         raise ObjectNotFoundError(f"there is no file {name}")

@@ -136,7 +136,7 @@ def _logs(job: Resource, files: dict[str, int], visit: Visit) -> list[Log]:
 
 
 def _run_folder(job: Resource, visit: Visit) -> Path | None:
-    """The folder of a job's run, if it goes on on this machine."""
+    """Returns the folder of a job's run on this machine; `None` if the job has no run."""
     run_id = JobInBrief.of(job).run_id
     return visit.service.settings.home / "jobs" / job.id / run_id if run_id else None
 

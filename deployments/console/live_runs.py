@@ -26,8 +26,8 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.
-        name: of the note.
-        most_bytes: what of it is read.
+        name: name of the note.
+        most_bytes: most bytes of it that are read.
 
     Returns:
         Its first bytes; none where it cannot be read.

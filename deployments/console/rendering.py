@@ -29,7 +29,7 @@ def asset(name: str) -> str:
     """Returns the content of the console's style sheet or script.
 
     Raises:
-        KeyError: it is neither.
+        KeyError: the name is that of neither.
     """
     before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": report_script}
     return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")

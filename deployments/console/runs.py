@@ -141,8 +141,8 @@ def find_record(visit: Visit) -> RunRecord:
     """Returns the record of the run that the visitor asks for.
 
     Raises:
-        ResourceNotFoundException: there is none that the visitor may see.
-        ConfigurationError: it cannot be read.
+        ResourceNotFoundException: the visitor may see no such run.
+        ConfigurationError: the record cannot be read.
     """
     path = _path(visit)
     record = _read(path, path.stat().st_mtime_ns)

@@ -57,7 +57,7 @@ class JobLine:
 
     @property
     def is_failure(self) -> bool:
-        """Whether the job failed or broke, so that someone has to look at it."""
+        """Whether the job failed or broke, so that a person has to examine it."""
         return self.look.key in ("broken", "failed")
 
 
@@ -103,7 +103,7 @@ def job_line(job: Resource) -> JobLine:
 
 
 def _look_of_unfinished(status: str, *, draws: bool) -> Look:
-    """How a job that has not ended does, by its status and whether its programs have ended."""
+    """Returns how an unfinished job is shown, by its status and whether its programs have ended."""
     if status == "Pending":
         return WAITING
     if not draws:

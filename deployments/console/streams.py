@@ -38,8 +38,8 @@ class Streams:
         """Makes the HTTP response that streams changes to the browser (server-sent events).
 
         Args:
-            look: looks for news, in a thread of its own.
-            every_s: how often.
+            look: polled for changes, in a thread of its own.
+            every_s: seconds between two polls.
         """
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
         return _Stream(self, self._events(look, every_s), headers)

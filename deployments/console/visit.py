@@ -48,7 +48,7 @@ class Sessions:
     """All login sessions of a web console server.
 
     Args:
-        access_keys: those that may log in, by id.
+        access_keys: access keys that may log in, by id.
         clock: seconds that only grow.
         new_token: makes what cannot be guessed.
     """
@@ -72,8 +72,8 @@ class Sessions:
 
         Args:
             key_id: the id of an access key.
-            secret: its secret.
-            client: the address that the visitor comes from: others may go on when its logins fail.
+            secret: secret of the access key.
+            client: the visitor's IP address: failed logins are limited for each address.
 
         Raises:
             UnrecognizedClientException: id and secret are not those of an access key.
@@ -204,12 +204,12 @@ class Visit:
         """Returns a resource that the visitor may see.
 
         Args:
-            kind: what it is.
-            resource_id: its id.
-            members: which members of its document are read; `None`: all.
+            kind: kind of the resource.
+            resource_id: id of the resource.
+            members: members of its document to read; `None`: all.
 
         Raises:
-            ResourceNotFoundException: there is none, or it is none of the visitor's.
+            ResourceNotFoundException: the resource does not exist, or the visitor may not see it.
         """
         arn = self.service.arn(kind, resource_id)
         found = self.seen(self.service.catalog.get_many([arn], members).values())
@@ -238,12 +238,12 @@ class Visit:
         """Writes an action of the visitor that is no API call to the audit log.
 
         Args:
-            name: what is done.
-            resources: to what.
+            name: name of the action, for the audit log.
+            resources: ARNs or names of the resources.
             if_refused: whether only a refusal is written, because a call that follows writes the rest.
 
         Yields:
-            What is written; it gets what is made.
+            The entry of the audit log, to which the created resources are added.
         """
         call = Call(str(uuid.uuid4()), self.address, self.key, name, resources)
         try:

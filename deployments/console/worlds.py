@@ -54,7 +54,7 @@ def show_all(visit: Visit) -> Response:
 
 
 def _of_template(template: str, visit: Visit) -> dict[str, Any]:
-    """The template whose worlds are shown: its body, and the jobs that made worlds of it; nothing: there is none."""
+    """Returns the template whose worlds are shown, its body, and its generation jobs, for the page's template."""
     found = visit.service.catalog.get_many([visit.service.arn(_TEMPLATE, template)]) if template else {}
     for made_from in visit.seen(found.values()):
         page = visit.service.catalog.list(GENERATION, filters={"templateId": [template]}, limit=_MOST_JOBS, members=())

@@ -163,13 +163,13 @@ def spec_deployable(
 
     Args:
         spec: the specification, checked.
-        origin: where it came from; problems of a run name it.
-        name: of the deployment; absent: the specification's.
+        origin: name of its file, which problems of a run mention.
+        name: name of the deployment; absent: the specification's.
         tags: more tags.
         given: parameters whose values the deployment keeps, in place of the specification's defaults.
 
     Raises:
-        ConfigurationError: it is longer than Prefect takes.
+        ConfigurationError: the specification is longer than the parameters that Prefect accepts.
     """
     size = len(spec.text.encode())
     if size > _MOST_BYTES:

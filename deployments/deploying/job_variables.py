@@ -52,7 +52,7 @@ def block_of_word(word: str) -> tuple[str, str]:
     """Parses a Prefect block given as `TYPE/NAME`.
 
     Raises:
-        ConfigurationError: it is none of a type that settings can be taken from.
+        ConfigurationError: the text does not name a block of a type that holds settings.
     """
     slug, _, name = word.partition("/")
     if slug not in BLOCK_VARIABLES or not name:
@@ -69,7 +69,7 @@ def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, s
         read: reads a block.
 
     Raises:
-        ConfigurationError: there is no such block, or none of a type that settings can be taken from.
+        ConfigurationError: a block does not exist, or its type holds no settings.
     """
     variables = {}
     for word in blocks:
@@ -93,7 +93,7 @@ def check_image(kind: str, image: str | None) -> None:
         image: the image, if one is given.
 
     Raises:
-        ConfigurationError: it is missing, or of no use.
+        ConfigurationError: the pool needs an image and none is given, or it cannot use the image that is given.
     """
     if image is None and kind != "process":
         raise ConfigurationError(

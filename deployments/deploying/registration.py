@@ -131,8 +131,8 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
     """Creates or updates deployments on the Prefect server.
 
     Raises:
-        NoSuchPoolError: there is no such work pool.
-        ConfigurationError: there is no such block, or the server does not answer or refuses.
+        NoSuchPoolError: the work pool does not exist.
+        ConfigurationError: a block does not exist, or the server does not answer or refuses the deployment.
     """
     with _told(), get_client(sync_client=True) as client:
         pool = _pool(target.pool, client)
@@ -276,7 +276,7 @@ def _job_variables(pool: WorkPool, target: Target, client: SyncPrefectClient) ->
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """Makes what the server refuses, and that it does not answer, errors of ours."""
+    """Converts refusals and connection errors of the Prefect server to errors of this package."""
     try:
         yield
     except PrefectHTTPStatusError as error:
@@ -300,7 +300,7 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
         timezone: an IANA name such as `Europe/Berlin`, whose summer time counts.
 
     Raises:
-        ConfigurationError: one of them is none.
+        ConfigurationError: the cron expression or the time zone is invalid.
     """
     try:
         schedule = CronSchedule(cron=cron, timezone=timezone)
@@ -325,7 +325,7 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
 
 
 def _comes_due(cron: str, timezone: str) -> bool:
-    """Whether there is a next time, as Prefect's server will look for it; it finds those of the next decades."""
+    """Whether the schedule has a next time that Prefect's server finds: one within the next decades."""
     from prefect.server.schemas.schedules import CronSchedule as ServersSchedule
 
     try:

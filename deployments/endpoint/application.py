@@ -61,7 +61,7 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
     """Logs one HTTP request, if the access log is on.
 
     Args:
-        request: what was asked.
+        request: the HTTP request.
         status: HTTP status of the answer.
         error: name of the error that it tells of; `-`: of none.
         duration_s: how long it took.
@@ -102,12 +102,12 @@ class Endpoint:
     """API server: the ASGI application that serves every RoboMaker operation over HTTP.
 
     Args:
-        service: where the operations happen.
+        service: the service, with its catalog and object store.
         access_keys: access keys by id; `None`: requests need no signature, and web pages are refused.
-        on_submitted: told the ARN of every job that was stored, again if the call is repeated; called from
-            several threads, before the client has its answer.
-        worker_status: what the health page shows of the job worker; plain JSON.
-        audit_log: is told of every call of an operation, also of refused ones.
+        on_submitted: called with the ARN of every stored job, again if the call is repeated;
+            from several threads, before the client has its answer.
+        worker_status: returns the job worker's status for the health page; plain JSON.
+        audit_log: records every call of an operation, also refused ones.
         console: path of the console beside it, which the status page leads to; `None`: there is none.
     """
 
@@ -174,7 +174,7 @@ class Endpoint:
         """Counts and logs an answered request.
 
         Args:
-            request: what was asked.
+            request: the HTTP request.
             status: HTTP status of the answer.
             duration_s: how long it took.
             error: name of the error that the answer tells of; `-`: of none.
@@ -241,13 +241,13 @@ class Endpoint:
         return answer
 
     def _job_of(self, request: ServiceRequest) -> str | None:
-        """ARN of the job that a request comes from; `None`: it comes from none, or signatures say whose it is."""
+        """Returns the ARN of the job that sent a request; `None`: no job did, or signatures identify the caller."""
         if self.job_callers is None:
             return None
         return self.job_callers.job_of_path(request.scope) or self.job_callers.job_of(request.scope)
 
     def _page(self, request: ServiceRequest, *, is_of_job: bool) -> Response | None:
-        """The page at a path; a job is told that the service works, and nothing of others."""
+        """Returns the health or metrics page; a job learns only that the service works, nothing about others."""
         if is_of_job and request.raw_path == METRICS:
             raise AccessDeniedException("a simulation job sent this request, and metrics are not for jobs")
         return self._health.answer(request, is_of_job=is_of_job) or self._metrics.answer(request)

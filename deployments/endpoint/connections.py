@@ -45,7 +45,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
     """Makes the uvicorn protocol class that enforces connection limits.
 
     Args:
-        limits: what each client is given.
+        limits: limits of each connection.
     """
 
     class Limited(_LimitedProtocol):
@@ -115,7 +115,7 @@ class _LimitedProtocol(H11Protocol):
         return self._quiet_since
 
     def _end(self) -> None:
-        """Closes the connection, at once if the client does not even read what it was sent."""
+        """Closes the connection, at once if the client does not even read its response."""
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:
@@ -185,7 +185,7 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
 
     Raises:
         RequestEntityTooLargeException: the body is longer; the rest is left unread.
-        RequestTimeoutException: it did not arrive in time.
+        RequestTimeoutException: the body did not arrive in time.
         ClientDisconnect: the client hung up.
     """
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):

@@ -26,7 +26,7 @@ class Failures:
     """Converts exceptions of the API server to HTTP responses.
 
     Args:
-        settings: what they say of places on this machine is hidden from clients.
+        settings: settings whose paths and addresses are hidden from clients.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -36,8 +36,8 @@ class Failures:
         """Makes the error response for the client, and logs details.
 
         Args:
-            error: what went wrong.
-            operation: what was asked for, as far as that is known.
+            error: the error that occurred.
+            operation: name of the operation, if it is known.
             request_id: the request's id; joins the answer to the log's line.
         """
         is_protocol = isinstance(error, ProtocolError)
@@ -57,7 +57,7 @@ class Failures:
 
 
 def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:
-    """Places on this machine as messages say them, and what clients read instead."""
+    """Yields patterns of paths of this machine in messages, and the texts that replace them for clients."""
     store = settings.object_store
     if "://" in store:
         yield re.compile(re.escape(store.rstrip("/"))), "the object store"

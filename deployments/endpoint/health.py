@@ -37,7 +37,7 @@ class HealthPages:
     """Health and status pages of the API server.
 
     Args:
-        service: what is looked at.
+        service: the service, with its catalog and object store.
         worker_status: returns the job worker's status; plain JSON.
         is_open: whether every client may see what the service holds; otherwise only that it works.
         console: path of the console; `None`: there is none.
@@ -60,7 +60,7 @@ class HealthPages:
         """Returns the health page at a path; `None` if there is none.
 
         Args:
-            request: what is asked.
+            request: the HTTP request.
             is_of_job: whether a simulation job asks, which sees no more than that it works.
 
         Raises:
@@ -103,7 +103,7 @@ def _template() -> Template:
 
 PATH = "/metrics"
 _NO_OPERATION = "none"
-"""The label of requests that came to no operation: one for all, as clients choose paths."""
+"""Label of requests to paths without an operation: one for all, as clients choose paths."""
 
 _BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
 """A read takes 1 ms, a batch of 1,000 requests seconds."""
@@ -116,7 +116,7 @@ class Metrics:
         service: whose resources are counted when somebody asks.
         access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
             some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
-        worker_status: what the job worker says of itself.
+        worker_status: returns the job worker's status.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class Metrics:
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
-            MethodNotAllowedException: they are only read.
+            MethodNotAllowedException: the request's method is neither GET nor HEAD.
         """
         if request.raw_path != PATH:
             return None

@@ -32,7 +32,7 @@ class TlsFiles:
         """Checks the TLS files; `None` if none are given.
 
         Raises:
-            ConfigurationError: one is not given, cannot be read or used, or they do not belong together.
+            ConfigurationError: certificate or key is missing, cannot be read or used, or they do not belong together.
         """
         if certificate is None and key is None:
             return None
@@ -68,7 +68,7 @@ KEEP_ALIVE_S = 75
 """How long an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
 
 GRACE_S = 30
-"""How long requests in progress may take to end once the server is told to stop."""
+"""Seconds in which requests in progress may end after a signal to stop."""
 
 _BACKLOG = 512
 
@@ -89,16 +89,16 @@ def run_server(
     Args:
         application: the application to serve.
         host: name or address to listen at.
-        port: where; 0: any that is free.
-        ready: told the port once requests are answered.
-        stopping: told, before requests in progress are waited for, that they should end.
-        tls: what HTTPS needs; `None`: HTTP.
+        port: TCP port; 0: any free one.
+        ready: called with the port once requests are answered.
+        stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
+        tls: certificate and key for HTTPS; `None`: HTTP.
         limits: how many connections, and how slow; `None`: the usual.
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
-        ConfigurationError: nothing can listen there.
-        KeyboardInterrupt: SIGINT came twice, and the requests in progress were not waited for.
+        ConfigurationError: the address or port cannot be listened on.
+        KeyboardInterrupt: SIGINT was received twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
         if not is_loopback(host) and not getattr(application, "checks_signatures", False):
@@ -134,7 +134,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
     """Opens a listening socket inside the `with` block.
 
     Raises:
-        ConfigurationError: nothing can listen there.
+        ConfigurationError: the address or port cannot be listened on.
     """
     family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
     try:

@@ -61,7 +61,7 @@ class Router:
             raw_path: the path as it was sent; members in it are decoded once.
 
         Raises:
-            UnknownOperationException: there is none at that path, or none with that method.
+            UnknownOperationException: no operation has this path, or none with this method.
             SerializationException: a member in the path is not UTF-8.
         """
         by_method, members = self._at(raw_path)
@@ -193,7 +193,7 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
     Args:
         code: the error's name.
         status: HTTP status.
-        message: what is wrong; shortened to what fits a log.
+        message: text of the error; shortened for logs.
     """
     members = {"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}
     return WireResponse(members, status, {"x-amzn-errortype": code})

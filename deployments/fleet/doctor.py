@@ -39,7 +39,7 @@ def _check_robots(settings: Settings) -> Finding:
 
 
 def _check_keys(settings: Settings) -> Finding:
-    """Whether what agents trust is signed, and for how long."""
+    """Checks whether the metadata that agents trust is signed, and for how long."""
     from ...tasks.fleet.trust.upkeep import standing_of
     from ...tasks.service.service import Service
 

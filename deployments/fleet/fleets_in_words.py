@@ -19,7 +19,7 @@ from ...tasks.fleet.views.rollout_tables import notes_of
 from ..cli.output.answers import duration
 
 MOST_ROBOTS = 40
-"""Rows of a fleet's table unless all are wanted; those that need a look are among them."""
+"""Rows of a fleet's table unless all are wanted; robots with problems are among them."""
 
 _MOST_FAILURES = 10
 _COLUMNS = ("robot", "status", "version", "seen", "kind", "order")
@@ -36,8 +36,8 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
     """Prints fleets, each with its latest deployment and a table of its robots.
 
     Args:
-        fleets: what to show.
-        stream: where to; names are folded to the width of a terminal, and left whole elsewhere.
+        fleets: the fleets to show.
+        stream: output stream; names are folded to the width of a terminal, and left whole elsewhere.
         everything: whether large fleets are shown with all their robots.
         now: the time, for when robots were seen.
     """
@@ -174,14 +174,14 @@ _OVER = {
 """Words for what it waits for no more."""
 
 HEARTBEAT_S = 60.0
-"""Longest silence."""
+"""Seconds without a change after which a line of counts is printed."""
 
 
 class LineWatcher:
     """Progress display of a deployment that prints a line for each change.
 
     Args:
-        stream: where to.
+        stream: output stream, such as standard output.
         clock: seconds on a clock that only runs forward.
     """
 
@@ -192,7 +192,7 @@ class LineWatcher:
         self._before: Look | None = None
 
     def __call__(self, look: Look) -> None:
-        """Takes the next look."""
+        """Prints the changes since the last snapshot, or a line of counts after a minute without changes."""
         lines = changes(self._before, look)
         self._before = look
         if not lines and self._clock() - self._told_s >= HEARTBEAT_S:
@@ -208,8 +208,8 @@ def changes(before: Look | None, after: Look) -> list[str]:
     """Describes the changes of a deployment between two snapshots, a line each.
 
     Args:
-        before: the earlier look; nothing: there was none.
-        after: the later one.
+        before: the earlier snapshot; `None`: the first one.
+        after: the later snapshot.
     """
     standing = deployment_standing(after.job, after.rollout, after.at_s)
     lines: list[str] = []
@@ -232,7 +232,12 @@ def changes(before: Look | None, after: Look) -> list[str]:
 
 
 def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
-    """Describes the waits that began since the earlier look, and those that ended."""
+    """Describes the causes that a deployment newly waits for, and those that it does not wait for any more.
+
+    Args:
+        before: the deployment at the poll before; `None`: this is the first.
+        standing: the deployment now.
+    """
     old = () if before is None else deployment_standing(before.job, before.rollout, before.at_s).waits
     now = {wait.cause for wait in standing.waits}
     was = {wait.cause for wait in old}
@@ -262,7 +267,7 @@ def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:
 
     Args:
         state: the robot.
-        active: whether the rollout goes on.
+        active: whether the rollout is in progress.
     """
     if state.outcome == "failed":
         return f"{robot_status(state, active=active) or 'Failed'}: {state.failure_code}" + (

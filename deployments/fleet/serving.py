@@ -29,8 +29,8 @@ class ServedAgents:
     """Connects the update server with enrolment and update repository; usable from any thread.
 
     Args:
-        service: where robots and repository are stored.
-        enrolled: told when an agent was let in, so that it is known soon.
+        service: the service, with its catalog and object store.
+        enrolled: called when an agent was enrolled, so that it is known soon.
     """
 
     def __init__(self, service: Service, enrolled: Callable[[], None]) -> None:
@@ -75,14 +75,14 @@ def _read(path: Path, start: int, length: int) -> bytes:
 LOGGER = logging.getLogger("robomaker.robots")
 
 PAUSE_S = 600.0
-"""Between two looks; the timestamp is signed again every six hours."""
+"""Seconds between two checks; the timestamp is signed again every six hours."""
 
 
 class TrustUpkeep:
     """Thread that regularly renews expiring signatures of the update repository.
 
     Args:
-        service: where the repository is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -96,7 +96,7 @@ class TrustUpkeep:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread, after its current look."""
+        """Stops the thread, after its current check."""
         self._stopped.set()
         self._thread.join()
 
@@ -131,7 +131,7 @@ class RobotsBeside:
 
     Args:
         endpoint: the application of all other paths.
-        service: where robots, rollouts and files are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ConfigurationError: the setting `robots_url` is not right.
@@ -162,7 +162,7 @@ class RobotsBeside:
         self._upkeep = TrustUpkeep(service)
 
     def wake(self) -> None:
-        """Makes the server look for new orders at once."""
+        """Makes the server poll for new orders at once."""
         self._watch.wake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

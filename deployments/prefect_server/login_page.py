@@ -78,7 +78,7 @@ class LoginPage:
     Args:
         application: Prefect's.
         origin: origin of the server's pages, such as `http://127.0.0.1:4200`.
-        auth_string: what a browser that logs in gets, `user:secret`.
+        auth_string: credentials that a browser gets by logging in, `user:secret`.
     """
 
     def __init__(self, application: ASGIApp, origin: str, auth_string: str) -> None:
@@ -92,7 +92,7 @@ class LoginPage:
         self._policy = _policy(self._page)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers what is about logging in, and hands everything else on."""
+        """Answers requests about login, and passes all others on."""
         if scope["type"] == "http" and (response := await self._answer(Request(scope, receive))) is not None:
             await response(scope, receive, send)
         else:
@@ -135,7 +135,7 @@ def _is_page(request: Request) -> bool:
 
 
 async def _token(request: Request) -> str | None:
-    """The token in a request's body; `None` if there is none."""
+    """Returns the token in a request's body, or `None`."""
     body = b""
     try:
         async for part in request.stream():
@@ -149,7 +149,7 @@ async def _token(request: Request) -> str | None:
 
 
 def _policy(page: str) -> str:
-    """Lets the page's own script and style run, by their hashes, and nothing else."""
+    """Returns the content security policy that allows only the page's own script and style, by their hashes."""
 
     def hashes(element: str) -> str:
         texts = re.findall(f"<{element}>(.*?)</{element}>", page, re.DOTALL)

@@ -89,7 +89,7 @@ class Outage:
         tell: tells the user a sentence; called from any thread.
         is_own: whether the home's own server is there, which nothing starts again by itself.
         clock: gives seconds.
-        look_s: time between two looks at a server that is away, and at the requests that wait for an answer.
+        look_s: seconds between two polls of a server that is away, and of the requests that wait for an answer.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Outage:
         return self.is_on
 
     def _tell_end(self) -> None:
-        """Says once that patience has run out."""
+        """Reports once that the server did not answer within the patience."""
         if self.is_on and not self.is_waited_for and not self._has_told_end:
             self._has_told_end = True
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")

@@ -41,7 +41,7 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
     """Makes all of Prefect's requests and events wait during an outage, inside the `with` block.
 
     Args:
-        outage: what knows whether the server is away.
+        outage: state of the server's outage.
         api_url: URL of its API; requests to others are left alone.
     """
     patience = _Patience(outage, api_url)
@@ -56,7 +56,7 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
 
 @contextmanager
 def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Generator[None]:
-    """Replaces a method inside the block; the replacement gets the method, and then what it is called with."""
+    """Replaces a method inside the `with` block; the replacement is called with the method and its arguments."""
     method = getattr(owner, name)
     setattr(owner, name, lambda *arguments: replacement(method, *arguments))
     try:
@@ -66,7 +66,7 @@ def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Genera
 
 
 class _Patience:
-    """Sends to one server what it has to get, as long as it is there or waited for."""
+    """Sends requests to one Prefect server, and repeats those that must arrive as long as an outage is waited for."""
 
     def __init__(self, outage: Outage, api_url: str) -> None:
         self._outage = outage

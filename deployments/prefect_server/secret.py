@@ -79,9 +79,9 @@ def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str
     """Returns the environment variables for the Prefect server's process.
 
     Args:
-        folder: where the server keeps its database.
+        folder: folder of the server's database.
         port: port of 127.0.0.1 that it listens at.
-        auth_string: what every request has to carry, `user:secret`.
+        auth_string: credentials that every request needs, `user:secret`.
     """
     return {
         "PREFECT_HOME": str(folder),

@@ -45,7 +45,7 @@ async def beside(jobs: "Sequence[Job]", api_url: str, auth_string: str) -> "Asyn
     """Runs background jobs beside the Prefect server, until the block ends.
 
     Args:
-        jobs: what to run.
+        jobs: the functions to run.
         api_url: API of the server, which answers.
         auth_string: `user:secret`, as the server wants it.
     """
@@ -187,11 +187,11 @@ _LOOK_FOR_SLOTS = timedelta(seconds=0.25)
 5,000 flow runs, begin after each sleep. More slots instead would be more writers of SQLite than it has connections."""
 
 _LOOK_FOR_DUE = timedelta(seconds=0.5)
-"""How often it is looked which of Prefect's services is due; by default 0.25 s. Less than the second by which Prefect's
-looks for new deployments overlap: later ones would miss some."""
+"""Time between checks which of Prefect's services are due; by default 0.25 s. Less than the second by which Prefect's
+polls for new deployments overlap: later ones would miss some."""
 
 _LOOK_FOR_MESSAGES_S = 0.5
-"""How often it is looked whether one of its tasks is cancelled, which Prefect never does."""
+"""Seconds between two checks whether one of its tasks is cancelled, which Prefect never does."""
 
 
 class _SeldomLooking(Worker):
@@ -237,7 +237,7 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
 
     Args:
         port: the port.
-        auth_string: what every request to Prefect's API has to carry.
+        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
     """
     return Guard(LoginPage(RepeatedLogins(create_app(final=True)), f"http://{_HOST}:{port}", auth_string))
 
@@ -247,7 +247,7 @@ def run(listener: socket.socket, auth_string: str) -> None:
 
     Args:
         listener: a socket that listens at a port of 127.0.0.1.
-        auth_string: what every request to Prefect's API has to carry.
+        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
     """
     wait_in_the_event_loop()
     look_seldom()

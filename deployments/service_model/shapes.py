@@ -125,7 +125,7 @@ class Shapes:
         return name
 
     def _typed(self, kind: Any, shape_name: ShapeName) -> Definition:
-        """The type of a shape and what it is made of."""
+        """Returns the type of a shape, and the shapes of its members."""
         origin, arguments = get_origin(kind), get_args(kind)
         if origin is Literal:
             return {"type": "string", "enum": list(arguments)}

@@ -24,10 +24,10 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
     Args:
         key: the visitor's; `None`: none is asked for.
         spec: the specification.
-        catalog: where the resources are.
+        catalog: the catalog of the resources.
 
     Raises:
-        SpecError: a step's request, which is made to look into it, does not fit.
+        SpecError: the request of a step, which is made to find its resources, is invalid.
     """
     if key is None:
         return []
@@ -44,7 +44,7 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
 
 
 def _check_written(key: AccessKey, step: CheckedStep, made: set[str], catalog: Catalog) -> None:
-    """Checks what a step names; all of its request where that needs no other step."""
+    """Checks the resources that a step names, and its whole request if that needs no other step."""
     request = plain(step.input) if step.needs else resolve_input(step, {})
     named = [each for each in named_resources(request) if _REFERENCE not in each and each not in made]
     check_named(key, named, catalog)
@@ -57,9 +57,9 @@ class Permits:
 
     Args:
         key: the visitor's; `None`: none is asked for.
-        address: where the visitor's requests come from.
-        audit_log: is told of every step, also of refused ones; `None`: there is none.
-        service: where the operations happen.
+        address: IP address of the visitor.
+        audit_log: records every step, also refused ones; `None`: steps are not recorded.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, key: AccessKey | None, address: str | None, audit_log: AuditLog | None, service: Service):

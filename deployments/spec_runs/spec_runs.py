@@ -100,7 +100,7 @@ class StandingFile:
         self._change(steps=steps)
 
     def _change(self, **members: object) -> None:
-        """Changes what is known, and writes it a moment later: of thousands of jobs each has several events."""
+        """Updates the standing, and writes it a moment later: of thousands of jobs each has several events."""
         self._standing = self._standing.model_copy(update=members)
         if not self._is_due:
             self._is_due = True
@@ -127,7 +127,7 @@ class SpecRuns:
     Args:
         home: the data home.
         variables: environment variables of their processes, besides those of this one.
-        audit_log: where their steps are written down; `None`: nowhere.
+        audit_log: audit log of their steps; `None`: steps are not recorded.
     """
 
     def __init__(self, home: Path, variables: Mapping[str, str], audit_log: Path | None = None) -> None:
@@ -163,7 +163,7 @@ class SpecRuns:
         """Resumes an interrupted run.
 
         Returns:
-            Whether it goes on; False: it has ended or goes on already.
+            Whether it was resumed; False: it has ended, or is already running.
 
         Raises:
             ThrottlingException: too many run already.
@@ -176,7 +176,7 @@ class SpecRuns:
         return True
 
     def _open(self) -> Iterator[str]:
-        """The ordered runs that have not ended; those that no visitor ordered are none of them."""
+        """Returns the runs of visitors that have not ended."""
         return (path.parent.name for path in self._runs.glob(f"*/{LOCK}") if path.with_name(STANDING).is_file())
 
     def _check_room(self) -> None:

@@ -27,7 +27,7 @@ def checked(
         is_complete: whether each parameter has to have a value, as for a run.
 
     Raises:
-        SpecError: it has problems.
+        SpecError: the specification is invalid; the error lists all its problems.
     """
     spec = load_spec(text, filename, parameters, is_complete=is_complete)
     check_world_counts(spec, max_worlds_per_job(os.environ))

@@ -43,7 +43,7 @@ def install(programs: Path, environ: Mapping[str, str]) -> list[Path]:
         What was written.
 
     Raises:
-        ConfigurationError: it cannot be written.
+        ConfigurationError: a file cannot be written.
     """
     folder, settings = places(environ)
     written: list[Path] = []

@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from .warm_worker import WarmWorker
 
 POLL_S = 0.25
-"""How often the worker looks into the catalog without being woken, while it has jobs."""
+"""Seconds between two polls of the catalog without a wake-up, while the worker has jobs."""
 
 IDLE_POLL_S = 1.0
-"""The same while it has none. The endpoint wakes it for a new job, so only jobs of other processes wait for it."""
+"""Seconds between two polls without jobs. The endpoint wakes it for a new job, so only other processes' jobs wait."""
 
 END_S = 5.0
 """Time limit for shutting down."""
 
 NICENESS = 5
-"""The endpoint comes first; simulations use the remaining processor time, which is nearly all of it."""
+"""Niceness of the process: the endpoint has priority, and simulations get the remaining processor time, nearly all."""
 
 _STATUS_S = 1.0
 
 
 def main() -> None:
-    """Entry point of the job worker's process: runs stored jobs until told to stop."""
+    """Entry point of the job worker's process: runs stored jobs until a signal or message to stop."""
     channel = Channel.inherited(int(sys.argv[1]))
     os.nice(NICENESS)
     _log_to_stderr()

@@ -47,10 +47,10 @@ class Jobs:
     """Runs jobs in this process, each as a Prefect flow run in a thread.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         changed: called when one has ended, from its thread.
         prefect: watches the server that flow runs need.
-        held: where this process notes the leases that it holds.
+        held: record of the leases that this process holds.
         find_flow: finds what performs the jobs of an operation.
     """
 

@@ -46,10 +46,10 @@ class WarmWorker:
     """Job worker that is kept warm: finds waiting jobs and runs them.
 
     Args:
-        service: where the jobs are.
-        pools: which jobs, and how many at once.
+        service: the service, with its catalog and object store.
+        pools: kinds of jobs, and how many of each run at once.
         prefect: watches the Prefect server; no job begins without it.
-        look: set when there may be something to do.
+        look: event that is set when a job may wait.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class WarmWorker:
 
 
 def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
-    """How many jobs of a pool run.
+    """Describes the number of running jobs in a pool.
 
     Args:
         pool: the pool.

@@ -27,7 +27,7 @@ class WorkerProcess:
     """Job worker in a child process, which always ends with this one.
 
     Args:
-        settings: where the jobs are.
+        settings: settings of the job worker.
         variables: environment variables in addition to those of this process.
     """
 
@@ -47,7 +47,7 @@ class WorkerProcess:
         self._watcher.start()
 
     def wake(self, arn: str = "") -> None:
-        """Tells the worker that there is a new job; fast, from any thread."""
+        """Wakes the worker for a new job; fast, from any thread."""
         del arn  # it finds the job in the catalog
         if (channel := self._channel) is not None:
             channel.send(WAKE)

@@ -126,7 +126,7 @@ class Document(Changes):
 
         Args:
             stored: the document.
-            arn: its resource's, for messages.
+            arn: ARN of the document's resource, for messages.
 
         Raises:
             ConfigurationError: a newer release wrote it.

@@ -51,7 +51,7 @@ class ReuseInputs(Model):
 
         Args:
             document: the job.
-            made_of: what its world and its applications are.
+            made_of: contents of the job's world and applications.
         """
         return cls(
             request=_compared(document.request),

@@ -189,7 +189,7 @@ class SimulationJobProgress(FailureChanges):
         It clears the failure and verdict of an earlier run.
 
         Args:
-            run_id: its id.
+            run_id: id of the run.
             waited_s: see `waited_s`.
             call_key: see `call_key`.
         """

@@ -14,7 +14,8 @@ def required_batch_of(request: CreateDeploymentJobRequest) -> str | None:
     The request names it in its configuration or in a tag.
 
     Raises:
-        InvalidParameterException: it is no ARN of a batch, or the tag says something else than the configuration.
+        InvalidParameterException: the required batch is not the ARN of a batch, or the tag and the configuration name
+            different batches.
     """
     member = "deploymentConfig.requiresBatch"
     by_member = request.deploymentConfig.requiresBatch if request.deploymentConfig else None

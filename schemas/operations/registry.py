@@ -73,7 +73,7 @@ def operation_shape(name: str) -> OperationShape:
     """Returns the description of a service operation (request, response, HTTP path, errors) by its name.
 
     Raises:
-        InvalidParameterException: there is none of that name; the message has the nearest.
+        InvalidParameterException: the service has no operation of this name; the message names the most similar one.
     """
     if (operation := OPERATIONS.get(name)) is None:
         hint = nearest(name, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
@@ -85,7 +85,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
     """Lists everything wrong with the plain data of a request; the list is empty for a valid request.
 
     Raises:
-        InvalidParameterException: there is no operation of that name.
+        InvalidParameterException: the service has no operation of this name.
     """
     model = (STEPS.get(operation_name) or operation_shape(operation_name)).request
     try:

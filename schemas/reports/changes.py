@@ -120,7 +120,10 @@ class Losses(Model):
 
     @property
     def has_losses(self) -> bool:
-        """Whether any job is missing from the run or is judged by fewer requirements."""
+        """Whether this run checks less than earlier runs did.
+
+        A job of theirs is missing from it or has no verdict, or is judged by fewer requirements or fewer trials.
+        """
         return bool(self.gone or self.no_longer_judged or self.asked_less or self.fewer_trials)
 
 

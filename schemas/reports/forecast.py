@@ -116,7 +116,10 @@ class ForecastCheck(Model):
 
     @property
     def error(self) -> float:
-        """Relative error of the forecast: (actual - forecast) / forecast; negative if the run took less."""
+        """Relative error of the forecast: (actual - forecast) / forecast; negative if the run took less than forecast.
+
+        It is 0 for a forecast of 0 s.
+        """
         return self.took_s / self.forecast_s - 1 if self.forecast_s > 0 else 0.0
 
     @property

@@ -28,10 +28,10 @@ class StepProgress:
 
     step: str
     counts: Mapping[str, int]
-    """How many parts are in each state, by the state's name: `{"completed": 3, "running": 2}`."""
+    """Numbers of parts by state: `{"completed": 3, "running": 2}`."""
 
     total: int
-    """How many parts there are in all; parts that `counts` leaves out wait."""
+    """Number of all parts; parts that `counts` leaves out wait."""
 
     newest_failure: str = ""
     """The latest failure in one line; empty when nothing failed yet."""

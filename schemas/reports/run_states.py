@@ -78,8 +78,8 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
     """Determines the state of a whole run (passed, failed, broken or canceled) from its steps and jobs.
 
     Args:
-        statuses: of its steps.
-        jobs: its simulation jobs.
+        statuses: statuses of the run's steps.
+        jobs: simulation jobs of the run.
         is_whole: whether all its steps were seen to.
     """
     states: set[RunState] = {_STATES.get(status, "succeeded") for status in statuses}
@@ -125,7 +125,7 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
 
     Args:
         state: how the run ended.
-        jobs: its simulation jobs.
+        jobs: simulation jobs of the run.
         troubles: what else went wrong, in words, the worst first.
         look: the command; empty: none.
     """

@@ -86,7 +86,8 @@ def read_formula(text: str, signals: Collection[str]) -> Formula:
         signals: Names of the signals that it may use.
 
     Raises:
-        FormulaError: It is none, uses an unknown signal, or none at all, so that it says nothing of the run.
+        FormulaError: The text is not a formula, uses an unknown signal, or uses no signal, so that it does not depend
+            on the run.
     """
     formula = _Reader(text, signals).read()
     if not set(signals_of(formula)):

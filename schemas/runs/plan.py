@@ -144,7 +144,7 @@ class RunPlan(Model):
         """Whether a process of the run steps a `dm_env` environment; otherwise it only has programs.
 
         A job without a simulation application means `indoor-navigation`, unless its robot application is a
-        program: that runs alone.
+        program, which then runs alone.
         """
         if self.simulation_application is not None:
             return self.simulation_application.attribute is not None
@@ -177,7 +177,7 @@ class RunPlan(Model):
 
 
 class RunOutcome(Model):
-    """How a simulation run ended: status, verdict, failure code and reason."""
+    """End of a simulation run: status, verdict, failure code and reason."""
 
     status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
     failure_code: str | None = optional("The service's failure code; absent when none.")

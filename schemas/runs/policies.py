@@ -59,7 +59,7 @@ def parse_policy(policy: str) -> PolicyReference:
     """Parses the text that names a policy (ONNX file or Python callable).
 
     Raises:
-        ValueError: it is none; the text says what would be right.
+        ValueError: the text does not name a policy; the message says what would be right.
     """
     place, colon, attribute = policy.rpartition(":")
     if colon and _MODULE.fullmatch(attribute):
@@ -118,7 +118,8 @@ def check_policy(request: PolicyRequest) -> None:
     """Raises an error if a request's policy is invalid, or something else drives the robot, too.
 
     Raises:
-        ValueError: it is not.
+        ValueError: the policy is invalid or differs between trials, its file has no application to be in, or another
+            program drives the robot as well.
     """
     if request.trials is not None and POLICY_VARIABLE in (request.trials.axes or {}):
         raise ValueError(f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them")

@@ -47,7 +47,7 @@ class ProgramPlan(Model):
 
 
 class ToolEnds(Model):
-    """How often a tool (a program beside the application) exited during the run and was restarted."""
+    """Numbers of exits and restarts of a tool (a program beside the application) during the run."""
 
     role: ApplicationRole = Field(description="The application beside which it ran.")
     name: str = Field(description="Its name in the request.")

@@ -90,7 +90,7 @@ def parse_sources(data: object, what: str) -> RecordingSources:
 
     Args:
         data: The values.
-        what: Where they come from, for messages.
+        what: Name of the source of the values, for error messages.
 
     Raises:
         InvalidParameterException: One line per problem: where, what, and what would be right.
@@ -106,7 +106,8 @@ def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> R
         place: Path of the variable, for errors.
 
     Raises:
-        InvalidParameterException: It says something else; says what would be right.
+        InvalidParameterException: The launch variable is not a valid choice of topics; the message says what would be
+            right.
     """
     text = variables.get(SOURCES_VARIABLE)
     if text is None:
@@ -123,7 +124,7 @@ def check_sources(request: JobRequest) -> None:
     """Raises an error if a request's launch variables with recording topics are invalid, or a robot would not be run.
 
     Raises:
-        ValueError: One is, or there is one beside a recording.
+        ValueError: The topics are invalid, or a robot application is given beside a recording.
     """
     for index, config in enumerate(request.simulationApplications or ()):
         if is_recorded_run(config.application) and request.robotApplications:

@@ -23,7 +23,7 @@ from .requirement_kinds.kind import RequirementKind
 from .trials import trials_of
 
 MAX_REQUIREMENTS = 50
-"""How many requirements a run may have."""
+"""Most requirements that a run may have."""
 
 
 REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = classes_of(
@@ -64,7 +64,7 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
 
     Args:
         data: a list of mappings or of requirements.
-        what: where the values come from, for messages.
+        what: name of the source of the values, for error messages.
 
     Raises:
         InvalidParameterException: one line per problem: where, what, and what would be right.

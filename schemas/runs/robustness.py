@@ -86,7 +86,7 @@ def differs_below(formula: Formula, samples: Samples, signal: str, bound: float)
 
 
 def horizon(formula: Formula, period_s: float) -> int:
-    """Returns how many samples a formula looks ahead; operators without bounds do not look beyond the end."""
+    """Returns how many samples ahead of a time a formula reads; operators without bounds do not read beyond the end."""
     if isinstance(formula, Comparison):
         return 0
     inner = max(horizon(part, period_s) for part in formula.parts)
@@ -175,7 +175,7 @@ class _Text:
         return f"({hold}({reach} and (eventually[{first}:{first}] ({parts[0]} until {parts[1]}))))"
 
     def _to_the_end(self, word: str, parts: Sequence[str], unknown: float) -> str:
-        """Text of an operator without bounds: what is beyond the end does not count, and no answer from there does."""
+        """Makes the text of an operator without bounds, which ignores samples and results beyond the end."""
         during, after = [_FAR] * self.length, [-_FAR] * self.length
         is_during = self._signal(during, -_FAR)
         is_known = self._signal(during, unknown)

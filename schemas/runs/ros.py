@@ -112,7 +112,7 @@ class RosOptions(Model):
 
     @model_serializer(mode="wrap")
     def _given(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Writes what was given alone: the rest may come from the robot's `robot.yaml`, in another process."""
+        """Serialises only the options that were given: another process may read the rest from `robot.yaml`."""
         return {name: value for name, value in whole(self).items() if name in self.model_fields_set}
 
     @model_validator(mode="after")
@@ -152,7 +152,7 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
         The options; none for `off`.
 
     Raises:
-        InvalidParameterException: It is something else; says what would be right.
+        InvalidParameterException: The value is not a valid set of options; the message says what would be right.
     """
     if text == "off":
         return None
@@ -170,7 +170,7 @@ def check_ros(request: JobRequest) -> None:
     """Raises an error if the ROS launch variables of a simulation job request are invalid.
 
     Raises:
-        ValueError: One cannot.
+        ValueError: An option of the ROS bridge is invalid.
     """
     for place, launch in launches(request):
         if (text := (launch.environmentVariables or {}).get(ROS_VARIABLE)) is not None:

@@ -78,7 +78,7 @@ def _sets(body: WorldTemplateBody) -> Iterator[tuple[str, Sequence[Any]]]:
 
 
 def _room_targets(body: WorldTemplateBody) -> Iterator[tuple[str, TemplateTargetSet]]:
-    """Everything that names rooms, with its path; not what is for all of them."""
+    """Yields each target set that names rooms, with its path; sets for all rooms are left out."""
     for section, sets in _sets(body):
         for index, item in enumerate(sets):
             if not isinstance(item.TargetSet, str):
@@ -177,7 +177,7 @@ def unwrapped_text(text: str) -> str:
 
 
 def _unwrap(document: Any) -> tuple[Any, str]:
-    """The body itself, and what its paths start with in the text the user wrote."""
+    """Returns the template body itself, and the prefix of its paths in the user's document."""
     if is_object(document) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
         return document["templateBody"], "templateBody."
     return document, ""
@@ -210,7 +210,7 @@ def _join(path: str, key: str | int) -> str:
 
 
 def _untagged(detail: ErrorDetails) -> ErrorDetails:
-    """The same error, located by what stands in the document alone."""
+    """Removes pydantic's tags from an error's location, so that it has only keys of the document."""
     detail["loc"] = tuple(key for key in detail["loc"] if key not in (OBJECT_TAG, CONSTANT_TAG))
     return detail
 
@@ -243,7 +243,7 @@ _RIGHT = {
 
 
 def _advice(detail: ErrorDetails) -> str:
-    """Advice on what would be right in place of a value."""
+    """Returns advice which value would be right in place of a wrong one."""
     kind, context = detail["type"], dict(detail.get("ctx", {}))
     if kind == "literal_error" and isinstance(detail["input"], str):
         expected = tuple(re.findall("'([^']+)'", context["expected"]))

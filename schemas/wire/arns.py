@@ -66,10 +66,10 @@ class ResourceArn:
 
         Args:
             arn: the ARN.
-            kinds: what it may name; none: anything.
+            kinds: allowed kinds of resources; none: all.
 
         Raises:
-            InvalidParameterException: it is no ARN of this service, or names something else.
+            InvalidParameterException: the text is not an ARN of this service, or is that of another kind of resource.
         """
         if (found := _FORM.fullmatch(arn)) is None:
             raise InvalidParameterException(f"{arn!r} is no ARN of a resource; it has to look like {_WANTED}")
@@ -85,7 +85,7 @@ def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
     """Makes the ARN of a resource that is identified by an id.
 
     Raises:
-        ValueError: there is no such kind of resource.
+        ValueError: the service has no such kind of resource.
     """
     if kind not in _KINDS:
         raise ValueError(f"there is no kind of resource {kind!r}{nearest(kind, _KINDS)}")
@@ -96,7 +96,7 @@ def application_arn(region: str, account: str, kind: str, name: str, created_at:
     """Makes the ARN of an application, robot or fleet from its name and its creation time.
 
     Raises:
-        ValueError: there is no such kind of resource.
+        ValueError: the service has no such kind of resource.
     """
     return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")
 
@@ -111,8 +111,8 @@ def new_id(prefix: IdPrefix, source: random.Random) -> str:
     """Makes a random resource id: the prefix, a hyphen, twelve digits and small letters.
 
     Args:
-        prefix: what it is an id of.
-        source: where the randomness comes from; `random.SystemRandom()` where ids have to differ
+        prefix: prefix of ids of this kind of resource.
+        source: source of randomness; `random.SystemRandom()` where ids have to differ
             between processes.
     """
     return f"{prefix}-{''.join(source.choices(_ALPHABET, k=_LENGTH))}"

@@ -129,7 +129,7 @@ IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:r
 TagKey = Annotated[str, ShapeName("TagKey"), text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 TagValue = Annotated[str, ShapeName("TagValue"), text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 MAX_TAGS = 50
-"""How many tags a resource may have."""
+"""Most tags that a resource may have."""
 TagMap = Annotated[
     dict[TagKey, TagValue],
     ShapeName("TagMap"),
@@ -207,10 +207,10 @@ def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
 
     Args:
         members: names of the members.
-        given: their values, in the same order; `None` is absent.
+        given: values of the members, in the same order; `None` is absent.
 
     Raises:
-        ValueError: none or both are given.
+        ValueError: none or both of the members are given.
     """
     present = sum(value is not None for value in given)
     if present != 1:

@@ -45,7 +45,7 @@ class Glob:
         text: the glob.
 
     Raises:
-        GlobError: it is none.
+        GlobError: the pattern is not a valid glob.
     """
 
     def __init__(self, text: str) -> None:
@@ -119,5 +119,5 @@ def _joined(pieces: list[Piece]) -> Piece:
 
 
 def _encodable(text: str) -> str:
-    """A text that UTF-8 can have: bytes of a name that are none become unknown characters."""
+    """Makes a text that UTF-8 can encode: invalid bytes of a file name become replacement characters."""
     return _UNENCODABLE.sub("\ufffd", text)

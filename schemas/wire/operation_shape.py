@@ -49,7 +49,7 @@ class OperationShape:
     """Description of the operation, in one line."""
 
     is_job: bool = False
-    """Whether it starts something that goes on after the answer."""
+    """Whether the operation starts a job that continues after the response."""
 
     method: str = "POST"
     """HTTP method."""
@@ -112,13 +112,16 @@ _FREE_MEMBERS = frozenset({"tags", "worldTags", "environmentVariables", "templat
 
 
 def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[str]:
-    """Describes the deprecated features that a call uses, which the service refused in its last years; empty if none.
+    """Describes the deprecated features that a request uses: AWS RoboMaker refused them in its last years.
 
-    A member that asks for nothing, such as an empty list or `false`, is not refused.
+    A deprecated member that has no effect, such as an empty list or `false`, is not one of them.
 
     Args:
         shape: the operation.
         request: the members of its request.
+
+    Returns:
+        One text for each deprecated feature, with the path of its member; empty if the request uses none.
     """
     if shape.deprecated:
         return [f"{shape.name}: the service ended fleets, robots and deployments"]

@@ -20,7 +20,7 @@ _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that take
 _LEAST_LIKENESS = 0.6
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
-"""How many problems of a request are told: more help none, and take long to find words for."""
+"""Most problems of a request that are reported: more do not help, and take long to describe."""
 
 _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 """Pattern of one word of a name in camel or snake case."""
@@ -81,7 +81,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     At most `MAX_PROBLEMS` are returned; a last one counts the others.
 
     Args:
-        error: what validation raised.
+        error: the error that the validation raised.
         model: the model it was validated against.
     """
     count = error.error_count()
@@ -103,7 +103,7 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
 
     Args:
         data: the values.
-        what: where they come from, for messages.
+        what: name of the source of the value, for error messages.
         member: the member.
         model: a model with nothing but this member.
 
@@ -164,7 +164,7 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
 
 
 def _shown(value: object) -> str:
-    """A value as the one who wrote it knows it."""
+    """Formats a value as the caller wrote it."""
     if is_object(value):
         names = ", ".join(map(str, islice(value, _MOST_SHOWN)))
         if len(value) > _MOST_SHOWN:

@@ -59,7 +59,7 @@ def appearance_named(name: str, seed: int = 0) -> Appearance:
         seed: what `random` draws from; equal seeds give equal light.
 
     Raises:
-        ValueError: there is none of this name; the message says which there are.
+        ValueError: no lighting has this name; the message lists the names.
     """
     if name == RANDOM:
         dice = Random(seed)  # noqa: S311 (chance, not secrecy)

@@ -36,7 +36,7 @@ class JobWorkers(Protocol):
             What there is, in words that a user reads while the batch runs: `2 job workers on tcp://10.0.0.7:8786`.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         ...
 
@@ -48,19 +48,19 @@ class Backend(Protocol):
         """Checks, before a run begins, that the cluster or work pool exists and answers.
 
         Raises:
-            BackendError: there is none.
+            BackendError: the cluster or work pool does not exist or does not answer.
         """
         ...
 
     def job_workers(self, batch: str, wanted: int) -> AbstractContextManager[JobWorkers]:
-        """Starts job workers for a batch inside a `with` block; at its end the remaining ones are told to stop.
+        """Starts job workers for a batch inside a `with` block; at its end the remaining ones are stopped.
 
         Args:
             batch: ARN of the batch.
             wanted: how many can be of use.
 
         Raises:
-            BackendError: there is no such cluster or pool.
+            BackendError: the cluster or work pool does not exist.
         """
         ...
 
@@ -101,13 +101,13 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
     """Validates a cluster address in `ROBOMAKER_BACKEND`, without connecting, and that its library is installed.
 
     Args:
-        kind: of the cluster, and the extra that brings its library: `dask`.
-        place: what stands after it: a host and a port, with or without a protocol.
+        kind: kind of the cluster, and extra that installs its library: `dask`.
+        place: address after the kind: a host and a port, with or without a protocol.
         library: the module that speaks with the cluster.
-        wanted: what the place has to be, in words.
+        wanted: description of a valid address, for the error message.
 
     Raises:
-        ConfigurationError: that is no address, or the library is not installed.
+        ConfigurationError: the address is not valid, or the library of the cluster is not installed.
     """
     if _ADDRESS.fullmatch(place) is None:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is '{kind}:{place}'; after {kind}: there has to be {wanted}")
@@ -121,12 +121,12 @@ def check_answer(cluster: str, address: str, program: str) -> None:
     """Raises an error at once if no program listens at a cluster's address; the clusters' own clients try for long.
 
     Args:
-        cluster: what it is, in words: `the Dask cluster tcp://10.0.0.7:8786`.
-        address: where it has to be.
-        program: what has to run there.
+        cluster: description for messages: `the Dask cluster tcp://10.0.0.7:8786`.
+        address: host and port of the cluster.
+        program: name of the program that has to listen there.
 
     Raises:
-        BackendError: nothing does; the message says what to check.
+        BackendError: no program listens at the address; the message says what to check.
     """
     found = _ADDRESS.fullmatch(address)
     assert found is not None
@@ -154,7 +154,7 @@ def open_backend(setting: str) -> Backend | None:
         The backend; `None`: batches run in the process that carries them out.
 
     Raises:
-        ConfigurationError: there is no such backend, its address is missing, or its module cannot be used.
+        ConfigurationError: `ROBOMAKER_BACKEND` names no backend, lacks its address, or its module cannot be used.
     """
     kind, _, place = setting.partition(":")
     if setting == "local":

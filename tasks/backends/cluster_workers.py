@@ -13,7 +13,7 @@ from .node import Ended
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 60.0
-"""How long a machine is left alone after its job worker has ended; each further pause is twice as long."""
+"""Pause before a machine's job worker is started again after its end; each further pause is twice as long."""
 
 STEADY_S = 60.0
 """A job worker that lasted this long was well; pauses after it begin anew."""
@@ -32,7 +32,7 @@ class _Machine:
     """Whether its last job worker could not use its settings."""
 
     reason: str = ""
-    """Why its last job worker ended, unless it ended well."""
+    """Reason why its last job worker ended, unless it ended well."""
 
     @property
     def runs(self) -> bool:
@@ -43,7 +43,7 @@ class Staffing:
     """Decides which machines of a cluster get a job worker of a batch, and when one that ended is restarted.
 
     Args:
-        place: where the machines are, in words: `the Dask cluster tcp://10.0.0.7:8786`.
+        place: description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
         wanted: how many job workers can be of use.
     """
 
@@ -116,7 +116,7 @@ class Staffing:
             raise BackendError(f"no machine of {self._place} can run jobs: {'; '.join(self._reasons())}")
 
     def _reasons(self) -> list[str]:
-        """Why machines that are present have no job worker."""
+        """Returns the reasons why machines of the cluster have no job worker."""
         idle = [self._machines[name] for name in self._present if name in self._machines]
         reasons = list(dict.fromkeys(machine.reason for machine in idle if machine.reason and not machine.runs))
         more = len(reasons) - _MOST_REASONS
@@ -149,7 +149,7 @@ class Cluster(Protocol):
         """Returns the names of the machines that are in the cluster now.
 
         Raises:
-            Exception: it does not answer.
+            Exception: the cluster does not answer.
         """
         ...
 
@@ -157,12 +157,12 @@ class Cluster(Protocol):
         """Starts a job worker for a batch on a machine of the cluster.
 
         Raises:
-            Exception: it does not answer, or the machine is not there any more.
+            Exception: the cluster does not answer, or the machine has left it.
         """
         ...
 
     def end_all(self, patience_s: float) -> None:
-        """Tells all job workers started here to end, and waits for them, for at most `patience_s` seconds."""
+        """Stops all job workers that were started here, and waits for their end, at most `patience_s` seconds."""
         ...
 
 
@@ -170,7 +170,7 @@ class ClusterWorkers:
     """Job workers of one batch on a cluster, started and watched by a thread.
 
     Args:
-        cluster: where they are started.
+        cluster: the cluster that they are started on.
         batch: ARN of the batch.
         wanted: how many can be of use.
     """

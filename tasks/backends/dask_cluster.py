@@ -30,7 +30,7 @@ def backend_at(place: str) -> Backend:
         place: address of its scheduler, such as `tcp://10.0.0.7:8786`.
 
     Raises:
-        ConfigurationError: that is no address, or Dask is not installed.
+        ConfigurationError: the address is not valid, or Dask is not installed.
     """
     wanted = "the address of a scheduler, such as tcp://10.0.0.7:8786"
     check_place("dask", place, library="distributed", wanted=wanted)
@@ -68,7 +68,7 @@ class DaskCluster:
 
     Args:
         client: connected.
-        place: what it is, in words.
+        place: description of the cluster, for messages.
     """
 
     def __init__(self, client: "Client", place: str) -> None:

@@ -78,7 +78,7 @@ def run_job_worker(
 
 
 def _see_out(process: "subprocess.Popen[bytes]") -> None:
-    """Waits for a job worker that has been told to end."""
+    """Waits for the end of a job worker that was asked to stop."""
     try:
         process.wait(_END_S)
     except subprocess.TimeoutExpired:

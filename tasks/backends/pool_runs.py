@@ -95,7 +95,7 @@ class PoolRuns:
         most: how many there are to be at most; `None`: one for each machine.
         batch: ARN of the batch.
         wanted: how many can be of use.
-        client: of the Prefect server.
+        client: client of the Prefect server.
     """
 
     def __init__(self, pool: str, most: int | None, batch: str, wanted: int, client: SyncPrefectClient) -> None:
@@ -115,7 +115,7 @@ class PoolRuns:
         """Checks that the work pool can start job workers; a server that does not answer is asked again later.
 
         Raises:
-            BackendError: they cannot.
+            BackendError: the work pool cannot start job workers.
         """
         try:
             self._room()
@@ -130,7 +130,7 @@ class PoolRuns:
             What there is now, in words.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         try:
             if self._deployment is None:
@@ -195,7 +195,7 @@ class PoolRuns:
         return found.id
 
     def _room(self) -> tuple[int, str]:
-        """How many job workers there are to be, and what a user has to know of it."""
+        """Returns the number of job workers to run, and a note for the user about what limits it."""
         try:
             pool = self._client.read_work_pool(self.pool)
             workers = self._client.read_workers_for_work_pool(self.pool, limit=_PAGE)
@@ -217,7 +217,7 @@ class PoolRuns:
         return min(limits), _trouble(pool, online)
 
     def _alive(self) -> list[FlowRun]:
-        """The runs that have not ended; takes note of those that have."""
+        """Returns the flow runs that have not ended, and records those that have."""
         runs = self._runs()
         ended = {run.id for run in runs if run.state is None or run.state.is_final()}
         if self._ended is not None:  # else they ended before this process was there
@@ -261,7 +261,7 @@ class PoolRuns:
         )
 
     def _take_back_some(self, alive: list[FlowRun], count: int) -> None:
-        """Takes back runs that wait; those that run go on."""
+        """Cancels the flow runs that wait; running ones continue."""
         for run in [run for run in alive if _is_waiting(run)][:count]:
             self._delete(run)
 

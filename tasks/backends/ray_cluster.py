@@ -29,7 +29,7 @@ def backend_at(place: str) -> Backend:
         place: address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
 
     Raises:
-        ConfigurationError: that is no address, or Ray is not installed.
+        ConfigurationError: the address is not valid, or Ray is not installed.
     """
     wanted = "the address of a cluster, such as 10.0.0.7:6379 or ray://10.0.0.7:10001"
     check_place("ray", place, library="ray", wanted=wanted)
@@ -59,7 +59,7 @@ class RayDriver:
     """Child process that is connected to a Ray cluster and starts job workers there; it is restarted if it dies.
 
     Args:
-        address: of the cluster.
+        address: address of the cluster.
         batch: ARN of the batch.
         wanted: how many job workers can be of use.
     """

@@ -1,7 +1,7 @@
 """The process that is connected to a Ray cluster: `python -m … ray_driver ADDRESS BATCH WANTED`.
 
 It has one task on each node, which starts a job worker there and waits for it. It says on standard output, a JSON
-object a line, what there is (`words`) or why nothing can be (`error`), and ends when standard input closes. When it
+object a line, its result (`words`) or why there is none (`error`), and ends when standard input closes. When it
 dies, Ray ends its tasks, and the job workers end with them. Ray's own retries are off: which jobs run again is for
 the catalog to say.
 """
@@ -29,7 +29,7 @@ class RayCluster:
     """The Ray cluster that this process is connected to, on whose nodes job workers are started.
 
     Args:
-        address: of the cluster.
+        address: address of the cluster.
     """
 
     def __init__(self, address: str) -> None:

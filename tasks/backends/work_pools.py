@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _LOOK_S = 3.0
 _END_S = 20.0
-"""How long the end of a block waits for a request to the server that goes on."""
+"""Longest wait, at the end of a block, for a request to the server that is in progress."""
 
 _logger = logging.getLogger(__name__)
 
@@ -33,9 +33,9 @@ class WorkPool:
     """Backend that starts job workers as Prefect flow runs in a work pool.
 
     Args:
-        name: of the pool.
+        name: name of the pool.
         most: how many job workers it is to have at most; absent: as many as it has machines.
-        look_s: seconds between two looks at the server.
+        look_s: seconds between two polls of the server.
     """
 
     name: str
@@ -56,7 +56,8 @@ class WorkPool:
         Those of a process that has died are taken over.
 
         Raises:
-            BackendError: there is no such pool, no deployment of the job worker in it, or it does not say how many.
+            BackendError: the work pool does not exist, has no deployment of the job worker, or has no concurrency
+                limit.
         """
         from .pool_runs import opened_pool
 
@@ -87,8 +88,8 @@ class PoolWorkers:
     """Job workers of one batch in a Prefect work pool, started and watched by a thread.
 
     Args:
-        runs: their flow runs.
-        look_s: seconds between two looks at the server.
+        runs: flow runs of the job workers.
+        look_s: seconds between two polls of the server.
     """
 
     def __init__(self, runs: "PoolRuns", look_s: float) -> None:
@@ -103,7 +104,7 @@ class PoolWorkers:
         """Returns the last known state of the job workers as text for the user.
 
         Raises:
-            BackendError: none can be started.
+            BackendError: no job worker can be started.
         """
         if self._broken is not None:
             raise self._broken

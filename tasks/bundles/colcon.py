@@ -97,14 +97,14 @@ Unpack = Callable[[Path, Path], None]
 
 
 def unpack_overlays(folder: Path, unpack: Unpack) -> None:
-    """Replaces the archives in an unpacked colcon bundle by what is in them; does nothing to other bundles.
+    """Replaces the archives in an unpacked colcon bundle by their content; does nothing to other bundles.
 
     Args:
         folder: the unpacked outer archive.
         unpack: unpacks an archive.
 
     Raises:
-        ArchiveError: it is a colcon bundle, but of another version, damaged or incomplete.
+        ArchiveError: the colcon bundle is of another version, damaged or incomplete.
         OSError: the disk is full, or the folder cannot be written.
     """
     if not (folder / "version").is_file() or not any(map(Path.is_file, folder.glob("metadata.tar*"))):
@@ -148,7 +148,7 @@ def _overlays_in(text: bytes) -> dict[str, str]:
     Offsets and sizes are for readers that fetch parts of a bundle.
 
     Raises:
-        ValueError: it says something else.
+        ValueError: the text is not a valid list of overlays.
     """
     content: Any = json.loads(text.decode())
     entries = content.get("overlays") if isinstance(content, dict) else None

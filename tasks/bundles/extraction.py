@@ -45,10 +45,10 @@ SYSTEM_TREE = ArchiveLimits(entries=1_000_000, depth=64, is_system_tree=True)
 
 
 def extract(archive: Path, top: Path, limits: ArchiveLimits) -> None:
-    """Writes what is in an archive into an empty folder.
+    """Unpacks an archive into an empty folder.
 
     Raises:
-        ArchiveError: it is no archive, is damaged or too large, or has a member that is neither file nor
+        ArchiveError: the file is not an archive, is damaged or too large, or has a member that is neither file nor
             folder or would land elsewhere; what was written stays.
         OSError: the disk is full, or the folder cannot be written.
     """
@@ -89,7 +89,7 @@ class _Extraction:
         """Writes one member.
 
         Raises:
-            ArchiveError: it is not acceptable.
+            ArchiveError: the member is not allowed, such as for its path, its size or its place in the limits.
         """
         self.entries += 1
         if self.entries > self.limits.entries:
@@ -140,7 +140,7 @@ class _Extraction:
         return parts
 
     def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """Problem of a path, in words; empty when there is none."""
+        """Describes the problem of a member's path; empty if it has none."""
         if member.name.startswith("/"):
             return "an absolute path"
         if "\\" in path or "\0" in path:

@@ -50,11 +50,11 @@ _MOST_BYTES = 1 << 20
 
 
 def is_launch_file(file: str, path: Path | None) -> bool:
-    """Whether ROS launches a file, by its name, or by what a Python file defines.
+    """Whether a file is a ROS launch file, by its name, or by the functions that a Python file defines.
 
     Args:
-        file: its name.
-        path: where it is; `None`: not in a bundle.
+        file: name of the file.
+        path: path of the file; `None`: it is not in a bundle.
     """
     if file.endswith(_XML + _ONLY_ROS_2):
         return True
@@ -67,8 +67,8 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
     """The kinds of ROS that may read a launch file, the likelier one first.
 
     Args:
-        file: its name.
-        path: where it is; `None`: not in a bundle, so that only the name says something.
+        file: name of the file.
+        path: path of the file; `None`: it is not in a bundle, so that only the name is used.
     """
     if not file.endswith(_XML):
         return (2,)
@@ -80,7 +80,7 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
 
 
 def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
-    """Says that a ROS package of a bundle has no such launch file; `None`: it has, or the bundle has no such package.
+    """Returns an error text if a ROS package of a bundle lacks a launch file; `None` if not, or without such a package.
 
     ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
 

@@ -92,10 +92,10 @@ class Catalog(CatalogLeases):
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
         Args:
-            resource: what to add.
+            resource: the resource to add.
             token: the caller's token; `None`: every call adds.
             unique_name: whether no other of its kind may have its name, then or later.
-            lease: its lease, if it is held from the beginning; `None`: any job worker may take it.
+            lease: lease of the resource, if it is held from the beginning; `None`: any job worker may take it.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.
@@ -165,8 +165,8 @@ class Catalog(CatalogLeases):
             most: how many children of that kind there may be.
 
         Raises:
-            ResourceNotFoundException: there is no such parent.
-            LimitExceededException: there are `most` already.
+            ResourceNotFoundException: the catalog has no such parent.
+            LimitExceededException: the parent has `most` children already.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -191,11 +191,11 @@ class Catalog(CatalogLeases):
         """Deletes a resource from the catalog, with the client tokens that created it.
 
         Args:
-            arn: its ARN.
+            arn: ARN of the resource.
             children: kinds of children that go with it.
 
         Raises:
-            ResourceNotFoundException: there is none.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
@@ -219,17 +219,17 @@ class Catalog(CatalogLeases):
         """Changes members of a resource's document in the catalog.
 
         Args:
-            arn: its ARN.
+            arn: ARN of the resource.
             changes: the members that are set; or a function that, given the document, returns these or
                 the whole new document. It has to be quick, and is called again when another process
                 changed the resource meanwhile; what it raises is raised, and nothing is changed.
-            owner: who has to hold the lease; `None`: it does not matter.
-            name: its new name, for kinds whose names may repeat; `None`: as it is.
-            labels: its new labels; `None`: as they are.
-            status: its new status, for kinds without a lifecycle; `None`: as it is.
+            owner: owner that has to hold the lease; `None`: the lease is not checked.
+            name: new name, for kinds whose names may repeat; `None`: unchanged.
+            labels: new labels; `None`: unchanged.
+            status: new status, for kinds without a lifecycle; `None`: unchanged.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
             StateConflictError: `owner` does not hold the lease.
         """
         given = {"name": name, "labels": labels, "status": status}
@@ -276,8 +276,8 @@ class Catalog(CatalogLeases):
         """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
-            InvalidParameterException: it would have more than 50.
+            ResourceNotFoundException: the catalog has no such resource.
+            InvalidParameterException: the resource would have more than 50 tags.
         """
 
         def merged(row: RowMapping) -> dict[str, Any]:
@@ -294,7 +294,7 @@ class Catalog(CatalogLeases):
         """Removes tags from a resource, by key; keys that it does not have are ignored.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         gone = set(keys)
 
@@ -316,14 +316,14 @@ class Catalog(CatalogLeases):
         """Changes a resource's status by an event of its state machine; of several concurrent callers one succeeds.
 
         Args:
-            arn: its ARN.
-            event: what happened, an event of the kind's lifecycle.
+            arn: ARN of the resource.
+            event: event of the kind's lifecycle.
             document_changes: members of the document that are set with it.
-            owner: who has to hold the lease; `None`: it does not matter.
+            owner: owner that has to hold the lease; `None`: the lease is not checked.
             labels: labels that are set with it; others stay; `None`: all stay as they are.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
             StateConflictError: the event cannot happen in its state, or as it is to be cancelled; its kind has no
                 lifecycle, or `owner` does not hold the lease.
         """
@@ -350,7 +350,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
-        """Compare and set: writes what `compute` makes of the row unless the row changed meanwhile."""
+        """Compare and set: writes the values that `compute` returns for a row; again if the row changed meanwhile."""
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
                 row = one_row(connection, arn)
@@ -375,7 +375,7 @@ class Catalog(CatalogLeases):
         """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
@@ -389,7 +389,7 @@ class Catalog(CatalogLeases):
         """Whether a resource is marked to be cancelled; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         return self.standing(arn)[1]
 

@@ -53,7 +53,7 @@ def tokens_of(owner: str) -> Generator[None]:
 
 @dataclass(frozen=True)
 class ClientToken:
-    """A caller's idempotency token, with the operation and the request that it came with."""
+    """A caller's idempotency token, with its operation and request."""
 
     operation: str
     """The operation's name; tokens of different operations have nothing to do with each other."""
@@ -92,7 +92,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
     """Finds the resource that an earlier call of the same account with the same client token created.
 
     Raises:
-        IdempotentParameterMismatchException: that call was another request.
+        IdempotentParameterMismatchException: the earlier call with this client token had another request.
     """
     meant = {"called": token.operation, "by": account, "given": token.stored}
     earlier = connection.execute(_EARLIER, meant).mappings().one_or_none()

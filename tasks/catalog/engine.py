@@ -57,7 +57,7 @@ def open_engine(url: str) -> Engine:
 
 
 def _is_away(engine: Engine, error: DBAPIError) -> bool:
-    """Whether a server did not answer, or only said that it starts or ends; what it refuses stays refused."""
+    """Whether a database server did not answer, or is starting or shutting down; other errors are not retried."""
     said = str(error.orig)
     answered = "FATAL:" in said and not any(words in said for words in _NOT_YET)
     return isinstance(error, OperationalError) and engine.dialect.name != "sqlite" and not (

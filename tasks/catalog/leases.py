@@ -71,7 +71,7 @@ class CatalogLeases(CatalogReader):
             Whether `owner` holds the lease now.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         now = self._now()
         values = {"now": now, "until": now + timedelta(seconds=lease_s)}
@@ -87,8 +87,8 @@ class CatalogLeases(CatalogReader):
         them that only finish.
 
         Args:
-            parent: their parent.
-            kind: their kind.
+            parent: ARN of the children's parent.
+            kind: kind of the children.
             owner: name of the caller, which no other has in this process or another.
             lease_s: after how many seconds another may take it, unless it is renewed.
             most: member of the parent's document that says how many may be held at once.
@@ -148,7 +148,7 @@ class CatalogLeases(CatalogReader):
         """Returns the owner of a resource's lease, or `None`, and whether the lease has expired.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         held = select(resources.c.lease_owner, resources.c.lease_expires_at <= self._now()).where(
             resources.c.arn == arn
@@ -181,7 +181,7 @@ class CatalogLeases(CatalogReader):
         """Expires the leases of a process that is known to be dead, so that others need not wait.
 
         Args:
-            owners: what the names of the leases' owners begin with.
+            owners: prefix of the names of the leases' owners.
 
         Returns:
             How many leases it held.
@@ -195,7 +195,7 @@ class CatalogLeases(CatalogReader):
         """Returns how many job workers died while they held a resource's lease and had to be replaced.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._engine) as connection:
             lost = connection.scalar(select(resources.c.lost_workers).where(resources.c.arn == arn))
@@ -220,7 +220,7 @@ class CatalogLeases(CatalogReader):
         Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
 
         Args:
-            kinds: which kinds of jobs.
+            kinds: kinds of the jobs.
             limit: how many at most.
             without: ARNs of jobs that are left out, too.
         """

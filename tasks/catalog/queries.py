@@ -43,7 +43,7 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
     """Makes the pagination token for the page of a list that follows an entry.
 
     Args:
-        kind: what is listed.
+        kind: kind of the listed resources.
         filters: with which conditions.
         sequence: the entry's place in the order of creation.
     """
@@ -57,7 +57,7 @@ def decode_page_token(kind: str, filters: Filters, token: str) -> int:
         The place of the entry that the page follows.
 
     Raises:
-        InvalidParameterException: it is no token, or one of another list.
+        InvalidParameterException: the text is not a pagination token, or is that of another list.
     """
     try:
         sequence = int(base64.urlsafe_b64decode(token).decode("ascii").partition(".")[0])
@@ -162,7 +162,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     """Reads the database row of a resource, with its lease's owner.
 
     Raises:
-        ResourceNotFoundException: there is none of that ARN and kind.
+        ResourceNotFoundException: the catalog has no resource of this ARN and kind.
     """
     row = connection.execute(_ONE_ROW, {"arn": arn}).mappings().one_or_none()
     if row is None:
@@ -182,7 +182,7 @@ def list_query(
     """Makes the database query for a page of a list of resources, newest first.
 
     Args:
-        kinds: what is listed.
+        kinds: kinds of the listed resources.
         filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
             tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.
@@ -228,7 +228,7 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
 
     Args:
         wanted: the statuses, by kind.
-        not_below: those that came from a parent of this kind are left out.
+        not_below: resources whose parent is of this kind are left out.
         limit: how many of each kind at most.
     """
     is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)
@@ -289,7 +289,7 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
     """Raises an error if a new resource's ARN is taken, or its name where names have to be unique.
 
     Raises:
-        ResourceAlreadyExistsException: one of them is.
+        ResourceAlreadyExistsException: the ARN or the name is taken.
     """
     taken = [resources.c.arn == resource.arn]
     if unique_name:

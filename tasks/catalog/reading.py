@@ -74,11 +74,11 @@ class CatalogReader:
         """Reads a resource by its ARN.
 
         Args:
-            arn: its ARN.
-            kind: what it has to be; `None`: anything.
+            arn: ARN of the resource.
+            kind: expected kind of the resource; `None`: any.
 
         Raises:
-            ResourceNotFoundException: there is none of that ARN and kind.
+            ResourceNotFoundException: the catalog has no resource of this ARN and kind.
         """
         with self._transaction(self._once) as connection:
             return resource_of(one_row(connection, arn, kind))
@@ -87,8 +87,8 @@ class CatalogReader:
         """Reads several resources by ARN; those that do not exist are left out.
 
         Args:
-            arns: their ARNs.
-            members: which members of the documents are read; `None`: all.
+            arns: ARNs of the resources.
+            members: members of the documents to read; `None`: all.
         """
         wanted = list(arns)
         found: dict[str, Resource] = {}
@@ -111,7 +111,7 @@ class CatalogReader:
             account: whose token it is.
 
         Raises:
-            IdempotentParameterMismatchException: that call was another request.
+            IdempotentParameterMismatchException: the earlier call with this client token had another request.
         """
         if token is None:
             return None
@@ -141,7 +141,7 @@ class CatalogReader:
         """Returns a resource's status, and whether its cancellation was requested; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: there is no such resource.
+            ResourceNotFoundException: the catalog has no such resource.
         """
         with self._transaction(self._once) as connection:
             row = connection.execute(_STANDING, {"of": arn}).one_or_none()
@@ -183,13 +183,13 @@ class CatalogReader:
         """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
-            kinds: what is listed.
+            kinds: kinds of the listed resources.
             filters: for `name`, `parent`, `status`, `tag` (written `key=value`) or a label the values that are
                 wanted, one of which has to be equal.
             limit: how many at most.
             after: the page before's `next_token`; `None`: the first page.
             scope: for whom the list is made; page tokens of other scopes are refused.
-            members: which members of the documents are read, for kinds whose documents are large;
+            members: members of the documents to read, for kinds whose documents are large;
                 `None`: all.
             without: names that are left out, by kind.
 
@@ -215,9 +215,9 @@ class CatalogReader:
 
         Args:
             wanted: the statuses, by kind.
-            not_below: those that came from a parent of this kind are left out.
+            not_below: resources whose parent is of this kind are left out.
             limit: how many of each kind at most.
-            members: which members of the documents are read.
+            members: members of the documents to read.
         """
         query = only_members(newest_query(wanted, not_below, limit), members)
         with self._transaction(self._once) as connection:

@@ -24,7 +24,7 @@ class NewResource:
     """State in its lifecycle; for kinds without a lifecycle whatever the caller likes."""
 
     parent: str | None = None
-    """ARN of the generation job or batch it came from."""
+    """ARN of the generation job or batch that created the resource."""
 
     tags: Mapping[str, str] = field(default_factory=dict[str, str])
 
@@ -95,7 +95,7 @@ class Ownership:
     """Name of who holds its lease, or held it last; `None`: no process has held it."""
 
     since: datetime | None
-    """When the owner took it."""
+    """Time at which the owner took it."""
 
     is_held: bool
     """Whether the owner holds the lease, and it has not run out."""

@@ -121,7 +121,7 @@ def _sha256(store: ObjectStore, bucket: str, key: str) -> str:
 
 
 UNFINISHED_AFTER = timedelta(days=1)
-"""Parts of an upload that began before belong to no upload that goes on: none takes that long."""
+"""Age from which parts of an upload belong to no upload in progress: none takes that long."""
 
 _PAGE = 200
 _JOBS = "simulation-jobs/"
@@ -137,7 +137,7 @@ _AGAIN = {
 def check_consistency(service: Service, *, read_content: bool = False, mend: bool = False) -> ConsistencyReport:
     """Compares the catalog with the object store, and repairs what it can (`robomaker fsck`).
 
-    Jobs that go on are looked at when they have ended.
+    Jobs in progress are left out until they have ended.
 
     Args:
         service: what is checked.
@@ -214,7 +214,7 @@ class _Check:
         return Finding(problem=problem, resource=resource.arn, where=where, detail=detail, remedy=remedy)
 
     def _mended(self, finding: Finding, folder: Folder) -> Finding:
-        """The finding, after its removal was finished where that is what it is about and wanted."""
+        """Finishes an interrupted deletion, if the finding is one and repairs are wanted; returns the finding."""
         if not self.mend or finding.problem is not Problem.HALF_REMOVED:
             return finding
         place = folder.place
@@ -276,7 +276,7 @@ def _key(thing: Folder | Single) -> str:
 
 
 def _done(finding: Finding, mend: partial[object]) -> Finding:
-    """The finding, mended; what goes wrong is told in it, and the check goes on."""
+    """Repairs a finding; a failure is recorded in the finding, and does not end the check."""
     try:
         mend()
     except StorageUnavailableError:

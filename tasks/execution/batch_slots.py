@@ -24,14 +24,14 @@ from prefect.exceptions import ObjectNotFound
 _LEASE_S = 60.0  # the shortest lease the server grants
 _RENEW_S = 20.0
 LOOK_S = 5.0
-"""How often is looked whether the limit was changed."""
+"""Seconds between two checks whether the limit was changed."""
 _WAIT_S = 0.25
 _LATE_S = 5.0
-"""After that one is not waited for that has not come, although later ones have."""
+"""Seconds after which a place in the order is passed over, if later ones have asked for a slot and it has not."""
 
 _PREFIX = "robomaker-"
 _PAGE = 50
-"""How many limits are read at once."""
+"""Limits that are read at once."""
 
 _logger = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ class Slots:
         name: name of the global concurrency limit, the batch's own.
         limit: how many slots there are.
         wanted: how many this job worker can use at once.
-        look_s: seconds between two looks whether the limit was changed on the server.
+        look_s: seconds between two checks whether the limit was changed on the server.
         order: places of those that will hold slots, in the order in which they shall get them; empty: in none.
     """
 

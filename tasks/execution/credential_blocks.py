@@ -11,7 +11,7 @@ def read_credential_block(slug: str, name: str) -> Mapping[str, Any] | None:
 
     Args:
         slug: slug of its type.
-        name: its name.
+        name: name of the block.
     """
     from prefect.client.orchestration import get_client  # only roles that are blocks wait for its import
     from prefect.exceptions import ObjectNotFound

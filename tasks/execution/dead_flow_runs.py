@@ -39,10 +39,10 @@ AUTOMATION = "robomaker: close dead runs"
 """Name of the automation, by which it is found again."""
 
 SILENCE_S = 30.0
-"""How long a run may give no sign of life before it counts as dead: three of them may be late."""
+"""Time without a heartbeat after which a run counts as dead: three of them may be late."""
 
 UNHEARD_S = 90.0
-"""How long a run may give no sign of life before it is closed without the automation, which is quicker."""
+"""Time without a heartbeat after which a run is closed without the automation, which is quicker."""
 
 _SETTLE_S = 5.0
 """How long after its flow run a task run may still be closed by an event that is on its way."""
@@ -63,13 +63,13 @@ _EVENTS_KEPT = timedelta(days=30)
 
 _EVENTS_PAGE = 50  # the most that the server gives at once
 _TOLD_FOR = timedelta(days=1)
-"""How long after a run was closed its true end is looked for."""
+"""Time after the closing of a run in which its true end is searched for."""
 
 _LATE_S = 300.0
 """How late states of task runs reach a server that is flooded with them; 240 s were seen."""
 
 _DEPTH = 4
-"""How deep flows are in each other at most."""
+"""Largest depth of nested flows."""
 
 _ENDS = ("Completed", "Failed", "Crashed", "Cancelled", "TimedOut", "Paused", "Suspended")
 
@@ -214,7 +214,7 @@ def close_unheard(
     Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
 
     Args:
-        client: of a server that has answered for as long: else it may not have heard those that live.
+        client: client of a server that has answered for as long: else it may not have heard those that live.
         flow_names: names of the flows that give signs of life; others on the server are left alone.
         now: the time; absent: the present.
         end_of: knows how flow runs ended; those of which it does not are closed as dead.
@@ -279,11 +279,11 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
 
 
 def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = None) -> bool:
-    """Writes into a dead flow run's state what happens to its work; a failure to do so is only logged.
+    """Writes into a dead flow run's state which process continues its work; a failure to do so is only logged.
 
     Args:
-        flow_run: its id.
-        words: what finishes it, or how a person does.
+        flow_run: id of the dead flow run.
+        words: text that says which process finishes it, or how a person can.
         client: the server's client; `None`: of the server that Prefect's settings name.
 
     Returns:
@@ -358,7 +358,7 @@ def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
 
 
 def _parts_of(client: SyncPrefectClient, subflows: Collection[FlowRun], outer: FlowRunFilter) -> list[FlowRun]:
-    """Those subflow runs whose flow run a filter chooses."""
+    """Reads the subflow runs of the flow runs that a filter chooses."""
     if not subflows:
         return []
     ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]

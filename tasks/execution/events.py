@@ -14,7 +14,7 @@ def tell_of_world(arn: str, uri: str, template: str) -> None:
 
     Args:
         arn: the world's ARN.
-        uri: where its bundle is stored.
+        uri: URI of the world's stored bundle.
         template: ARN of the template it was made from.
     """
     _tell(
@@ -33,7 +33,7 @@ def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, i
     Args:
         run_id: the run that it is about.
         state: how the run ended: `succeeded`, `failed`, …
-        path: where it is, on the machine of the flow run.
+        path: path of the report on the machine of the flow run.
         verdicts: how many jobs have which verdict.
     """
     _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))

@@ -39,7 +39,7 @@ class RunNotSucceeded(RobomakerError):
 
     Args:
         result: how it ended.
-        answer: what its flow would have returned in a good state.
+        answer: result that the flow would have returned in a good state.
     """
 
     def __init__(self, result: FlowResult, answer: Mapping[str, Any]) -> None:
@@ -94,7 +94,7 @@ def answer_of(state: State[Any]) -> tuple[dict[str, Any], FlowResult]:
     """Returns a finished Prefect flow's response (the job's description) and result, also if the job failed.
 
     Raises:
-        BaseException: what the flow raised instead.
+        BaseException: the error that the flow raised instead.
     """
     outcome: Any = state.result(raise_on_failure=False)
     if isinstance(outcome, RunNotSucceeded):

@@ -46,7 +46,7 @@ def role_of(main: str, words: Sequence[str]) -> str:
 
     Args:
         main: name of its main module; empty: it is a script.
-        words: its command line.
+        words: command line of the process.
     """
     if "prefect_robomaker.deployments.worker" in main:
         return "robomaker serve"
@@ -144,7 +144,7 @@ class HeldLeases:
 
         Args:
             take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
-            catalog: where the jobs are.
+            catalog: the catalog of the jobs.
 
         Returns:
             The job; `None`: there was none to take, or this process takes no more.

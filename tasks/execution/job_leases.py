@@ -33,7 +33,7 @@ class Lease:
     Args:
         job: the job as it was when the lease was taken.
         owner: name of the lease's holder.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, job: Resource, owner: str, service: Service) -> None:
@@ -122,10 +122,10 @@ class CatalogWait:
     A catalog that answers and still refuses a change is soon given up.
 
     Args:
-        arn: what waits, for the log.
+        arn: ARN of the waiting job, for the log.
         look: reads the catalog.
-        is_over: whether to wait no more.
-        pause_s: how long after it did not answer it is asked again.
+        is_over: returns whether to stop waiting.
+        pause_s: seconds until the next try after the catalog did not answer.
     """
 
     def __init__(self, arn: str, look: Callable[[], object], is_over: Callable[[], bool], pause_s: float) -> None:
@@ -238,12 +238,12 @@ def run_under_lease(
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: carries the job on from wherever it stands to a terminal state.
-        held: where this process notes the leases that it holds.
+        held: record of the leases that this process holds.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     while True:
         try:
@@ -262,16 +262,16 @@ def run_if_unclaimed(
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: carries the job on, holding its lease.
-        held: where this process notes the leases that it holds.
+        held: record of the leases that this process holds.
 
     Returns:
         True when `work` was run or the job had ended; false when another worker holds its lease.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        LeaseLostError: another worker has taken over meanwhile.
+        ResourceNotFoundException: the catalog has no such job.
+        LeaseLostError: another job worker took over the job while its work was running.
         WorkerStopping: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)
@@ -299,7 +299,7 @@ def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) ->
     Args:
         work: carries the job on from wherever it stands to a terminal state.
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and

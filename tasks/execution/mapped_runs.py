@@ -34,9 +34,9 @@ class Item:
     """One call of a task inside a mapped Prefect task run (`task.map`).
 
     Args:
-        task: what is mapped.
-        index: its place in the map, from 0.
-        parameters: of the call; futures in them are waited for.
+        task: the task that is mapped.
+        index: number of the item in the map, from 0.
+        parameters: parameters of the call; futures in them are waited for.
     """
 
     task: Task[..., Any]
@@ -165,7 +165,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
 
     Args:
         max_workers: how many items and submitted tasks run at once; absent: as `ThreadPoolTaskRunner` has it.
-        summary: what the state of a map's task run says.
+        summary: makes the text of the state of a map's task run.
     """
 
     def __init__(self, max_workers: int | None = None, summary: Summary = in_words) -> None:
@@ -186,9 +186,9 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
         """Runs a task once for each item, in threads, all as one Prefect task run.
 
         Args:
-            task: what to run.
-            parameters: of the call; each iterable that is not `unmapped` has an element for each item.
-            wait_for: what has to complete before any item begins.
+            task: the task to map.
+            parameters: parameters of the call; each iterable that is not `unmapped` has an element for each item.
+            wait_for: futures that have to complete before any item begins.
 
         Returns:
             A future for each item, in order.
@@ -228,7 +228,7 @@ def _listed(futures: list[ItemFuture[Any]]) -> PrefectFutureList[Any]:
 
 
 class _Calls(TaskRunner[PrefectFuture[Any]]):
-    """Notes the calls that Prefect makes of a `map`, rather than running them."""
+    """Records the calls of a `map` in Prefect, rather than running them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -321,7 +321,7 @@ def _state_of(ended: Ended) -> State[Any]:
 
 
 def _check(task: Task[..., Any]) -> None:
-    """Refuses a task that asks for what items do not have."""
+    """Raises an error for a task with features that mapped items do not have."""
     persists = should_persist_result() if task.persist_result is None else task.persist_result
     asked = {
         "a kept or cached result (persist_result=False keeps none)": persists,

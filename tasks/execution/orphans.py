@@ -47,7 +47,7 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
     """Ends this process after its parent died: releases its jobs, and marks its flow run as crashed in Prefect.
 
     Args:
-        catalog: where the jobs are.
+        catalog: the catalog of the jobs.
         flow_run: the flow run that this process was started for.
     """
     with _ended(1):
@@ -60,7 +60,7 @@ def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
     """Ends a job worker's process when its Prefect worker asks for it; its jobs are released.
 
     Args:
-        catalog: where the jobs are; their leases are released, so that other job workers take them at once.
+        catalog: catalog of the jobs; their leases are released, so that other job workers take them at once.
         flow_run: the flow run that this process was started for.
     """
     with _ended(0):  # another exit code would make a cancelled run a crashed one
@@ -98,7 +98,7 @@ def words_of_end(catalog: Catalog, arns: Sequence[str]) -> str:
     """Makes the message of a process that ended because its parent died: how to continue the jobs it held.
 
     Args:
-        catalog: where its jobs are.
+        catalog: the catalog of its jobs.
         arns: the jobs that it held, those of batches before the batches.
     """
     words = "its Prefect worker has died, so that it ended itself"
@@ -133,7 +133,7 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
 
 
 def _say_interrupted(flow_run: UUID) -> None:
-    """Says `Cancelled` of a run that is being cancelled, and `Crashed` of one whose Prefect worker was stopped."""
+    """Sets a run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
     others = "other job workers go on with its jobs"
     try:
         with get_client(sync_client=True) as client:

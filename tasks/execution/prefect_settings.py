@@ -17,7 +17,7 @@ from prefect.settings import (
 )
 
 _ANSWER_S = 5.0
-"""How long the server may take to answer a thread of ours."""
+"""Time limit for the server's answer to a thread of ours."""
 
 _OF_SERVER = (PREFECT_API_URL, PREFECT_API_KEY, PREFECT_API_AUTH_STRING)
 

@@ -36,10 +36,10 @@ BEAT_S = 10.0
 """Time from one sign of life to the next."""
 
 _LOOK_S = 2.0
-"""How often the server is asked whether a run was cancelled."""
+"""Seconds between two polls of the server whether a run was cancelled."""
 
 _MOST_MISSES = 3
-"""How often it may give no answer, one time after the other, since it is only busy."""
+"""Polls in a row that the server may leave unanswered, as it may only be busy."""
 
 _watched_around: ContextVar[UUID | None] = ContextVar("robomaker_watched_run", default=None)
 _logger = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ class _Watched:
 
     beat_at: float = 0.0
     is_told: bool = False
-    """Whether it was told that it is cancelled."""
+    """Whether its `cancel` was called."""
 
 
 @dataclass
@@ -67,7 +67,7 @@ class RunWatch:
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _taking_back: threading.Lock = field(default_factory=threading.Lock)
-    """Held while a run is taken back: one that ends meanwhile is told to Prefect only after that."""
+    """Held while a run is set to `Running` again: the end of a run meanwhile is reported to Prefect only after that."""
 
     _is_running: bool = False
     _misses: int = 0
@@ -82,7 +82,7 @@ class RunWatch:
 
         Args:
             run: the flow run's id.
-            name: its name.
+            name: name of the flow run.
             cancel: called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
             goes_on: called from another thread when it was closed as dead: says whether this process still does its
                 work, so that it takes the run back.
@@ -131,7 +131,7 @@ class RunWatch:
                 self._wait(runs)
 
     def _to_watch(self) -> dict[UUID, _Watched]:
-        """The runs that are watched; the thread ends when there are none."""
+        """Returns the watched flow runs; the thread ends when no run is left."""
         with self._changed:
             runs = dict(self._runs) if threading.main_thread().is_alive() else {}
             self._is_running = bool(runs)
@@ -144,12 +144,16 @@ class RunWatch:
             self._pass_on_cancellations(runs, client)
 
     def _wait(self, known: dict[UUID, _Watched]) -> None:
-        """Waits until the next look, less if a run has come, or there are none any more."""
+        """Waits for the poll interval; returns early if a flow run is added to the watch, or the last one ends.
+
+        Args:
+            known: the flow runs of the last poll, by id.
+        """
         with self._changed:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
-        """Says once that the server does not answer: Prefect's own client tries for a minute before it says so."""
+        """Logs once that the server does not answer: Prefect's own client tries for a minute before it logs that."""
         self._misses = 0 if error is None else self._misses + 1
         if self._misses == _MOST_MISSES and self.tells_of_silence:
             url = PREFECT_API_URL.value()
@@ -221,7 +225,7 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
     """Watches the running flow inside the `with` block, unless its parent flow is watched already.
 
     Args:
-        catalog: where the jobs are that it runs; their leases are released if the process has to end as an orphan.
+        catalog: the catalog of its jobs; their leases are released if the process has to end as an orphan.
         cancel: called from another thread when the run is cancelled in Prefect; again while the catalog does not
             answer.
     """

@@ -42,19 +42,19 @@ def run_tasks(
     """Runs part of a job once for each argument set, in threads, as Prefect task runs; waits for all of them.
 
     Args:
-        name: what Prefect shows as the name of the task.
+        name: name of the task in Prefect.
         part: watches for a cancel request of the job, and ends soon after one.
-        calls: its arguments.
+        calls: arguments of each call.
         run_name: name of each task run; arguments in braces stand for their values.
         workers: how many run at once.
         job_arn: the job that they are parts of.
-        service: where the job is stored.
-        look: called several times a second meanwhile, and once after an interruption, in the calling thread; once it
-            says true, calls that have not begun are left out.
+        service: the service, with its catalog and object store.
+        look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
+            returns true, calls that have not begun are left out.
         summary: makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
 
     Raises:
-        BaseException: what the first task raised, once all have ended, or the interruption.
+        BaseException: the first task's error, once all tasks have ended, or the interruption.
     """
     from prefect import task
     from prefect.cache_policies import NO_CACHE
@@ -97,7 +97,7 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
     Args:
         work: watches for a cancel request of the job, and ends soon after one.
         job_arn: the job.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         BaseException: what `work` raised, or the interruption, once it has ended.
@@ -158,7 +158,7 @@ def shown_as(name: str, message: str) -> Generator[None]:
 
     Args:
         name: the name, such as `AwaitingApproval`.
-        message: what a person can do.
+        message: text for the user.
     """
     run = _flow_run()
     if run is None:

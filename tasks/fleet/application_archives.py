@@ -69,11 +69,11 @@ def fetch_source(source: StoredSource, version: str, path: Path, service: Servic
     Args:
         source: the archive.
         version: the application's.
-        path: where it goes.
-        service: where it is stored.
+        path: path of the local file.
+        service: the service, with its catalog and object store.
 
     Raises:
-        DeploymentError: it is gone, may not be read, or is not the one it was when the version was made.
+        DeploymentError: the archive was deleted, may not be read, or was changed since the version was created.
         StorageError: the object store does not answer.
     """
     place, store = place_of(source), service.store
@@ -88,14 +88,14 @@ def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service
     """Downloads a deployment's condition file, a program that robots run before they download.
 
     Args:
-        bucket: where it lies.
-        key: the same.
-        etag: what it had when the deployment was created; nothing: that was not noted.
-        path: where it goes.
-        service: where it is stored.
+        bucket: bucket of the file.
+        key: key of the file.
+        etag: ETag of the file when the deployment was created; `None`: not recorded.
+        path: path of the local file.
+        service: the service, with its catalog and object store.
 
     Raises:
-        DeploymentError: it is gone, may not be read, or is another one.
+        DeploymentError: the condition file was deleted, may not be read, or was changed.
         StorageError: the object store does not answer.
     """
     place = f"s3://{bucket}/{key}"

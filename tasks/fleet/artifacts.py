@@ -46,7 +46,7 @@ def signing_key(service: Service) -> SigningKey:
     """Returns the service's key that signs installation files for robots; it is created on first use.
 
     Raises:
-        ConfigurationError: what lies there is no key, or it cannot be read or written.
+        ConfigurationError: the file does not hold a key, or cannot be read or written.
     """
     path = service.folder("robots") / "signing-key.pem"
     try:
@@ -69,11 +69,11 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
 
     Args:
         path: the file; its folder exists.
-        content: what it holds.
-        mode: who may read it, as `chmod` has it.
+        content: content of the file.
+        mode: permissions of the file, as of `chmod`.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with written(path, content, mode) as part, suppress(FileExistsError):
         path.hardlink_to(part)
@@ -85,11 +85,11 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
 
     Args:
         path: the other file; its folder exists.
-        content: what it holds.
-        mode: who may read it, as `chmod` has it.
+        content: content of the file.
+        mode: permissions of the file, as of `chmod`.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     part = path.with_name(f".{uuid4().hex}.part")
     try:
@@ -115,8 +115,8 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
 
     Args:
         application: the application's version, as `find_application` finds it.
-        architectures: those of the robots.
-        service: where the archives are, and where the files go.
+        architectures: CPU architectures of the robots.
+        service: the service, with its catalog and object store.
 
     Returns:
         The files by architecture; architectures that the application has no archive for are absent.

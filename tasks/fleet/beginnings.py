@@ -52,8 +52,8 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[
     """Makes the plan of a deployment: its robots in order and its limits.
 
     Args:
-        job: its job.
-        robots: whom it is meant for, in the order in which their turn comes.
+        job: the deployment job.
+        robots: ARNs of the robots to deploy to, in the order of the rollout.
         has_file: whether there is a file for a robot; those without one fail.
     """
     document = DeploymentJobDocument.of(job)
@@ -94,7 +94,7 @@ def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> Pla
 
 
 def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Sequence[PlannedRobot]) -> tuple[str, ...]:
-    """Robots whose turn comes first; those that cannot get the application, or left the fleet, are none."""
+    """Returns the canaries, robots that get their orders first, without unfit ones and those that left the fleet."""
     fit = [robot.arn for robot in planned if robot.unfit_code is None]
     if config.canaryPercentage is not None:
         return tuple(fit[: max(1, len(planned) * config.canaryPercentage // 100)])
@@ -121,9 +121,9 @@ def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Ser
 
     Args:
         job: the deployment job.
-        plan: what it will do.
-        gets: what robots get.
-        service: where it is stored.
+        plan: the rollout's plan.
+        gets: the files that robots get.
+        service: the service, with its catalog and object store.
     """
     earlier = _end_earlier(job, gets.architectures, service)
     rollout = begin(plan, service.clock().timestamp(), earlier)

@@ -60,7 +60,7 @@ class Rollouts:
             False if the job has one, which stays as it is.
 
         Raises:
-            ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: the catalog has no such job.
         """
         row = {"job": job, "revision": 1, "is_open": True, "delivery": dict(delivery), "rollout": dict(rollout)}
         try:
@@ -124,7 +124,7 @@ class Rollouts:
         """Reserves unique, increasing numbers for orders to robots.
 
         Raises:
-            ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: the catalog has no such job.
         """
         try:
             with self._catalog.writing() as connection:
@@ -146,7 +146,7 @@ class Rollouts:
 
         Args:
             job: ARN of the deployment job.
-            event: what happened.
+            event: the event to apply.
             at_s: when, in seconds since the epoch.
             order: the number of the order that it is about; it decides the job, if that order was moved.
 
@@ -154,7 +154,7 @@ class Rollouts:
             The job that it was stored for.
 
         Raises:
-            ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: the catalog has no such job.
         """
         try:
             with self._catalog.writing() as connection:

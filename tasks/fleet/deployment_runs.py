@@ -83,10 +83,10 @@ def _others(rollout: Rollout, bad: Sequence[str]) -> list[str]:
 
 
 POLL_S = 0.25
-"""How often the run looks for what robots reported; the place of one that has ended stays free for so long."""
+"""Seconds between two polls for reports of robots; a place that a robot leaves is free as long."""
 
 LOOK_AT_BATCH_S = 5.0
-"""How often the run looks whether the batch that it requires has passed."""
+"""Seconds between two checks whether the required batch has passed."""
 
 _LOOK_AT_APPLICATION_S = 5.0
 _KEEP_ALIVE_S = 30.0
@@ -97,7 +97,7 @@ class DeploymentRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
     """
 
@@ -157,7 +157,7 @@ class DeploymentRun:
         """Attests that the batch which the job requires has passed; waits while it runs, unless the job is canceled.
 
         Raises:
-            DeploymentError: it has not passed, and cannot any more.
+            DeploymentError: the batch has not passed, and cannot pass any more.
             StateConflictError: the lease was lost, or the job was ended.
         """
         from .attestations.required_batches import attest  # it needs the extra `fleet`
@@ -255,7 +255,7 @@ class DeploymentRun:
             self._step("approval", wait)
 
     def _look(self, kept: KeptRollout) -> None:
-        """Takes in what happened.
+        """Polls once: applies the robots' reports, time-outs, cancellation and decisions to the rollout.
 
         Raises:
             StateConflictError: the lease was lost.
@@ -283,7 +283,7 @@ class DeploymentRun:
         self._kept_alive_at_s = now_s
 
     def _show(self, rollout: Rollout) -> None:
-        """Shows how many robots stand how, and says what else it waits for, each time that this changes."""
+        """Reports the counts of robots by state, and the reasons why the deployment waits, whenever these change."""
         self._service.report_progress(progress_of(rollout))
         waits = tuple(in_words(wait, self._job.arn) for wait in waits_for(rollout, self._now_s()))
         if waits != self._told and (waits or rollout.status == "InProgress"):

@@ -51,7 +51,7 @@ DEPLOYMENT = "deployment-job"
 
 _NOT_BEGUN = ("Pending", "Preparing")
 PATIENCE_S = 10.0
-"""How long a change of a fleet waits for the changes of others."""
+"""Longest wait of a change of a fleet for other changes."""
 
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
@@ -64,11 +64,11 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
 
     Args:
         arn: the fleet.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
-        InvalidParameterException: it is no ARN of a fleet.
-        ResourceNotFoundException: there is no such fleet.
+        InvalidParameterException: the text is not the ARN of a fleet.
+        ResourceNotFoundException: the catalog has no such fleet.
         ThrottlingException: others have kept changing it for `PATIENCE_S`.
     """
     ResourceArn.parse(arn, FLEET)
@@ -90,7 +90,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
 
     Args:
         fleet: the fleet's ARN.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         page: how many are read at once.
     """
     found: list[Resource] = []
@@ -119,8 +119,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """Adds a robot to a fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: there is no such robot.
-        InvalidParameterException: it is in another fleet.
+        ResourceNotFoundException: the catalog has no such robot.
+        InvalidParameterException: the robot is in another fleet.
     """
     known = service.catalog.get(robot, kind=ROBOT)
     if RobotDocument.of(known).fleet != fleet.arn:
@@ -133,7 +133,7 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
     """Removes a robot from its fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: there is no such robot.
+        ResourceNotFoundException: the catalog has no such robot.
     """
     service.catalog.update(robot, RobotMembership(fleet=None), labels={}, status="Available")
 
@@ -154,8 +154,8 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
 
     Args:
         job: the job.
-        why: what ends it.
-        service: where it is stored.
+        why: cause of the end.
+        service: the service, with its catalog and object store.
         changes: why it failed, where it fails; nothing: it is canceled.
     """
     stop(job.arn, why, service)
@@ -268,7 +268,7 @@ def enrollable(name: str, service: Service) -> Resource:
     """Returns the robot of a name, after checking that its name can be part of a URL.
 
     Raises:
-        InvalidParameterException: there is no such robot, or updaters cannot have its name in an address.
+        InvalidParameterException: no robot has this name, or the name cannot be part of a URL.
     """
     robot = service.catalog.find(ROBOT, name)
     if robot is None:
@@ -291,7 +291,7 @@ def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, 
 
     Args:
         name: the robot's.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         random_bytes: gives that many bytes that others cannot guess.
         rotate: whether a token that it has is replaced.
 

@@ -8,7 +8,7 @@ from .catalog_rollouts import Rollouts
 
 
 def _tell_robots(job: Resource, service: Service) -> None:
-    """Has robots told with the next thing that one of them reports."""
+    """Adds the event `Stopped` to the rollout: it cancels the robots' orders at the next report of one of them."""
     stopped = Stopped(why="canceled")
     Rollouts(service.catalog).add_event(job.arn, stopped.to_json(), service.clock().timestamp())
 

@@ -57,10 +57,10 @@ class KeptRollout:
 
     Args:
         job: the deployment job; it has a rollout.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: it has none.
+        ResourceNotFoundException: the deployment job has no rollout.
     """
 
     def __init__(self, job: Resource, service: Service) -> None:
@@ -121,7 +121,7 @@ class KeptRollout:
         """Closes orders that another rollout takes over and waits for.
 
         Args:
-            orders: their numbers, by robot; those of others are left alone.
+            orders: numbers of the orders, by robot; orders of other robots are not changed.
 
         Returns:
             The robots of them that have answered already.
@@ -219,7 +219,7 @@ class KeptRollout:
 
 
 def _bridge(ledger: Ledger, since_s: float, until_s: float) -> float:
-    """Has time-outs stand still while the service was not running; returns up to when the rollout was watched."""
+    """Extends time-outs by a gap in which the service was not running; returns the later of both times."""
     if until_s - since_s > GAP_S:
         ledger.apply(Outage(since_s=since_s), until_s)
     return max(since_s, until_s)
@@ -276,7 +276,7 @@ class OpenRollout:
     """Files that robots download, by the robot's ARN; robots that cannot get the application are absent."""
 
     launch: DeploymentLaunchConfig
-    """How the application is started."""
+    """Launch of the application."""
 
 
 def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
@@ -296,8 +296,8 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
     """Returns the rollouts whose robots may have open orders, also of jobs that have ended.
 
     Args:
-        service: where they are stored.
-        known: those that were read before, by job; what has not changed is not read again.
+        service: the service, with its catalog and object store.
+        known: rollouts that were read before, by job; unchanged ones are not read again.
 
     Returns:
         Them, those of older jobs first.
@@ -323,9 +323,9 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
     After the job's end, `served_rollouts` makes it part of the rollout.
 
     Args:
-        service: where the rollout is stored.
+        service: the service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
-        event: what the robot said; repetitions change nothing, and neither do orders of jobs that do not exist.
+        event: the robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
         at_s: when, in seconds since the epoch.
 
     Raises:
@@ -336,7 +336,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
 
 
 def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> None:
-    """Tells the rollouts of a fleet that a robot left the fleet or was deleted."""
+    """Adds an event to the rollouts of a fleet: a robot left the fleet or was deleted."""
     event = RobotGone(robot=robot, how=how)
     for job in Rollouts(service.catalog).open_rollouts(fleet):
         _note(service, job, event, service.clock().timestamp())

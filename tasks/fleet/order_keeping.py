@@ -51,7 +51,7 @@ class SaidBefore:
     """The last ones, oldest first."""
 
     withheld: ReportedCode | None = None
-    """Why the server could not send the file, when the robot asked for it last."""
+    """Reason why the server could not send the file at the robot's last request."""
 
 
 def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
@@ -69,9 +69,9 @@ def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
     """Translates a robot's report into an event of its rollout.
 
     Args:
-        report: what the robot said.
-        robot: its ARN; reports have the robot's own id.
-        known: what is known of the order, with this report (`heard`).
+        report: the robot's report.
+        robot: ARN of the robot; reports have the robot's own id.
+        known: state of the order, including this report (`heard`).
     """
     if isinstance(report, OrderFetched):
         return Fetched(robot=robot, action_id=report.action_id)
@@ -138,7 +138,7 @@ def _success(feedback: Feedback, robot: str, known: SaidBefore) -> Report:
 
 
 MAX_EXPECTED = 200
-"""How many robots of a rollout poll often because their turn comes soon."""
+"""Robots of a rollout, next in order, that poll often because they soon get an order."""
 
 OrderKey = tuple[str, int]
 """A robot's id, and the number of its order."""
@@ -157,7 +157,7 @@ class OrderKeeper:
 
     Args:
         orders: the table.
-        robots: who is in it.
+        robots: the enrolled robots.
     """
 
     def __init__(self, orders: OpenOrders, robots: KnownRobots) -> None:
@@ -244,7 +244,7 @@ class OrderKeeper:
 
 
 def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
-    """The order that comes first, of those that the robot has not closed."""
+    """Returns the oldest order that the robot has not closed."""
     fresh = [each for each in wanted if each.order.action_id > state.last_action_id]
     return min(fresh, key=lambda each: each.order.action_id, default=None)
 

@@ -22,7 +22,7 @@ class BundleFiles:
     """Local copies of installation files that robots download; usable from any thread.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         keeper: knows which file an order has.
     """
 
@@ -37,7 +37,7 @@ class BundleFiles:
 
         Raises:
             ObjectNotFoundError: no rollout has it any more, or it is gone.
-            StorageError: it cannot be fetched.
+            StorageError: the file cannot be downloaded.
         """
         artifact = self._keeper.artifact(order)
         if artifact is None:
@@ -69,13 +69,13 @@ class BundleFiles:
 LOGGER = logging.getLogger("robomaker.robots")
 
 BUSY_S = 0.25
-"""Between two looks while a rollout is open or about to be; the place of a robot that has ended is free for so long."""
+"""Seconds between two polls while a rollout is open or about to be; a place that a robot leaves is free as long."""
 
 IDLE_S = 2.0
-"""The same otherwise."""
+"""Seconds between two polls otherwise."""
 
 AWAKE_S = 60.0
-"""For so long after a job was asked for here, looks follow each other as if a rollout were open: it may be one soon."""
+"""Seconds of polling as if a rollout were open, after a deployment was ordered here: it may open one soon."""
 
 # A look that costs much, in a large fleet, is followed by a pause ten times as long. Time in which it only waits, for a
 # processor or a lock, does not count: a busy machine would make each robot's turn come seconds later.
@@ -91,10 +91,10 @@ class OrderWatch:
     """Thread that watches robots and rollouts in the catalog and updates the table of orders.
 
     Args:
-        service: where robots and rollouts are stored.
-        robots: who is enrolled.
+        service: the service, with its catalog and object store.
+        robots: the enrolled robots.
         keeper: keeps the orders.
-        files: those of the orders.
+        files: files of the orders.
         rollouts: reads the open rollouts: `kept_rollouts.open_rollouts`.
         tend: does what is due of those whose jobs have ended: `EndedRollouts.tend`.
     """
@@ -127,17 +127,17 @@ class OrderWatch:
         self._thread.start()
 
     def wake(self) -> None:
-        """Makes the thread look at once, and often for a while, because a deployment was ordered."""
+        """Makes the thread poll at once, and often for a minute, because a deployment was ordered."""
         self._awake_until_s = time.monotonic() + AWAKE_S
         self._woken.set()
 
     def wake_for_robots(self) -> None:
-        """Makes the thread look at once, also for newly enrolled robots."""
+        """Makes the thread poll at once, also for newly enrolled robots."""
         self._robots_due_s = 0.0
         self._woken.set()
 
     def stop(self) -> None:
-        """Stops the thread that watches robots and rollouts, after its current look."""
+        """Stops the thread that watches robots and rollouts, after its current poll."""
         self._is_stopped = True
         self._woken.set()
         self._thread.join()

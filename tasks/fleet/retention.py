@@ -42,7 +42,7 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
 
     Args:
         policy: says how many of the newest deployments of each fleet keep their files.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         act: whether they are removed; otherwise it is only said what would be.
 
     Returns:
@@ -112,7 +112,7 @@ def _artifacts(job: str, service: Service) -> list[Artifact]:
 
 
 def _wrapped(service: Service) -> list[ObjectInfo]:
-    """Signed files of updaters, and records of which they are; not what lies in folders."""
+    """Lists the signed files of updaters, and their records; objects in subfolders are left out."""
     try:
         found = list(service.store.list(service.settings.bucket, FOLDER))
     except BucketNotFoundError:

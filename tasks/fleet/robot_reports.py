@@ -32,8 +32,8 @@ class RobotReports:
     """Receives the reports of robots and stores them for their rollouts; usable from any thread.
 
     Args:
-        service: where rollouts and robots are stored.
-        robots: who they are.
+        service: the service, with its catalog and object store.
+        robots: the enrolled robots.
         keeper: knows their orders.
         report: takes in events of rollouts.
     """
@@ -50,7 +50,7 @@ class RobotReports:
         """Stores a robot's report; it is stored when this returns.
 
         Raises:
-            ServiceError: it could not be stored; the robot has to say it again.
+            ServiceError: the report could not be stored; the robot has to send it again.
         """
         match report:
             case RobotsSeen():

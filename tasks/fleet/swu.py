@@ -80,7 +80,7 @@ def load_signing_key(private_pem: bytes, certificate_pem: bytes) -> SigningKey:
     """Reads a signing key and its certificate from PEM.
 
     Raises:
-        ConfigurationError: one of them is none, or they do not belong together.
+        ConfigurationError: the key or certificate is not valid PEM, or they do not belong together.
     """
     try:
         private = load_pem_private_key(private_pem, None)
@@ -121,7 +121,7 @@ def describe(release: Release, bundle_sha256: str) -> bytes:
     """Makes the text of `sw-description`, the index file inside a `.swu` (SWUpdate) file.
 
     Args:
-        release: what is installed.
+        release: application version that is installed.
         bundle_sha256: SHA-256 of the bundle, in hexadecimal digits.
 
     Raises:
@@ -179,9 +179,9 @@ def write_member(target: BinaryIO, number: int, name: str, parts: Iterable[bytes
 
     Args:
         target: the archive.
-        number: of the file in the archive, from 1.
+        number: number of the file in the archive, from 1.
         name: the file's name.
-        parts: its content, in parts.
+        parts: content of the file, in parts.
         size_bytes: the length of all parts together.
 
     Raises:
@@ -217,9 +217,9 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
 
     Args:
         bundle: an archive (`.tar.gz`), open for reading, which can be rewound.
-        release: what it is, and where it is unpacked.
+        release: application version, and the path that it is unpacked to.
         key: signs it.
-        target: where the `.swu` is written.
+        target: the `.swu` file, open for writing.
 
     Returns:
         The SHA-256 of the bundle, in hexadecimal digits.

@@ -50,15 +50,15 @@ def forecast_run(
     """Forecasts time, disk space and cost of a whole run from the measurements of a probe (small trial run).
 
     Args:
-        name: of the specification.
-        steps: what each step took in the probe, and how much it is to do.
-        places: where jobs and worlds run at once.
-        backend: where jobs of batches run.
+        name: name of the specification.
+        steps: time of each step in the probe, and its amount of work in the run.
+        places: numbers of jobs and worlds that run at once.
+        backend: backend that runs the jobs of batches.
         made_at: the time now.
-        assumed: what the figures rest on, in words.
+        assumed: assumptions of the forecast, in words.
         probes: ids of the runs that were measured.
         ran: the jobs that were measured, with their verdicts.
-        price_per_hour: of a machine; absent: there is no cost.
+        price_per_hour: price of a machine; absent: no cost is computed.
     """
     each = [forecast_step(probe, whole, places) for probe, whole in steps]
     wall_time_s = sum(step.wall_time_s for step in each)
@@ -140,7 +140,7 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
 
 
 def _limits(jobs: Sequence[JobAmount], costs: "_Costs") -> dict[str, Any]:
-    """How many jobs their own limit will cut, and the one that would need most."""
+    """Forecasts the number of jobs that their duration limit will cut off, and the longest of them."""
     needed = [(costs.of(job).needed_s(job), job.limit_s) for job in jobs]
     over = [(needed_s, limit_s) for needed_s, limit_s in needed if needed_s >= limit_s]
     job_s, job_limit_s = max(over, default=(None, None))
@@ -170,7 +170,7 @@ class _Costs:
     """Costs of jobs: the mean of the probed jobs of their kind, else of all probed jobs.
 
     Args:
-        jobs: those of the probe.
+        jobs: jobs of the probe.
     """
 
     def __init__(self, jobs: Sequence[JobCost]) -> None:
@@ -231,7 +231,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
     """Stores a forecast for later runs of the specification; it replaces an earlier forecast.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the forecast cannot be written.
     """
     path = _place(spec, settings)
     path.parent.mkdir(parents=True, exist_ok=True)

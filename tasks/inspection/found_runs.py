@@ -87,16 +87,16 @@ def _is_asked(path: str, trial: int | None) -> bool:
 
 @contextmanager
 def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
-    """Finds a simulation run and downloads its records to a folder that exists inside the `with` block.
+    """Finds a simulation run and copies its records to a temporary folder, which is deleted after the `with` block.
 
     Args:
-        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-        service: where it is stored.
+        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a local folder of outputs.
+        service: the service whose catalog has the job and whose object store has the outputs.
 
     Raises:
-        ConfigurationError: that names no run, or one that has not ended.
-        ResourceNotFoundException: there is no such job.
-        StorageError: its outputs cannot be read.
+        ConfigurationError: the reference is not that of a run, or the run has not ended.
+        ResourceNotFoundException: the catalog has no such job.
+        StorageError: the outputs of the run cannot be read.
     """
     with scratch_folder(service) as scratch:
         job = _job_of(reference, service)
@@ -135,7 +135,7 @@ def _check_ended(job: Resource) -> None:
 
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> Sha256Of:
-    """Fetches what the last run of a job wrote down, from the store or from this machine."""
+    """Downloads the records of a job's last run from the store, or copies them on this machine."""
     document = SimulationJobDocument.of(job)
     kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
     if place := document.outputs:
@@ -189,7 +189,7 @@ def _sha256_of_left(file: Path) -> str | None:
 
 
 def _copy_left(file: Path, copy: Path) -> None:
-    """Copies a file of outputs, which applications may write to; what is none is not followed, nor waited for."""
+    """Copies a regular file of outputs, which untrusted code may have made: no links, no FIFOs."""
     try:
         with open_left(file) as left, copy.open("xb") as right:
             shutil.copyfileobj(left, right)
@@ -215,7 +215,7 @@ def _read(folder: Path, reference: str) -> RunOutputs:
 
 
 def _below(reference: str) -> str:
-    """A hint for those who named the folder of a job instead of that of its run."""
+    """Makes a hint for an error message if the user named the folder of a job instead of that of its run."""
     runs = sorted(str(path.parent) for path in Path(reference).glob(f"*/{PROVENANCE_FILE}"))
     return f"did you mean {runs[0]}? Otherwise " if runs else ""
 

@@ -182,7 +182,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
 
 
 def _requirements_digest(request: Mapping[str, Any]) -> str | None:
-    """The digest of what a request requires, by its member or the launch variable for SDKs that do not know it."""
+    """Returns the digest of a request's requirements, from its member or the launch variable."""
     configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
     variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
     asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
@@ -238,7 +238,7 @@ class _Application(BaseModel):
 
 
 class _Provenance(BaseModel):
-    """The part of `provenance.json` that says what the applications were; other releases may write more, or less."""
+    """The part of `provenance.json` that identifies the applications; other releases may write more, or less."""
 
     plan: _Plan
     applications: list[_Application] = []

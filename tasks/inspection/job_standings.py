@@ -30,7 +30,7 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     Args:
         operation: the operation that made the job.
         answer: the job's final description.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     arn, status = str(answer["arn"]), str(answer["status"])
     jobs = simulation_standings(arn, service)
@@ -51,7 +51,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
 
 
 def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
-    """The command that looks at what went wrong."""
+    """Command line that shows the reason of a failure."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:
         if worst.status == "Completed":
@@ -68,10 +68,10 @@ def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
 
     Args:
         arn: the job, or the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: there is no such resource.
+        ResourceNotFoundException: the catalog has no such resource.
     """
     job = service.catalog.get(arn)
     if job.kind == "simulation-job":

@@ -32,7 +32,7 @@ def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], Recor
     """Parses a file with requirements, and the recording topics that they are measured by.
 
     Args:
-        data: What a file says: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
+        data: Content of a file: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
         place: The file, for messages.
 
     Raises:
@@ -58,7 +58,7 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
         sources: Topics that it is judged by.
 
     Raises:
-        ConfigurationError: It cannot be read, is empty or cut off, or lacks a topic that is named.
+        ConfigurationError: The recording cannot be read, is empty or truncated, or lacks a topic that is named.
     """
     try:
         recording = find_recording(place)
@@ -73,10 +73,10 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
 
 
 def check_world(requirements: Sequence[RequirementKind], world: str | None) -> None:
-    """Refuses requirements that need a world where there is none.
+    """Raises an error if requirements need a world and none is given.
 
     Raises:
-        ConfigurationError: There is one.
+        ConfigurationError: A requirement needs a world, and no world is given.
     """
     if world is not None:
         return
@@ -100,7 +100,7 @@ def store_recording(recording: Path, service: Service) -> list[str]:
         service: Where to.
 
     Raises:
-        StorageError: It cannot be stored.
+        StorageError: The recording cannot be stored.
     """
     files = dict(_files(recording))
     digest = hashlib.sha256()
@@ -155,7 +155,7 @@ def judging_spec(
 
 
 def _files(recording: Path) -> Iterator[tuple[str, Path]]:
-    """The files of a recording, by names below which they are stored; what else lies beside them is left."""
+    """Returns the files of a recording by their names in the store; other files of the folder are left out."""
     if recording.is_file():
         yield recording.name, recording
         return
@@ -167,7 +167,7 @@ def _files(recording: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _is_stored(bucket: str, key: str, service: Service) -> bool:
-    """Whether an object is there, and young; its key says what is in it."""
+    """Whether an object exists and is recent; its key has the hash of its content."""
     try:
         stored_at = service.store.head(bucket, key).modified_at
     except ObjectNotFoundError:

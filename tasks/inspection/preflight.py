@@ -44,7 +44,7 @@ def await_store(service: Service, note: Callable[[str], None]) -> None:
 
     Raises:
         StorageError: the store's address names no host, which waiting does not mend.
-        StorageUnavailableError: it did not answer all the while.
+        StorageUnavailableError: the object store did not answer within the time.
     """
     bucket, patience_s = service.settings.bucket, service.timing.store_patience_s
 
@@ -78,7 +78,8 @@ def check_disk(checked: CheckedSpec, service: Service) -> None:
     """Checks that the outputs forecast for a run fit on the disk of a local object store.
 
     Raises:
-        StorageError: it does not; a disk that fills up in the night ends the run, or has it wait until somebody comes.
+        StorageError: the disk has too little space; a disk that fills up in the night ends the run, or stops it until a
+            person frees space.
     """
     forecast = find_forecast(checked, service.settings)
     place = service.store.local_path(service.settings.bucket, "any")
@@ -120,7 +121,7 @@ def check_named(checked: CheckedSpec, service: Service) -> None:
     Those that a step of the same specification makes count as existing.
 
     Raises:
-        SpecError: one does not exist; says where and what is near.
+        SpecError: an application does not exist; the message says in which step, and names the most similar one.
     """
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
@@ -144,7 +145,7 @@ def check_templates(checked: CheckedSpec, service: Service) -> None:
     """Checks that the world templates that a specification's steps name exist in the catalog.
 
     Raises:
-        SpecError: one does not exist; says where.
+        SpecError: a world template does not exist; the message says in which step.
     """
     problems = []
     for step in checked.steps.values():

@@ -31,7 +31,7 @@ def measured(
         last: the last pass, or the first again: its jobs find running what the first one started.
         cpu_times_s: CPU time of the processes that each step of the first pass started, by the step's name.
         cpus: how many worlds are made at once.
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
     """
     return {
         one.name: _measured_step(one, other, cpu_times_s.get(one.name, 0.0), cpus, service)
@@ -124,7 +124,7 @@ def _job_cost(job: Resource, service: Service) -> JobCost:
 
 
 def _size_bytes(place: StoredPlace | None, service: Service) -> int:
-    """Size of what is stored in one place; 0 of what is not there, or has no manifest."""
+    """Returns the size in bytes of the files that a manifest lists; 0 without a manifest."""
     if place is None:
         return 0
     try:

@@ -41,14 +41,14 @@ def verify_run(
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         trial: number of the trial, of a job that has trials.
         run_program: whether the robot's program, if it is one, is run again nevertheless.
 
     Raises:
-        ConfigurationError: that names no run, or no trial of it.
-        ResourceNotFoundException: there is no such job.
-        StorageError: its outputs cannot be read.
+        ConfigurationError: the reference is not that of a run, or of a trial of one.
+        ResourceNotFoundException: the catalog has no such job.
+        StorageError: the outputs of the run cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         whole, run = run, found_trial(run, trial)
@@ -75,8 +75,8 @@ def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) 
     """Runs a run again, with the program of its robot unless there are actions.
 
     Raises:
-        FileNotFoundError: it did not begin.
-        LaunchError: it cannot be run here.
+        FileNotFoundError: the run did not start.
+        LaunchError: the run cannot be repeated on this machine.
     """
     inputs = scratch / "inputs"
     try:
@@ -104,9 +104,9 @@ def reproduce_run(
 
     Raises:
         ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
-        LaunchError: something that it needs cannot be had, or it cannot be started here.
-        ResourceNotFoundException: there is no such job.
-        StorageError: its outputs cannot be read.
+        LaunchError: a file that the run needs cannot be downloaded, or the run cannot be started on this machine.
+        ResourceNotFoundException: the catalog has no such job.
+        StorageError: the outputs of the run cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         run = found_trial(run, trial)
@@ -197,7 +197,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
     """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
 
     Raises:
-        LaunchError: something cannot be had.
+        LaunchError: a file that the run needs cannot be downloaded.
     """
     plan = run.outputs.provenance.plan
     if run.outputs.actions is not None:

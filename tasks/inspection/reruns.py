@@ -56,7 +56,7 @@ class Rerun:
 
 @dataclass(frozen=True)
 class _Order:
-    """A job of the earlier run, with what is needed to order it again."""
+    """A job of the earlier run, with the request that orders it again."""
 
     job: ReportedJob
     request: Mapping[str, Any]
@@ -68,7 +68,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     Args:
         record: the earlier run.
         selection: which of its jobs.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The rerun; `None`: nothing that is selected has failed.
@@ -110,13 +110,13 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
     Args:
         arn: the batch, which has ended.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The request; `None`: none of its jobs failed.
 
     Raises:
-        ResourceNotFoundException: there is no such batch.
+        ResourceNotFoundException: the catalog has no such batch.
     """
     step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
     failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]
@@ -187,7 +187,7 @@ def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service)
 
 
 def _told(job: ReportedJob) -> str:
-    """How a job ended the first time: `sim-…: FAIL`."""
+    """Returns the first result of a job as text: `sim-…: FAIL`."""
     judged = job.result is not None and job.status == "Completed"
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"
 
@@ -214,7 +214,7 @@ def _check_names(selection: Selection, jobs: Sequence[ReportedJob], run_id: str)
     """Checks that everything named is part of the run.
 
     Raises:
-        ConfigurationError: something is not; says what there is.
+        ConfigurationError: a name is not that of a part of the run; the message lists the parts.
     """
     for name in selection.jobs:
         if not any(_is_job(job, name) for job in jobs):

@@ -54,7 +54,7 @@ class PlannedPart:
 
 @dataclass
 class _Plan:
-    """State of the plan: outputs of the steps planned so far, and what they would make."""
+    """State of the plan: outputs of the steps planned so far, and the resources that they would create."""
 
     service: Service
     outputs: dict[str, dict[str, Any]] = field(default_factory=dict)

@@ -19,7 +19,7 @@ from ..comparison.nights import NightRun
 RECORD_NAME, ORDER_NAME = "run.json", "order.json"
 """The record of a run, and until it has ended its order."""
 MOST_NIGHTS = 100
-"""How many runs a history looks at, and a report for since when a job fails."""
+"""Most runs that a history reads, and a report for since when a job fails."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class FoundRecords:
     records: list[RunRecord]
     """The latest of them, the oldest first."""
     left_out: int
-    """How many older folders of runs were not read."""
+    """Number of older folders of runs that were not read."""
     unreadable: list[str]
     """Errors of records that cannot be read."""
 
@@ -38,7 +38,7 @@ def read_record(path: Path) -> RunRecord:
     """Reads the record of a run (`run.json`).
 
     Raises:
-        ConfigurationError: it is no record, or one of a newer version.
+        ConfigurationError: the file is not a record, or is one of a newer version.
     """
     try:
         return RunRecord.model_validate_json(path.read_bytes())

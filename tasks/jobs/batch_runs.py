@@ -44,7 +44,7 @@ _logger = logging.getLogger(__name__)
 
 _WAIT_S = 0.5
 _ASK_S = 0.2
-"""How often the catalog is asked whether the batch is to be cancelled."""
+"""Seconds between two polls of the catalog whether the batch is to be cancelled."""
 _INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
@@ -72,7 +72,7 @@ class BatchRun:
 
     Args:
         lease: the right to change the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:
@@ -217,7 +217,7 @@ class BatchRun:
         )
 
     def _in_words(self) -> str:
-        """How all requests of the batch went so far."""
+        """Returns the counts of the batch's requests so far as text."""
         jobs = jobs_by_request(self._batch, self._service).values()
         documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
         outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]
@@ -225,7 +225,7 @@ class BatchRun:
         return outcomes_in_words([*outcomes, *unmade])
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
-        """Has job workers of a backend run the jobs; here they are only made and awaited.
+        """Runs the jobs on job workers of a backend; this process only creates them and waits for their end.
 
         Some more are made than may run, so that a worker that has ended one finds the next; beside as many as may run,
         as many finish.
@@ -258,13 +258,13 @@ class BatchRun:
         self._waits_for = None
 
     def _allow(self, concurrency: int) -> None:
-        """Says how many jobs may be held at once by job workers."""
+        """Stores the number of jobs that job workers may run at once, if it changed."""
         if concurrency != self._concurrency:
             self._lease.update(BatchProgress(concurrency=concurrency))
             self._concurrency = concurrency
 
     def _look_for_worker(self, wait: WorkerWait) -> None:
-        """Says when jobs begin to wait for a job worker, and when they do not any more; looks once a second."""
+        """Logs when jobs begin and stop waiting for a job worker; checks once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
@@ -276,7 +276,7 @@ class BatchRun:
             self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
-        """Says once which job workers there are."""
+        """Logs the job workers of the batch once."""
         if workers != self._workers:
             self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
@@ -315,7 +315,7 @@ class BatchRun:
         return permit_of(self._machine)(stack)
 
     def _note_wait(self, wait: Wait | None) -> None:
-        """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""
+        """Keeps the reason why the next job waits until the next report: no catalog call while slots are locked."""
         self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:
@@ -323,7 +323,7 @@ class BatchRun:
         return self._why_stop() is None and len(self._made) + len(self._failed) < len(self._requests)
 
     def _why_stop(self) -> StopReason | None:
-        """Why the batch's jobs have to stop, if they have to; the first reason stays."""
+        """Reason why the batch's jobs have to stop, or `None`; the first reason stays."""
         if self._stop is None:
             if self._lease.lost or self._is_cancelled():
                 self._stop = StopReason.BATCH_CANCELED
@@ -332,7 +332,7 @@ class BatchRun:
         return self._stop
 
     def _why_jobs_stop(self) -> StopReason | None:
-        """Why jobs that run have to stop, if they have to.
+        """Reason why running jobs have to stop, or `None`.
 
         A batch that another process has taken over is no reason: each job has a lease of its own, and the other process
         waits for those that are held.
@@ -383,7 +383,7 @@ class BatchRun:
         return wait.outlasting(call)
 
     def _look_or_miss(self, look: Callable[[], bool]) -> bool:
-        """Looks; while the catalog does not answer, what runs goes on unseen."""
+        """Polls the batch; while the catalog does not answer, running jobs continue without being polled."""
         try:
             if self._misses_catalog:
                 self._lease.refreshed()  # the answer to a change may have been lost
@@ -414,7 +414,7 @@ class BatchRun:
         self._report()
 
     def _refuse_early(self) -> None:
-        """Notes the requests that name what is not there, before each of them costs a task run."""
+        """Fails the requests that name resources which do not exist, before each of them costs a task run."""
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             try:
@@ -425,7 +425,7 @@ class BatchRun:
         self._save_failures()
 
     def _fail_request(self, index: int, code: str, reason: str) -> None:
-        """Notes that a request never becomes a job; `_save_failures` records it."""
+        """Marks a request as failed: it never becomes a job; `_save_failures` stores that."""
         failed_at = self._service.clock().isoformat()
         self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
@@ -451,14 +451,16 @@ class BatchRun:
         self._service.report_progress(Progress(dict(counts), total, self._waits_for, trials))
 
     def _finish(self) -> dict[str, int]:
-        """How many jobs only draw or store, by status."""
+        """Counts the jobs, by status, that have simulated and only draw videos or store outputs."""
         return self._service.catalog.count_alive(self._arn, "simulation-job", having=SIMULATED)
 
     def _look(self) -> bool:
-        """Records, several times a second, what the requests' tasks have brought about.
+        """Polls the batch once, and records failed requests, progress and changes of the batch's status in the catalog.
+
+        The batch run calls it several times a second.
 
         Returns:
-            Whether no further requests are to become jobs.
+            True if no further jobs are to be created, because the batch has to stop.
         """
         self._save_failures()
         if not self._only_finishes():
@@ -471,7 +473,7 @@ class BatchRun:
         return self._why_stop() is not None
 
     def _only_finishes(self) -> bool:
-        """Whether the timeout came when nothing waited or simulated any more: it ends nothing then."""
+        """Whether no job waited or simulated any more at the batch's timeout, so that the timeout ends no job."""
         reason = self._why_stop()
         if reason is not StopReason.BATCH_TIMED_OUT or self._waiting():
             return False

@@ -39,7 +39,7 @@ class BatchWorker:
 
     Args:
         batch: ARN of the batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, batch: str, service: Service) -> None:
@@ -194,7 +194,7 @@ class BatchWorker:
             _logger.warning("%s could not be marked as failed: %s", arn, error)
 
     def _why_stop(self) -> StopReason | None:
-        """Why jobs of the batch have to end, by the status that was seen last."""
+        """Reason why jobs of the batch have to end, by its last known status."""
         return STOPPING.get(self._status)
 
 
@@ -209,7 +209,7 @@ class AwaitedJobs:
     """Waits for a batch's jobs to end, with one query for all of them; safe to use from several threads.
 
     Args:
-        catalog: where they are.
+        catalog: the catalog.
         batch: ARN of the batch.
     """
 
@@ -275,7 +275,7 @@ class BatchTrials:
     Args:
         batch: ARN of the batch.
         requests: the requests of its jobs, in order.
-        catalog: where the jobs are, and how many of their trials have finished.
+        catalog: catalog of the jobs, with the numbers of their finished trials.
         clock: seconds on a clock that only runs forward.
     """
 
@@ -287,7 +287,7 @@ class BatchTrials:
         self._total = sum(self._planned)
         self._next_look_s = 0.0
         self.counts = TrialCounts(0, self._total) if self._total else None
-        """As they were at the last look; None: no job has trials."""
+        """Counts at the last poll; None: no job has trials."""
 
     def look(self, *, now: bool = False) -> bool:
         """Counts the finished trials again, at most every two seconds.

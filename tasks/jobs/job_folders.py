@@ -35,9 +35,9 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
     Args:
-        folder: the job's.
-        document: what is known of the job.
-        run_id: its last run.
+        folder: folder of the job.
+        document: document of the job.
+        run_id: id of the job's last run.
     """
     remove_containers_of_job(folder)
     run = folder / run_id
@@ -68,7 +68,7 @@ def remove_abandoned_containers(service: Service) -> None:
     logged, and tried again by the next.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
     """
     try:
         for run, job in abandoned_runs(service):
@@ -90,7 +90,7 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer.
@@ -110,7 +110,7 @@ def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
     could not be stored are needed; so is what has changed a moment ago, as its process may still end its programs.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer.
@@ -213,11 +213,11 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
     """Finds outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
-        service: where the jobs are stored.
+        service: the service, with its catalog and object store.
         job: ARN or id of the only job that is looked at; absent: all.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     pattern = "*/*"
     if job is not None:
@@ -239,9 +239,9 @@ def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
     What an earlier attempt stored of them is not stored again.
 
     Raises:
-        StateConflictError: another process does the same, or has done it.
-        StorageError: they cannot be stored.
-        OSError: they cannot be read.
+        StateConflictError: another process uploads the same outputs now, or has already uploaded them.
+        StorageError: the outputs cannot be stored.
+        OSError: the outputs cannot be read.
     """
     arn = kept.job.arn
     with HELD.owner_of(arn) as owner:
@@ -281,14 +281,14 @@ def _misses(document: SimulationJobDocument, run_id: str) -> bool:
 
 
 def _outcome_of(document: SimulationJobDocument) -> Outcome:
-    """How the job's last run finished; of a job whose job workers died all the time nothing else is known."""
+    """Returns the outcome of the job's last run; if its job workers died each time, only that is known."""
     return document.outcome or Outcome(
         status="Failed", failure_code=document.failure_code, failure_reason=document.failure_reason
     )
 
 
 def _store_earlier(run: EarlierRun, outputs: RunOutputs) -> StoredPlace:
-    """Stores what a run left that was not its job's last one, as it would have been when it ended."""
+    """Uploads the outputs of a run that was not its job's last one, as at the run's end."""
     outcome = Outcome(
         status=run.status,
         failure_code=run.failure_code,

@@ -46,7 +46,7 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
     Args:
         operation: the operation that orders it.
         request: the request's members.
-        service: where its applications are, and the settings that hold.
+        service: service with the job's applications, and the settings of this process.
     """
     requests = _simulations(operation, request)
     packages = imported_packages(requests, CurrentApplications(service))
@@ -64,7 +64,7 @@ def environment_with(
     Args:
         names: the settings.
         packages: digests of the packages that are imported; `None`: nothing but what is built in.
-        settings: of this process.
+        settings: settings of this process.
         simulates: whether simulation jobs run in it.
     """
     variables = {variable(name): written(getattr(settings, name)) for name in dict.fromkeys(names)}
@@ -83,9 +83,9 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
     """Returns this process's environment, reduced to the parts that a job needs.
 
     Args:
-        needed: what the job needs.
-        settings: of this process.
-        environ: its environment variables.
+        needed: names of the environment variables and settings that the job needs.
+        settings: settings of this process.
+        environ: environment variables of this process.
     """
     settings_of = {variable(name): name for name in type(settings).model_fields}
     variables = {
@@ -134,7 +134,7 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
 
     Args:
         job: the job or batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         Its standing; `None`: no process has begun with it.
@@ -147,7 +147,7 @@ def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobSta
 
     Args:
         jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
     """
     wanted = list(jobs)
     found = service.catalog.ownerships([arn for job in wanted for arn in (job.arn, job.parent) if arn])
@@ -162,8 +162,8 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
     """Lists the needs of a job that this process does not meet; empty if it may run the job.
 
     Args:
-        needed: what was recorded with the order; `None`: a client ordered it.
-        service: of this process.
+        needed: environment that was recorded with the order; `None`: a client ordered it.
+        service: service of this process.
     """
     if needed is None:
         return []
@@ -215,8 +215,8 @@ class OwnOrder:
     """An order whose job this process runs itself: it holds the job's lease from the moment the job is stored.
 
     Args:
-        service: where the job is stored.
-        held: where this process notes the leases that it holds.
+        service: the service, with its catalog and object store.
+        held: record of the leases that this process holds.
     """
 
     def __init__(self, service: Service, held: HeldLeases = HELD) -> None:

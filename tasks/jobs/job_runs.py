@@ -81,19 +81,19 @@ def perform_job(
 ) -> None:
     """Runs a simulation job to completion from its current state.
 
-    A job that a dead job worker left half-way goes on from the last checkpoint, when the run's folder is on this
+    A job that a dead job worker left half-way continues from the last checkpoint, when the run's folder is on this
     machine and has one; else it is run again from the start, as a new run with a folder of its own, and what the dead
     run left here is stored as that of an earlier run, without a manifest. So is one that had come to a good end, whose
     outputs were lost with the machine that it ran on.
 
     Args:
         arn: the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         stop: asked several times a second; see `Stop`.
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
-        on_trials: see `OnTrials`; absent: nothing is told.
+        on_trials: see `OnTrials`; absent: trials are not reported.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its place among the jobs that simulate; absent: it needs none.
+        place: its slot among the simulating jobs; absent: it needs none.
         waits: whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
@@ -107,7 +107,7 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
 
     Args:
         arn: the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         reason: why it has to stop.
 
     Returns:
@@ -117,7 +117,7 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
 
 
 class _Next(Enum):
-    """How a job goes on after a run."""
+    """Next step of a job after a run."""
 
     NONE = auto()
     RESTART = auto()
@@ -138,12 +138,12 @@ class JobRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         stop: see `Stop`.
         run_step: how its steps are run.
-        on_trials: see `OnTrials`; absent: nothing is told.
+        on_trials: see `OnTrials`; absent: trials are not reported.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its place among the jobs that simulate; absent: it needs none.
+        place: its slot among the simulating jobs; absent: it needs none.
     """
 
     def __init__(
@@ -218,7 +218,7 @@ class JobRun:
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
     def _run_once(self, left: RunPlan | None, ros_domain: int) -> "_Next":
-        """Carries out one run, or the rest of the one that was left; returns how the job goes on."""
+        """Carries out one run, or the rest of an interrupted one; returns the job's next step."""
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         next_run = _Next.NONE
         self._begin, self._answers = None, False
@@ -251,19 +251,19 @@ class JobRun:
         return next_run
 
     def _note_attempt(self, run_id: str) -> None:
-        """Notes that a run goes on; where it has come further than the last time, dead job workers count anew."""
+        """Records a further attempt of a run; if the last one got further, the count of dead job workers restarts."""
         before, reached = self._document, reached_s(self._folder(run_id))
         self._lease.update(SimulationJobProgress(attempts=before.attempts + 1, reached_s=reached, simulated_at=None))
         if reached > before.reached_s:
             self._lease.forget_lost_workers()
 
     def _may_try_again(self, run_id: str) -> bool:
-        """Whether a run that was killed from outside is tried again; so it is as long as it comes further each time."""
+        """Whether to repeat a run that was killed from outside: while each attempt gets further in simulated time."""
         self._kills = 1 if reached_s(self._folder(run_id)) > self._document.reached_s else self._kills + 1
         return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
 
     def _after_kill(self, why: str) -> "_Next":
-        """Says that a run was killed, and waits a little."""
+        """Logs that a run was killed, and waits before the next try."""
         _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
         time.sleep(self._service.timing.after_kill_s)
         return _Next.GO_ON
@@ -286,7 +286,7 @@ class JobRun:
         return plan
 
     def _note_running(self) -> None:
-        """Says that the job runs, if that has not been said."""
+        """Changes the job's status to `Running`, unless it has it."""
         if self._begin is not None:
             self._begin()
             self._begin = None
@@ -308,7 +308,7 @@ class JobRun:
         )
 
     def _carry_out(self, plan: RunPlan) -> "_Next":
-        """Carries out a planned run; returns how the job goes on."""
+        """Carries out a planned run; returns the job's next step."""
         run_id = plan.run_id
         service, folder = self._service, self._folder(run_id)
         with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
@@ -355,7 +355,7 @@ class JobRun:
             )
 
     def _note_simulated(self, is_drawn: bool) -> None:
-        """Lets the next job begin: what is left is to draw and to store.
+        """Frees the slot for the next job: the simulation is over, and only videos and outputs remain.
 
         From here on the batch's timeout ends the job no more; the job's own end still does what it did.
         """
@@ -371,7 +371,7 @@ class JobRun:
             _logger.exception("%s keeps its slots until it has ended", self._lease.job.arn)
 
     def _note_crash(self, code: str, reason: str) -> None:
-        """Says of a job that goes on after a crash that something crashed."""
+        """Records a crash in a job that continues after it."""
         try:
             self._note_running()
             self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
@@ -381,7 +381,7 @@ class JobRun:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
 
     def _note_trials(self, finished: int, plan: RunPlan) -> None:
-        """Says how many of the job's trials have finished."""
+        """Stores and reports the number of the job's finished trials."""
         if plan.trials is None:
             return
         if self._on_trials is not None:
@@ -401,7 +401,7 @@ class JobRun:
         return self._why_stop() is not None
 
     def _why_stop(self) -> StopReason | None:
-        """Why the job has to end, if it has to."""
+        """Reason why the job has to end, or `None`."""
         return self._asked()[1]
 
     def _note_answers(self) -> None:
@@ -417,7 +417,7 @@ class JobRun:
         return RunStop.CANCELED if self._is_interrupted() else None
 
     def _is_interrupted(self) -> bool:
-        """Whether the run that goes on has to end, with its job or for a restart."""
+        """Whether the current run has to end, because the job ends or restarts."""
         status, reason = self._asked()
         return reason is not None or self._is_to_restart(status)
 
@@ -426,7 +426,10 @@ class JobRun:
         return status == "Restarting" and self._begin is None
 
     def _asked(self) -> tuple[str, StopReason | None]:
-        """The job's status, which is `Restarting` when a restart of its run is requested; and why it has to end."""
+        """Returns the job's status, and the reason why its run has to end: `None` if it does not have to.
+
+        The status is `Restarting` if a restart of the job is requested.
+        """
         if self._lease.lost:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
         try:
@@ -438,9 +441,9 @@ class JobRun:
             return self._lease.job.status, None
 
     def _terminate(self, outcome: Outcome, of_run: str | None = None) -> None:
-        """Ends the job; what a run that could not be started has left is stored, without a manifest.
+        """Ends the job; files of a run that could not be started are stored, without a manifest.
 
-        Such as its log, and all that the attempts before wrote, of one that was to go on from a checkpoint.
+        Such as its log, and all that the attempts before wrote, of a run that was to continue from a checkpoint.
         """
         output = self._folder(of_run) / "output" if of_run else None
         has_left = output is not None and output.is_dir() and any(output.iterdir())
@@ -537,7 +540,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": outputs.place})
 
     def _clean_up(self, run_id: str) -> None:
-        """Removes what is not needed any more; outputs that could not be stored stay."""
+        """Deletes the run's local files, except outputs that could not be stored."""
         if self._lease.lost:
             return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

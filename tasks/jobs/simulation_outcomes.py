@@ -130,7 +130,7 @@ class EarlierRuns:
         Whether it had ended cannot be known any more, so it gets no manifest.
 
         Args:
-            why: why it did not come to its end, for those who read its outputs.
+            why: reason why the run was not finished, for readers of its outputs.
         """
         job, document = self._lease.job, self._document
         run_id = document.run_id
@@ -206,7 +206,7 @@ class EarlierRuns:
         place: StoredPlace | None = None,
         not_stored: str | None = None,
     ) -> None:
-        """Says in the job how a run ended, and where its outputs are."""
+        """Stores in the job how a run ended, and where its outputs are."""
         document = self._document
         run = EarlierRun(
             run_id=run_id,

@@ -52,11 +52,11 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
     Args:
         arn: the job.
         kind: the resource kind it has to be.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         work: ends a job that is being cancelled, holding its lease.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: the catalog has no such job.
     """
     service.catalog.get(arn, kind=kind)
     if is_terminal(kind, service.catalog.request_cancel(arn).status):
@@ -71,7 +71,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
     Args:
         lease: the right to change the job.
-        event: what happened.
+        event: the event to apply.
         changes: members of the document that are set with it, without those of failures if it is cancelled.
 
     Returns:
@@ -94,7 +94,7 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     """Ends a job as cancelled.
 
     Raises:
-        StateConflictError: it has ended, or the lease was lost.
+        StateConflictError: the job has ended, or its lease was lost.
     """
     with suppress(StateConflictError):
         lease.transition("cancel")
@@ -137,7 +137,7 @@ class GenerationRun:
 
     Args:
         lease: the right to change the job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:
@@ -189,7 +189,7 @@ class GenerationRun:
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
     def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
-        """Counts a world that was made, or why there is none; called from several threads."""
+        """Records a generated world or its failure; called from several threads."""
         with self._lock:
             if failure:
                 self._failures.append(failure)
@@ -224,14 +224,14 @@ class GenerationRun:
             )
 
     def _record_failures(self) -> None:
-        """Lets descriptions of the running job tell its failures."""
+        """Stores the failures so far, so that descriptions of the running job contain them."""
         summary = _failure_summary(self._failures)
         if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
             with suppress(StateConflictError):  # another job worker has taken over
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
-        """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
+        """Ends the job, and records the worlds that it made; that record remains when worlds are deleted later."""
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
         plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
         made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)
@@ -326,13 +326,13 @@ def _acting(job: Resource, service: Service) -> Service:
     """The service as the job's role has it.
 
     Raises:
-        StorageError: there is no such role, or its credentials are no good.
+        StorageError: the job's role does not exist, or its credentials are refused.
     """
     return service.with_blocks(read_credential_block).acting_as(WorldExportJobDocument.of(job).request.iam_role)
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
-    """Removes what a cancelled job has stored, also where its job worker died just after that."""
+    """Deletes the stored archive of a cancelled job, also if its job worker died just after storing it."""
     if not WorldExportJobDocument.of(job).started:
         return
     try:

@@ -39,10 +39,10 @@ class Room:
     """Free on the disk of the data home."""
 
     running: int
-    """How many jobs run."""
+    """Number of running jobs."""
 
     growing: int
-    """How many of those began a moment ago, and may still take all the memory that a job needs."""
+    """Number of jobs that began a moment ago, and may still take all the memory that a job needs."""
 
 
 def why_wait(need: Need, room: Room) -> Wait | None:
@@ -51,8 +51,8 @@ def why_wait(need: Need, room: Room) -> Wait | None:
     A job that would be alone on the machine never waits for memory, as no end of another job would give it more.
 
     Args:
-        need: what it needs.
-        room: what there is.
+        need: memory and disk that the job needs.
+        room: memory and disk that are free.
     """
     if room.disk_bytes < need.disk_bytes:
         text = (
@@ -87,8 +87,8 @@ def available_memory_bytes(proc: Path = _PROC, control_groups: Path = _CONTROL_G
     """Returns the memory in bytes that new processes can get without swapping; `None` if unknown.
 
     Args:
-        proc: where the kernel says what it has.
-        control_groups: where control groups are mounted.
+        proc: path of the proc file system.
+        control_groups: path where control groups are mounted.
     """
     limits = [*_machine(proc), *_groups(proc, control_groups)]
     return min(limits, default=None)

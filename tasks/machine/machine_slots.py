@@ -60,7 +60,7 @@ class WaitTimes:
         """Records the resource that is waited for at this moment.
 
         Args:
-            scarce: what; None: there is no wait.
+            scarce: resource that is short; None: there is no wait.
             now_s: seconds on any clock.
         """
         if self._scarce is not None:
@@ -100,11 +100,11 @@ class MachineSlots:
     Safe to use from several threads.
 
     Args:
-        settings: where they are, how many, and what has to be free before a job begins.
+        settings: folder and number of the slots, and memory and disk that have to be free before a job begins.
         batch: ARN of the batch; None: the job is in none.
-        priority: of the batch; the higher, the earlier its jobs begin.
-        tell: told in words that jobs wait, and why.
-        watch: told what jobs wait for from now on, once that has lasted two seconds, and None when the wait is over.
+        priority: priority of the batch; the higher, the earlier its jobs begin.
+        tell: called with a text that jobs wait, and why.
+        watch: called with the reason why jobs wait, after a wait of two seconds, and with None when the wait is over.
         memory: measures the available memory in bytes; None: not known.
         disk: measures the free disk of a folder in bytes.
         clock: seconds since 1970, the same for all processes.
@@ -147,7 +147,7 @@ class MachineSlots:
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
-            name: what waits, for people.
+            name: name of the waiting job, for messages.
             wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
                 turn is kept for it, so that the slot goes to no batch that comes after this one.
 
@@ -173,7 +173,7 @@ class MachineSlots:
         or `leave`.
 
         Args:
-            name: what waits, for people.
+            name: name of the waiting job, for messages.
         """
         with self._lock:
             now_s = self._clock()
@@ -202,7 +202,7 @@ class MachineSlots:
         """Returns how long jobs have waited until now, in seconds by resource.
 
         Args:
-            since_s: what this answered earlier, and is to be left out; None: nothing.
+            since_s: earlier result of this function, which is subtracted; None: nothing is.
         """
         return self._times.total_s(since_s or {})
 
@@ -222,7 +222,7 @@ class MachineSlots:
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
-        """Waits for a slot; of the threads that do, one looks, and the batch waits until the last has one."""
+        """Waits for a slot; one waiting thread polls, and the batch counts as waiting until the last has a slot."""
         with self._lock:
             if self._kept:
                 self._kept -= 1
@@ -245,7 +245,7 @@ class MachineSlots:
                     self._leave()
 
     def _keep_turn(self, name: str) -> None:
-        """Waits already, for a thread that will; if none does, others are held back for some seconds."""
+        """Registers the wait of a thread that is about to wait; without one, others are held back for some seconds."""
         with self._lock:
             now_s = self._clock()
             self._since_s = self._since_s or now_s
@@ -283,7 +283,7 @@ class MachineSlots:
             self._watch(self._shown)
 
     def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Says to the other waiters that this batch waits."""
+        """Writes the record by which the other waiting processes see that this batch waits."""
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)
@@ -306,7 +306,7 @@ def jobs_that_wait(
     """Lists the jobs that wait for resources of this machine, the longest wait first.
 
     Args:
-        settings: where the slots are.
+        settings: settings of the machine's slots.
         pid: the process that waits; None: any.
         clock: seconds since 1970.
     """

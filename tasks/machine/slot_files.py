@@ -40,7 +40,7 @@ class SlotFiles:
     """Slots of a machine as locked files, shared by all processes.
 
     Args:
-        folder: where their files are.
+        folder: folder of the slots' files.
         count: how many there are.
     """
 
@@ -99,7 +99,7 @@ def _holder(text: bytes) -> Holder:
 _COUNTS_S = 3.0
 _REMOVED_S = 60.0
 WRITE_EVERY_S = 0.5
-"""How often a waiter writes its file."""
+"""Seconds between two writes of a waiter's file."""
 
 
 class WaiterRecord(Model):
@@ -117,7 +117,7 @@ class WaiterFiles:
     """Files by which processes announce that they wait for a machine's slots.
 
     Args:
-        folder: where their files are.
+        folder: folder of the waiters' files.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -128,7 +128,7 @@ class WaiterFiles:
 
         Args:
             ticket: the waiter's, unique on the machine.
-            record: what it says.
+            record: content of the record.
             now_s: seconds since 1970.
         """
         self._folder.mkdir(parents=True, exist_ok=True)

@@ -44,9 +44,9 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Stores a new robot or simulation application, and returns the members of the response.
 
     Args:
-        role: which kind of application.
+        role: kind of application, robot or simulation.
         request: the request's members.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ResourceAlreadyExistsException: the name is taken.
@@ -75,7 +75,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """Returns the response members that describe an application, or a version of it.
 
     Raises:
-        ResourceNotFoundException: there is no such application, or version.
+        ResourceNotFoundException: the catalog has no such application or version.
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
@@ -107,8 +107,8 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Updates an application as a request says, and returns the members of the response.
 
     Raises:
-        ResourceNotFoundException: there is no such application.
-        InvalidParameterException: it is built in, or has another revision by now; or a source cannot
+        ResourceNotFoundException: the catalog has no such application.
+        InvalidParameterException: the application is built in, or has another revision by now; or a source cannot
             be read, or the environment is none.
     """
     application = find_application(request["application"], role, None, service)
@@ -122,7 +122,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Deletes an application with all versions, or one version; does nothing if it does not exist.
 
     Raises:
-        InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
+        InvalidParameterException: the application is built in, only `$LATEST` is to be deleted, or the ARN is invalid.
     """
     reference, version = request["application"], request.get("applicationVersion")
     if reference.startswith("arn:"):
@@ -160,7 +160,7 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
     """Checks that an application still has the revision id that a request expects.
 
     Raises:
-        InvalidParameterException: it has another; says which.
+        InvalidParameterException: the application has another revision id; the message names it.
     """
     if wanted is not None and wanted != document.revision_id:
         raise InvalidParameterException(
@@ -192,7 +192,7 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
 
 
 def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Updates an existing application to what a request to create it says, with its current archives.
+    """Updates an existing application to the values of a request to create it, with its current archives.
 
     Returns:
         The members of the response; `None` when the name is free.
@@ -261,10 +261,10 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     """Saves an application's current content as the next numbered version, and returns the response's members.
 
     Raises:
-        ResourceNotFoundException: there is no such application.
-        InvalidParameterException: it has another revision by now, an archive cannot be read, or its
+        ResourceNotFoundException: the catalog has no such application.
+        InvalidParameterException: the application has another revision by now, an archive cannot be read, or its
             content is not what the request says.
-        LimitExceededException: it has 40 versions.
+        LimitExceededException: the application has 40 versions already.
         ThrottlingException: others change it all the time.
     """
     for _ in range(_ATTEMPTS):
@@ -318,7 +318,7 @@ def _check_etags(wanted: list[str] | None, content: ApplicationDocument, applica
 
 
 def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
-    """The digest of the version's image: what its URI says, else what the caller says it is."""
+    """Returns the digest of the version's image: that of its URI, else the caller's."""
     known = content.image_digest
     if wanted is None:
         return known

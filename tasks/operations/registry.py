@@ -145,7 +145,7 @@ class Operation:
         """Returns the current description of a job that this operation created.
 
         Raises:
-            ResourceNotFoundException: there is no such job.
+            ResourceNotFoundException: the catalog has no such job.
         """
         describing = registry()[self.shape.final_name]
         (member,) = describing.shape.request.model_fields
@@ -187,7 +187,7 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
     Args:
         name: the operation's name.
         data: the request's members, as an SDK would send them.
-        service: where it happens.
+        service: the service, with its catalog and object store.
 
     Returns:
         The members of the response that are present.
@@ -237,7 +237,7 @@ def page_of(
     Args:
         request: says how many entries, after which, and its filters; page tokens are good for its operation only.
         kinds: the kinds of resources that are listed.
-        service: where the resources are stored.
+        service: the service, with its catalog and object store.
         filters: names of the operation's filters: `name`, `status` or a label of the resource.
         most: entries per page, unless the request asks for fewer.
         members: which members of large documents are read; `None`: all.

@@ -178,7 +178,7 @@ def summary(job: Resource) -> dict[str, Any]:
 
 
 def _with_defaults(role: ApplicationRole, document: SimulationJobDocument) -> list[dict[str, Any]] | None:
-    """Applications by their ARNs, with what the service said of members that were not given: what holds for them."""
+    """Returns the application configurations as the service describes them: ARNs, and defaults of omitted members."""
     configs: Sequence[Mapping[str, Any]] | None = document.request.get(f"{role}Applications")
     if not configs:
         return None

@@ -70,7 +70,7 @@ def _varied(arn: str, wanted: WorldVariation, what: str, service: Service) -> Va
 
 
 def _origin_of(arn: str, wanted: WorldVariation) -> str:
-    """Names what a variation is made of."""
+    """Returns a hash of a variation's inputs: the generator version, the other world and the changes."""
     from ..worldforge.generator import GENERATOR_VERSION
 
     made_of = [GENERATOR_VERSION, arn, wanted.to_wire()]

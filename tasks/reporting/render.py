@@ -41,7 +41,7 @@ def render_report(report: Report, results: ResultTable | None = None) -> str:
     The same report and files give the same text.
 
     Args:
-        report: what to show.
+        report: the report to show.
         results: the results of its trials; None: each job is one trial.
 
     Returns:
@@ -84,7 +84,7 @@ def write_report(report: Report, path: Path, results: ResultTable | None = None)
     """Writes a run's HTML report to a file, atomically.
 
     Args:
-        report: what to show.
+        report: the report to show.
         path: the file; its folder is made if needed.
         results: the results of its trials; None: each job is one trial.
 

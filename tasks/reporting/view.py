@@ -185,7 +185,7 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
     """Computes the values for the HTML page of a run's report.
 
     Args:
-        report: what to show.
+        report: the report to show.
         results: the results of its trials; None: each job is one trial.
     """
     pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(
@@ -238,14 +238,14 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
 
 
 def _missed(job: ReportedJob) -> list[str]:
-    """Names of the requirements that made the verdict what it is."""
+    """Returns the names of the requirements that determined the verdict."""
     if job.result is None or job.result.verdict not in ("FAIL", "ERROR"):
         return []
     return [item.name.replace("_", " ") for item in job.result.requirements if item.counts and not item.satisfied]
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
-    """The drawing, and what to say where it is missing."""
+    """Returns the drawing, and the text to show if it is missing."""
     if job.result is None:
         return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:
@@ -306,7 +306,7 @@ def _measures(numbers: Numbers) -> list[Measure]:
 
 
 def _waits(job: ReportedJob) -> list[Measure]:
-    """How long the job waited for its machine, by what that had too little of."""
+    """Waiting times of the job for its machine, by the resource that was short."""
     return [
         Measure(f"waited for {WAITS_FOR[scarce]}", outcomes.number(time_s, 1), "s")
         for scarce, time_s in job.waited_s.items()

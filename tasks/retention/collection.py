@@ -118,7 +118,7 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
-    """Whether a unit that no rule keeps is only thinned; what is not whole any more is removed."""
+    """Whether a unit that no rule keeps is only thinned; an incomplete one is deleted."""
     return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
 
 
@@ -201,7 +201,7 @@ def _sizes(amount: Amount) -> dict[str, int]:
 
 
 def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> tuple[Amount, str | None]:
-    """Measures, then removes; what goes wrong is told."""
+    """Measures, then deletes; returns the amount, and the error as a text, if there was one."""
     amount = Amount()
     try:
         amount = measured()

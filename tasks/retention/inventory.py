@@ -61,7 +61,7 @@ def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
     """Lists finished jobs and batches that belong to no run, as units to keep or delete.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         runs: all runs.
     """
     ours = {name for run in runs for name in run.orders} | {arn for run in runs for arn in run.jobs}
@@ -74,7 +74,7 @@ def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
     """Lists all worlds that may be deleted; those that a current run may just have made are left out.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         runs: all runs.
     """
     since = open_since(runs)
@@ -85,7 +85,7 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     """Returns the ARNs of the worlds that jobs and batches use.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH, EXPORT)) if job.arn not in besides)
@@ -96,7 +96,7 @@ def texts_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     """Returns all texts in the documents of jobs and batches, as keys of objects are.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH)) if job.arn not in besides)
@@ -107,7 +107,7 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
     """Returns for jobs whose results were reused which job has reused them, by ARN.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         besides: ARNs of those that do not count.
     """
     others = (job for job in _all(service, (JOB,)) if job.arn not in besides)
@@ -118,8 +118,8 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
     """Adds the jobs of batches to a mapping of protected jobs and batches.
 
     Args:
-        orders: who needs an order, by the order's ARN.
-        service: where they are stored.
+        orders: text that says what needs an order, by the order's ARN.
+        service: the service, with its catalog and object store.
     """
     return {arn: who for order, who in orders.items() for arn in _with_children([order], service)}
 

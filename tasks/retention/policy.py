@@ -18,7 +18,7 @@ class Candidate:
     failed: bool = False
     """Whether it did not succeed."""
     busy: str = ""
-    """Why it cannot be removed now; empty when it can."""
+    """Reason why it cannot be deleted now; empty if it can."""
     begun: bool = False
     """Whether its removal has begun, so that nothing but being in use keeps it."""
 
@@ -31,7 +31,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
     is removed.
 
     Args:
-        candidates: what there is; their ids differ.
+        candidates: units that may be deleted; their ids differ.
         policy: the rules.
         now: the time.
 
@@ -51,7 +51,7 @@ def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
     """Returns for each name which kept item refers to it.
 
     Args:
-        names: by id, what each names.
+        names: ids that each names, by id.
         kept: ids of those that are kept.
     """
     found: dict[str, str] = {}

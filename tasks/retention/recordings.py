@@ -25,7 +25,7 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
     Args:
         older_than: The time; less than two days count as these.
         besides: ARNs of jobs, and ids of runs, that do not count, since they go.
-        service: Where they are stored.
+        service: The service, with its catalog and object store.
         act: Whether they are removed; otherwise it is only said what would be.
 
     Returns:
@@ -89,7 +89,7 @@ def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act:
 
 
 def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
-    """Deletes objects, and returns what went wrong."""
+    """Deletes objects, and returns the failure in words."""
     try:
         for each in objects:
             delete(each.bucket, each.key)

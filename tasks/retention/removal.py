@@ -39,7 +39,7 @@ _LEASE_S = 120.0
 
 
 class StillInUse(RobomakerError):
-    """Raised when a resource to be deleted has come into use meanwhile."""
+    """Raised when a resource to be deleted is in use since it was chosen."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: boo
     Args:
         unit: the unit.
         spared: ARNs of the jobs that stay.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         results_stay: whether it would only be thinned.
 
     Raises:
@@ -78,12 +78,12 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
     Args:
         unit: the unit.
         spared: ARNs of the jobs that stay, as something that is kept names them.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         StillInUse: a job is used by somebody.
-        StorageError: something cannot be removed.
-        OSError: the same, on this machine.
+        StorageError: an object or file cannot be deleted.
+        OSError: a local file cannot be deleted.
     """
     if unit.folder is not None and (unit.folder / RECORD).exists():
         (unit.folder / RECORD).replace(unit.folder / REMOVING)
@@ -103,7 +103,7 @@ def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
 
     Raises:
         StillInUse: a job is used by somebody.
-        StorageError: something cannot be removed.
+        StorageError: an object or file cannot be deleted.
         OSError: the report cannot be written.
     """
     for job in unit.jobs.values():
@@ -119,7 +119,7 @@ def remove_world(world: Resource, service: Service) -> None:
     """Deletes a world, with its local copy if no other world shares it.
 
     Raises:
-        StorageError: its bundle cannot be removed.
+        StorageError: the world's bundle cannot be deleted.
     """
     with suppress(ResourceNotFoundException):
         delete_world(world, service)

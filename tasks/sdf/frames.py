@@ -17,7 +17,7 @@ def own_pose(element: ET.Element) -> Pose:
     """Returns the pose in an SDF element's `<pose>`, in the frame that it is relative to.
 
     Raises:
-        SdfError: it is no pose.
+        SdfError: the text is not a pose.
     """
     pose = element.find("pose")
     if pose is None:
@@ -78,7 +78,7 @@ class Scope:
             name: of a link, frame, joint or model in it; empty: its own frame.
 
         Raises:
-            SdfError: there is no such frame, or frames are relative to each other in a circle.
+            SdfError: the model has no frame of this name, or frames are relative to each other in a circle.
         """
         if name in ("", MODEL_FRAME, "world"):
             return identity()

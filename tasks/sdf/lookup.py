@@ -53,7 +53,7 @@ class Lookup:
             base: folder of the file that names it.
 
         Raises:
-            SdfError: its `model.config` or the file that it names cannot be read.
+            SdfError: the `model.config`, or the file that it names, cannot be read.
         """
         found = self._find(uri, base)
         if found is None:
@@ -103,7 +103,7 @@ class Lookup:
         return None
 
     def _inside(self, path: Path) -> Path | None:
-        """Refuses what lies outside of all search paths: a world must not read files that its user did not mean."""
+        """Raises an error for a file outside all search paths: a world must not read arbitrary files of its user."""
         resolved = path.resolve()
         return path if any(resolved.is_relative_to(root) for root in self._roots) else None
 

@@ -73,7 +73,7 @@ class Meshes:
             geometry: a mesh.
 
         Raises:
-            MeshError: it cannot be read, is empty, or is too large.
+            MeshError: the mesh cannot be read, is empty, or is too large.
         """
         assert geometry.file is not None
         found = self._read(geometry.file, geometry.submesh is not None)
@@ -241,7 +241,7 @@ def _read_trimesh(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> 
 
 
 def _files_beside(path: Path) -> Any:
-    """Reads what an OBJ or glTF file names, in its folder and below: regular files of limited size, no pipes."""
+    """Reads the files that an OBJ or glTF file names, in its folder and below: only regular files of limited size."""
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):

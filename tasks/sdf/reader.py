@@ -221,7 +221,7 @@ class _WorldReader:
         self._world.links.append(link)
 
     def _joints(self, element: ET.Element, scope: Scope, pose: Pose, prefix: str) -> None:
-        """Notes the joints of a model or of the world; they are read when all links are known."""
+        """Collects the joints of a model or of the world; they are read when all links are known."""
         self._found_joints += [
             JointPlace(joint, scope, pose, prefix, self._version_of(joint)) for joint in element.findall("joint")
         ]

@@ -174,7 +174,7 @@ class Omissions:
         self._found: dict[str, list[str]] = defaultdict(list)
 
     def add(self, kind: str, name: str) -> None:
-        """Records one thing that was left out.
+        """Records an element that was left out.
 
         Args:
             kind: what kind of thing, in the plural: `plugins`.
@@ -186,11 +186,11 @@ class Omissions:
         return kind in self._found
 
     def names(self, kind: str) -> list[str]:
-        """Returns the names of what was left out of a kind."""
+        """Returns the names of the left-out elements of a kind."""
         return sorted(set(self._found.get(kind, [])))
 
     def as_list(self, most_names: int = 12) -> list[LeftOut]:
-        """Returns what was left out, with counts and some names of each kind.
+        """Lists the left-out elements, with counts and some names of each kind.
 
         Args:
             most_names: names that are told of a kind.

@@ -32,7 +32,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
         most_bytes: the largest that is read.
 
     Raises:
-        SdfError: it is none, is larger, or cannot be read.
+        SdfError: the file does not exist, is not a regular file, is too large, or cannot be read.
     """
     try:
         if not path.exists():
@@ -48,7 +48,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
 
 
 def _similar_to(path: Path) -> str:
-    """Says which files with similar names are in the folder of a file that is missing, to end an error with."""
+    """Makes the end of an error message: files in the folder of a missing file with names similar to its name."""
     try:
         if not path.parent.is_dir():
             return f"; there is no folder {path.parent}"
@@ -68,7 +68,7 @@ def read_xml(path: Path) -> Element:
     An XML declaration that comes after a comment is tolerated, as some public worlds have it there.
 
     Raises:
-        SdfError: it is not well formed, has a DOCTYPE, or is too large; the message has file and line.
+        SdfError: the file is not well-formed XML, has a DOCTYPE, or is too large; the message has file and line.
     """
     content = read_bytes(path, MOST_XML_BYTES)
     start = content.find(b"<?xml")
@@ -85,7 +85,7 @@ def parse_xml(content: bytes) -> Element:
         content: the text.
 
     Raises:
-        SdfError: it is not well formed.
+        SdfError: the text is not well-formed XML.
     """
     return _Reader(Path("built in")).read(content)
 
@@ -164,7 +164,7 @@ def numbers_of(
         is_endless: whether numbers may be as large as one likes, also infinite: limits that are none.
 
     Raises:
-        SdfError: they are no finite numbers, or another count of them.
+        SdfError: the text is not the wanted count of finite numbers.
     """
     if element is None or not (element.text or "").strip():
         return otherwise
@@ -185,7 +185,7 @@ def number_of(parent: ET.Element, tag: str, otherwise: float, *, is_endless: boo
     """Parses the number in an XML child element.
 
     Raises:
-        SdfError: it is no finite number.
+        SdfError: the text is not a finite number.
     """
     return numbers_of(parent.find(tag), 1, (otherwise,), is_endless=is_endless)[0]
 

@@ -32,7 +32,7 @@ def once_catalog_answers(
 
     Raises:
         CatalogAwayError: the database did not answer all the while.
-        ConfigurationError: what waiting does not mend, such as a wrong password.
+        ConfigurationError: the catalog cannot be used, and waiting does not help, such as with a wrong password.
     """
     until_s, is_told = clock() + patience_s, False
     while True:

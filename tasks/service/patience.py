@@ -25,18 +25,18 @@ _logger = logging.getLogger(__name__)
 
 
 def _say_nothing(text: str) -> None:
-    """Ignores what is said, where there is no listener."""
+    """Does nothing: the default listener."""
 
 
 @dataclass(frozen=True)
 class Patience:
-    """Retry policy for an unreachable object store: how long to wait, and who is told."""
+    """Retry policy for an unreachable object store: how long to wait, and what to call then."""
 
     patience_s: float
-    """After how many seconds a call that does not work is given up."""
+    """Seconds after which a failing call is not repeated any more."""
 
     first_pause_s: float = 1.0
-    """How long after the first failure the store is asked again."""
+    """Seconds until the first retry after a failure."""
 
     stopped: Stopped = never
     """Whether to wait no more."""
@@ -52,7 +52,7 @@ class Patience:
         """Calls a function until the object store answers, or waiting is over.
 
         Args:
-            call: what to do; safe to do again after half of it was done.
+            call: the operation; it can be repeated after it was interrupted.
             probe: asks the store for a sign of life.
 
         Raises:
@@ -135,7 +135,7 @@ class Patience:
 
 
 class _Waits:
-    """Says once that a store is waited for, and once that it answers again."""
+    """Reports once that a call waits for the store, and once that the store answers again."""
 
     def __init__(self, patience: Patience) -> None:
         self._patience = patience
@@ -228,12 +228,12 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
     Args:
         store: the store, patient or not.
-        bucket: which bucket it is about.
-        call: what to do; safe to do again after half of it was done.
+        bucket: name of the bucket.
+        call: the operation; it can be repeated after it was interrupted.
     """
     return store.do("write", bucket, (), call) if isinstance(store, PatientStore) else call()
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """Returns the function that tells whether users of a store have been told to stop."""
+    """Returns the function that says whether calls of a store have to stop."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

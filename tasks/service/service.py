@@ -39,28 +39,28 @@ class Timing:
     """Time intervals of the service, in seconds."""
 
     lease_s: float = 30.0
-    """How long after its last sign of life a job worker counts as dead."""
+    """Seconds without a heartbeat after which a job worker counts as dead."""
 
     renew_lease_every_s: float = 5.0
-    """How often the holder of a lease renews it."""
+    """Seconds between two renewals of a lease by its holder."""
 
     upload_every_s: float = 5.0
-    """How often a job with rolling uploads looks for finished files."""
+    """Seconds between two polls for finished files by a job with rolling uploads."""
 
     store_pause_s: float = 1.0
-    """How long after a store did not answer it is asked again; longer and longer, see `patience.py`."""
+    """Seconds until the first retry after a store did not answer; later retries wait longer, see `patience.py`."""
 
     store_patience_s: float = 60.0 * DEFAULT_STORE_PATIENCE_MIN
-    """How long a job waits for a store that does not answer."""
+    """Seconds for which a job waits for a store that does not answer."""
 
     store_grace_s: float = 15.0
-    """The same for what is stored of a job that was told to stop before."""
+    """Seconds for which a job that has to stop waits for the store with its outputs."""
 
     after_kill_s: float = 1.0
-    """How long after a run was killed from outside it is tried again: memory may be short just now."""
+    """Seconds until a run that was killed from outside is tried again: memory may be short just now."""
 
     after_outage_s: float = 1.0
-    """How long after the catalog did not answer it is asked again."""
+    """Seconds until the next try after the catalog did not answer."""
 
     longest_retry_pause_s: float = 60.0
     """The longest pause before a job is tried again whose flow run raised."""
@@ -105,7 +105,7 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def is_builtin(application: Resource) -> bool:
-    """Whether an application came with this package."""
+    """Whether an application is built in."""
     kind, _ = BUILTINS.get(application.name, (None, None))
     return application.kind == kind
 
@@ -279,7 +279,7 @@ class Service:
             role: ARN of the role, as a request names it.
 
         Raises:
-            CredentialsRefusedError: there is no such role, or its credentials are no good.
+            CredentialsRefusedError: the role does not exist, or its credentials are refused.
             StorageUnavailableError: the server does not answer.
         """
         if self.roles is None or role is None:
@@ -325,14 +325,14 @@ class Service:
         """Stores a new job under a new id.
 
         Args:
-            kind: its kind of resource, as in its ARN.
-            prefix: what its id begins with.
+            kind: kind of the job, as in its ARN.
+            prefix: prefix of the job's id.
             document: the request, and what its job worker needs besides.
-            tags: its tags.
+            tags: tags of the job.
             token: makes the call repeatable.
             parent: ARN of the batch it belongs to.
-            labels: what else lists find it by.
-            status: where it begins its life: at its end, if it takes over the results of another.
+            labels: further values by which lists can be filtered.
+            status: first status of the job: a terminal one if it reuses the results of another.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.

@@ -24,7 +24,7 @@ def span(
     """Opens an OpenTelemetry span inside the `with` block; an exception is recorded as its error.
 
     Args:
-        name: what goes on.
+        name: name of the activity.
         arn: the job that it is about; spans inside the block have it, too.
         traceparent: the caller's span, as its request's header of that name says.
         **attributes: further attributes, whose names get `robomaker.` in front.

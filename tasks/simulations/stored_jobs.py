@@ -48,8 +48,8 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
 
     Args:
         document: the job that is wanted.
-        made_of: what its world and its applications are now.
-        service: where jobs and outputs are stored.
+        made_of: contents of its world and applications now.
+        service: the service, with its catalog and object store.
     """
     if made_of.once_only:
         return FoundResults(None, made_of.once_only)
@@ -136,7 +136,7 @@ def store_job(
 
     Args:
         request: a job by itself, or one of a batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         token: makes the call repeatable.
         batch: ARN of the batch it belongs to, and the place of its request there.
 
@@ -163,10 +163,10 @@ def reuse_job(
 
     Args:
         request: the order, alone or out of a batch.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         token: makes the call repeatable.
         batch: see `store_job`.
-        applications: what applications are; absent: as they are in the catalog.
+        applications: source of applications; absent: the catalog.
 
     Returns:
         The job; `None`: there are no results to take over, or the request gives no seed.
@@ -196,9 +196,9 @@ def job_document(
 
     Args:
         request: the order, alone or out of a batch.
-        service: where applications, world and data are stored.
+        service: the service, with its catalog and object store.
         batch: see `store_job`.
-        applications: what applications are; absent: as they are in the catalog.
+        applications: source of applications; absent: the catalog.
 
     Raises:
         ServiceError: as for `store_job`.
@@ -238,8 +238,8 @@ def check_references(request: Mapping[str, Any], service: Service, applications:
 
     Args:
         request: the members of the order, which have been checked.
-        service: where worlds are stored.
-        applications: what applications are.
+        service: the service, with its catalog and object store.
+        applications: source of applications.
 
     Raises:
         ServiceError: as for `store_job`.
@@ -299,7 +299,7 @@ def bare_name(role: str, name: str) -> str:
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Refuses what cannot mean anything; whether it can be started is found out by its job worker."""
+    """Raises an error for a launch configuration that names nothing to start; the job worker tests whether it works."""
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

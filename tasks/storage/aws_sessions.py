@@ -27,7 +27,7 @@ def new_session(
         inner: the session of botocore that is used; by default a new one.
 
     Raises:
-        BotoCoreError: there is no such profile, or only half of a key.
+        BotoCoreError: the AWS profile does not exist, or only half of a key is given.
     """
     inner = inner or botocore.session.get_session()
     session = Session(

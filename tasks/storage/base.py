@@ -63,7 +63,7 @@ def tell_none(key: str) -> None:
 
 
 def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
-    """Raises `TransferStoppedError` if a transfer has been told to stop.
+    """Raises `TransferStoppedError` if `stopped` says that a transfer has to stop.
 
     Raises:
         TransferStoppedError: `stopped` said so.
@@ -82,7 +82,7 @@ class ObjectInfo:
     etag: str
     """Changes whenever the content changes; without quotes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not told, as of what was stored just now. Equal objects may differ in it."""
+    """Time at which it was stored; `None`: not known, as of a new object. Equal objects may differ in it."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class ObjectStore(Protocol):
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: there is no such bucket.
+            BucketNotFoundError: the bucket does not exist.
         """
         ...
 
@@ -127,7 +127,7 @@ class ObjectStore(Protocol):
         """Checks quickly, with one request, whether the store answers at all.
 
         Raises:
-            StorageUnavailableError: it does not, or says that it cannot now.
+            StorageUnavailableError: the store does not answer, or answers that it is unavailable.
         """
         ...
 
@@ -148,10 +148,10 @@ class ObjectStore(Protocol):
         """Uploads many files concurrently; raises the first error after all have ended.
 
         Args:
-            bucket: where to.
+            bucket: name of the bucket.
             files: what to store, by keys.
-            stopped: see `put_file`; what is stored by then stays.
-            tell: told of each file that is stored.
+            stopped: see `put_file`; files that are stored by then remain.
+            tell: called with the key of each stored file.
         """
         ...
 
@@ -263,7 +263,7 @@ class StoreOver:
         return self.do("write", bucket, files, lambda: self.behind.put_files(bucket, files, stopped=stopped, tell=tell))
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """See `ObjectStore`; with `create_only`, what an earlier attempt of a call wrote is in its way, too."""
+        """See `ObjectStore`; with `create_only`, an object that an earlier attempt wrote is an error, too."""
         return self.do(
             "write", bucket, [key], lambda: self.behind.put_bytes(bucket, key, data, create_only=create_only)
         )

@@ -37,7 +37,7 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     _go_on(stopped, what)  # also before an empty file: there may be very many
     offset = 0
@@ -66,7 +66,7 @@ def digest_of(descriptor: int, algorithm: str, stopped: Stopped = never) -> tupl
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     digest, size = hashlib.new(algorithm, usedforsecurity=False), 0
     for piece in pieces(descriptor, stopped):
@@ -88,12 +88,12 @@ def copy_with_holes(
         source: the file.
         target: the copy, at its beginning.
         stopped: see `pieces`.
-        tell: told of each piece, such as to compute a checksum.
+        tell: called with each piece, such as to compute a checksum.
         what: the file, for messages.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: it cannot be read or written.
+        OSError: the file cannot be read or written.
     """
     size = 0
     for piece in pieces(source, stopped, what):
@@ -205,7 +205,7 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
         what: the object, for the message.
 
     Raises:
-        ChecksumMismatchError: they differ.
+        ChecksumMismatchError: size or CRC32 differ.
     """
     whole = answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT"
     stored = answer.get("ChecksumCRC32") if whole else None
@@ -221,11 +221,11 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
     Args:
         answer: of HeadObject.
         path: the file.
-        stopped: asked while it is read whether to go on.
+        stopped: polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size != answer["ContentLength"]:
@@ -261,11 +261,11 @@ def etag_of(descriptor: int, stopped: Stopped = never) -> str:
 
     Args:
         descriptor: the file.
-        stopped: asked while it is read whether to go on.
+        stopped: polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     if (etag := _kept_etag(descriptor)) is not None:
         return etag

@@ -69,9 +69,9 @@ class DirectoryStore:
         """Checks that the bucket's folder exists and can be written to.
 
         Raises:
-            StorageAccessDeniedError: this user may not, or the file system is read-only.
-            BucketNotFoundError: there is no such bucket.
-            StorageFullError: nothing more can be written.
+            StorageAccessDeniedError: this user may not write to the folder, or the file system is read-only.
+            BucketNotFoundError: the bucket's folder does not exist.
+            StorageFullError: the disk is full.
         """
         check_bucket(bucket)
         check_key(key)
@@ -283,7 +283,7 @@ class DirectoryStore:
         raise StorageError(f"cannot store {bucket}/{key}: its folder was removed {_RACES} times meanwhile")
 
     def _remove_abandoned(self) -> None:
-        """Removes what crashed writers left a day ago or earlier."""
+        """Deletes temporary files that crashed writers left a day ago or earlier."""
         with os.scandir(self._incoming) as entries:
             for entry in entries:
                 with suppress(FileNotFoundError):

@@ -39,7 +39,7 @@ def s3_endpoint(settings: Settings) -> str | None:
     """Returns the URL of the S3 server in the settings; `None` for AWS or a folder.
 
     Raises:
-        ConfigurationError: it cannot be used.
+        ConfigurationError: the URL cannot be used.
     """
     return _endpoint(settings.object_store) if "://" in settings.object_store else None
 

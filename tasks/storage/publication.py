@@ -57,11 +57,11 @@ def publish(
             stored again.
         stopped: asked before the manifest is written, whether these files are not to count after all.
         ended: asked all the time while files are read and stored, whether to end that at once; quick.
-        tell: told of each file that is stored, from any thread.
+        tell: called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `stopped` or `ended` said so.
-        ObjectExistsError: something else is published under this prefix.
+        ObjectExistsError: other files are published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
         StorageError: a file cannot be read or stored.
     """
@@ -106,7 +106,7 @@ def store_unfinished(
         files: what to store.
         resumes: see `publish`.
         ended: see `publish`.
-        tell: told of the key of each file that is stored, from any thread.
+        tell: called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `ended` said so.
@@ -138,7 +138,7 @@ def split_stored(
         stopped: see `ObjectStore.find_same`.
 
     Raises:
-        StorageError: that cannot be found out.
+        StorageError: the stored objects cannot be compared.
     """
     found = run_all(lambda item: store.find_same(bucket, *item, stopped=stopped), files.items())
     there = {key: info for key, info in zip(files, found, strict=True) if info is not None}
@@ -156,8 +156,8 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
         prefix: the keys of what is removed start with it, then a slash; not empty.
 
     Raises:
-        BucketNotFoundError: there is no such bucket.
-        StorageError: something cannot be removed.
+        BucketNotFoundError: the bucket does not exist.
+        StorageError: an object cannot be deleted.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -170,8 +170,8 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads the manifest of the files published under a prefix.
 
     Raises:
-        ObjectNotFoundError: nothing is.
-        StorageError: it cannot be read, or is no manifest.
+        ObjectNotFoundError: no files are published under this prefix.
+        StorageError: the manifest cannot be read, or is invalid.
     """
     key = join_key(prefix, MANIFEST_NAME)
     try:
@@ -268,8 +268,8 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
         keep: says of a file's name whether it stays.
 
     Raises:
-        ObjectNotFoundError: nothing is published there.
-        StorageError: something cannot be removed; calling it again goes on.
+        ObjectNotFoundError: no files are published under this prefix.
+        StorageError: an object cannot be deleted; a further call continues.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -292,14 +292,14 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
         prefix: the prefix of that call.
 
     Raises:
-        StorageError: something cannot be removed; calling it again goes on.
+        StorageError: an object cannot be deleted; a further call continues.
     """
     if (after := _prepared(store, bucket, prefix)) is not None:
         _remove_rest(store, bucket, prefix, after)
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Removes what a manifest does not name, and puts it in its place."""
+    """Deletes the objects that a manifest does not list, and replaces the manifest by it."""
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -329,7 +329,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 
 
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
-    """Manifest that an interrupted call prepared; None: there is none."""
+    """Returns the manifest that an interrupted call prepared, or None."""
     try:
         return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:

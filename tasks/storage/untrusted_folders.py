@@ -95,11 +95,11 @@ def files_told(folder: Path, tell: Callable[[Path, str], None]) -> Iterator[Fold
     """Yields all regular files below a folder, and reports everything else to `tell`.
 
     Args:
-        folder: where they are.
-        tell: told of everything else: where it is, and what is wrong with it.
+        folder: path of the folder.
+        tell: called with the path of everything else, and what is wrong with it.
 
     Raises:
-        OSError: the folder is none or cannot be read.
+        OSError: the path is not a folder, or the folder cannot be read.
     """
     return _walk(folder, "", MAX_DEPTH, tell)
 
@@ -126,7 +126,7 @@ def open_regular(path: Path) -> BufferedReader:
     Raises:
         FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
             are not followed, read or waited for.
-        OSError: it cannot be opened.
+        OSError: the file cannot be opened.
     """
     try:
         # Without O_NONBLOCK, opening a FIFO would wait for a writer.

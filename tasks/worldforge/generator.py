@@ -181,7 +181,8 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
         arn: its ARN.
 
     Raises:
-        ConfigurationError: there is no such door or piece, nothing differs, or another generator made the world.
+        ConfigurationError: the world has no such door or furnishing, the variation equals the world, or another
+            generator version made the world.
     """
     if wanted.friction:
         raise ConfigurationError(
@@ -285,7 +286,7 @@ def _piece(world: World, name: str) -> Furniture:
 
 
 def _carried(world: World, piece: Furniture) -> list[Furniture]:
-    """Furniture that rests on a piece, not what is on the table that a chair is pushed under."""
+    """Returns the objects that rest on a furnishing, but not those on the table that a chair is pushed under."""
     parts, (c, s) = parts_of(piece), turn(piece.yaw)
     carried: list[Furniture] = []
     for item in world.furniture:

@@ -22,7 +22,7 @@ def export_key(prefix: str, export_id: str) -> str:
         export_id: the export job's id, with or without `export-` in front.
 
     Raises:
-        ValueError: that is no id.
+        ValueError: the id is malformed.
     """
     bare_id = export_id.removeprefix("export-")
     if not _EXPORT_ID.fullmatch(bare_id):

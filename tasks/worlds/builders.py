@@ -80,7 +80,7 @@ class WorldBuilders:
             The bundle's content hash.
 
         Raises:
-            WorldGenerationError: there is no such world, or its builder died or was stopped.
+            WorldGenerationError: no world can be generated from these values, or the builder died or was stopped.
         """
         order = {
             "body": body,
@@ -100,7 +100,7 @@ class WorldBuilders:
         return answer["content"]
 
     def _ask(self, order: str) -> dict[str, str]:
-        """Has the next idle builder carry out an order; one that has died is replaced first."""
+        """Sends an order to the next idle builder, and returns its answer; a dead builder is replaced first."""
         process = self._idle.get()
         try:
             if process.poll() is not None:
@@ -130,8 +130,8 @@ def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[s
     """A builder's answer to an order.
 
     Raises:
-        _BuilderDiedError: it ended meanwhile.
-        WorldGenerationError: it took too long, and was ended.
+        _BuilderDiedError: the builder's process ended before its answer.
+        WorldGenerationError: the world took too long, and its builder was ended.
     """
     assert process.stdin is not None
     assert process.stdout is not None

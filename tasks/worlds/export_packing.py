@@ -22,8 +22,8 @@ def export_worlds(
 
     Args:
         job: the export job.
-        service: where job and worlds are stored.
-        acting: the same service as the role of the job has it, which stores the archive.
+        service: the service, with its catalog and object store.
+        acting: the same service with the access of the job's role, which stores the archive.
         stopped: whether the archive is not wanted any more; asked all the time.
         run_step: how the steps `export` and `upload` are run.
 
@@ -52,7 +52,7 @@ class _Bundles(Mapping[str, Path]):
 
     Args:
         worlds: the worlds.
-        service: where their bundles are stored.
+        service: the service, with its catalog and object store.
         stopped: whether no more are wanted.
     """
 

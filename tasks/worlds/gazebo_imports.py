@@ -42,7 +42,7 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
         most_s: seconds on the clock after which the process is ended.
 
     Raises:
-        ConfigurationError: there is no such world, for the reason in the message.
+        ConfigurationError: the world cannot be imported; the message says why.
     """
     request = {
         "path": str(wanted.path),

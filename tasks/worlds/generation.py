@@ -43,9 +43,9 @@ def generate_world(
     """Generates one world of a generation job, stores its files, and adds it to the catalog.
 
     Args:
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         job: the generation job.
-        index: which of the job's worlds, from 0; the interiors of a floor plan follow each other.
+        index: number of the world in the job, from 0; the interiors of a floor plan follow each other.
         world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
         builders: processes that build worlds.
         run_step: how the step `upload` is run.
@@ -110,7 +110,7 @@ def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
 
     Args:
         template_body: the body of its template.
-        seeds: its floor plan seed and its interior seed.
+        seeds: floor plan seed and interior seed of the world.
     """
     made_of = [GENERATOR_VERSION, json.loads(template_body), *seeds]
     return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
@@ -120,11 +120,11 @@ def add_world(service: Service, job: Resource, index: int, arn: str, made: World
     """Adds a generated world to the catalog, unless it exists.
 
     Args:
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         job: the generation job.
-        index: which of the job's worlds, from 0.
+        index: number of the world in the job, from 0.
         arn: ARN the world gets.
-        made: its bundle and its plan, and the world that it shares them with, if there is one.
+        made: bundle and floor plan of the world, and the world that it shares them with, if any.
     """
     bundle = made.bundle
     assert bundle is not None

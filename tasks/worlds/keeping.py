@@ -28,13 +28,13 @@ def keep_world(
 
     Args:
         world: the world.
-        prefix: what its id begins with.
-        tags: its tags.
-        service: where it is stored.
-        origin: what it was made of, by which it is found again.
+        prefix: prefix of the world's id.
+        tags: tags of the world.
+        service: the service, with its catalog and object store.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
-        StorageError: it cannot be stored.
+        StorageError: the files cannot be stored.
     """
 
     def write(folder: Path) -> None:
@@ -50,14 +50,14 @@ def keep_variation(
 
     Args:
         bundle: the other world's bundle.
-        wanted: what is to differ.
+        wanted: changes of the variation.
         arn: the other world's ARN.
-        service: where it is stored.
-        origin: what it is made of, by which it is found again.
+        service: the service, with its catalog and object store.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
-        ConfigurationError: there is no such door or piece, or nothing differs.
-        StorageError: it cannot be stored.
+        ConfigurationError: the world has no such door or furnishing, or the variation equals the world.
+        StorageError: the files cannot be stored.
     """
     world = read_world(bundle)
     if isinstance(world.source, GazeboSource):
@@ -85,12 +85,12 @@ def keep_bundle(
     Args:
         write: writes the bundle into a new folder.
         prefix: beginning of the world's id.
-        tags: its tags.
-        service: where it is stored.
-        origin: what it was made of, by which it is found again.
+        tags: tags of the world.
+        service: the service, with its catalog and object store.
+        origin: identifier of the world's inputs, by which it is found again.
 
     Raises:
-        StorageError: it cannot be stored.
+        StorageError: the files cannot be stored.
     """
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")

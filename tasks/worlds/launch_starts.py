@@ -60,7 +60,7 @@ class LaunchStart:
     z_m: float | None
     yaw_rad: float
     launch_file: str
-    """Place of the launch file that says it, from its package on."""
+    """Path of the launch file that sets it, relative to the folder of its package."""
 
 
 def is_read(path: Path) -> bool:
@@ -69,12 +69,12 @@ def is_read(path: Path) -> bool:
 
 
 def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchFile:
-    """Reads the numeric arguments of a launch file; one that cannot be read has none.
+    """Reads the numeric arguments of a launch file; a file that cannot be read has no arguments.
 
     Args:
-        path: the file.
-        package: the package that it is in; empty: none.
-        origin: its place, from the package on; empty: the name of the file.
+        path: the launch file, in XML, Python or YAML.
+        package: name of the ROS package that it is in; empty: none.
+        origin: path of the file relative to the folder of its package; empty: the name of the file.
     """
     try:
         with path.open("rb") as file:
@@ -99,11 +99,12 @@ def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchF
 
 
 def find_start(world: str, launch_files: Sequence[LaunchFile]) -> LaunchStart | None:
-    """Finds a robot's start in the launch files that start a world, by themselves or by one that they include.
+    """Finds a robot's start pose in the launch files that load a world, directly or through included launch files.
 
     Args:
         world: name of the world file.
-        launch_files: all that may start it. The one with the fewest files between counts, then the first.
+        launch_files: launch files that may load the world; that with the fewest includes in between is used, then
+            the first of them.
     """
     left, wanted = list(launch_files), [world]
     for _ in range(1 + _MOST_INCLUDES):
@@ -121,7 +122,10 @@ def _names(text: str, file: str) -> bool:
 
 
 def _start(file: LaunchFile) -> LaunchStart | None:
-    """The start of the most telling names; its numbers are of one row of names, and for one file."""
+    """Returns the start pose that a launch file passes on, by the best known argument names.
+
+    All its coordinates are arguments of one naming scheme, in one mapping of arguments.
+    """
     for x, y, z in _PLACES:
         for found in file.arguments:
             if x in found and y in found:
@@ -163,7 +167,7 @@ def _xml_arguments(text: str) -> list[dict[str, float]]:
 
 
 def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
-    """All mappings in a YAML document, each once however many aliases it has."""
+    """Yields all mappings in a YAML document, each once however many aliases it has."""
     if id(node) in seen:
         return
     if isinstance(node, dict | list):
@@ -197,7 +201,11 @@ def _named_numbers(entry: Any) -> Iterator[tuple[str, float]]:
 
 
 def _python_arguments(tree: ast.Module) -> Iterator[Iterator[tuple[str, float]]]:
-    """Numbers of declared arguments and configurations, then of each dictionary that a launch file is included with."""
+    """Yields the names and numeric values of the arguments in a Python launch file.
+
+    The first group holds the defaults of the declared arguments and configurations, each other one the
+    `launch_arguments` of one included file.
+    """
     constants = {
         target.id: node.value
         for node in ast.walk(tree)
@@ -219,7 +227,7 @@ def _declared(call: ast.Call) -> tuple[ast.expr | None, ast.expr | None]:
 
 
 def _dictionary(value: ast.expr, constants: Mapping[str, ast.expr]) -> ast.Dict | None:
-    """The dictionary of `{...}.items()`, `{...}`, or of a name of one of these."""
+    """Returns the dictionary of `{...}.items()`, `{...}`, or of a variable with one of these as its value."""
     for _ in range(4):
         if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute) and value.func.attr == "items":
             value = value.func.value
@@ -259,7 +267,7 @@ def _constant(value: ast.expr | None, constants: Mapping[str, ast.expr]) -> floa
 
 
 def _strings(tree: ast.Module) -> str:
-    """All texts of a program, without its comments."""
+    """Returns all string constants of a program, without its comments."""
     return "\n".join(
         node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)
     )

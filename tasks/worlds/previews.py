@@ -16,7 +16,7 @@ def preview_of(world: Resource, service: Service) -> bytes:
 
     Args:
         world: the world.
-        service: where its bundle is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The picture; empty where the bundle's `world.json` is no world of a form that can be drawn.

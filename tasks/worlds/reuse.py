@@ -18,7 +18,7 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
     Args:
         template_body: the template's body, to the letter.
         seeds: floor plan seed and interior seed.
-        service: where worlds are stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         The newest whose bundle is stored; `None`: there is none.
@@ -38,9 +38,9 @@ def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
     """Adds a world to a generation job with the stored files of an identical earlier world.
 
     Args:
-        service: where worlds are stored.
+        service: the service, with its catalog and object store.
         job: the generation job.
-        index: which of the job's worlds, from 0.
+        index: number of the world in the job, from 0.
         arn: ARN the world gets.
 
     Returns:

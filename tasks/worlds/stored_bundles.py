@@ -26,7 +26,7 @@ def bundle_label(bundle: StoredPlace) -> str:
     """Returns the catalog label by which all worlds with the same stored files are found.
 
     Args:
-        bundle: where it is.
+        bundle: place of the bundle in the object store.
     """
     return f"{bundle.bucket}/{bundle.prefix}"
 

@@ -28,8 +28,8 @@ def robot_env(
 
     Raises:
         ConfigurationError: gymnasium is not installed, or the folder is no world's.
-        ResourceNotFoundException: There is no such world in the catalog.
-        LaunchError: There is no such robot.
+        ResourceNotFoundException: The catalog has no such world in the catalog.
+        LaunchError: The robot does not exist.
     """
     from ..runtime.policies.gymnasium_env import RobotEnv  # only this needs gymnasium
 

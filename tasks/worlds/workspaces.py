@@ -33,7 +33,7 @@ _MODEL_PATH = re.compile(r"gazebo_model_path\s*=\s*[\"']([^\"']+)[\"']")
 
 
 class _Place(NamedTuple):
-    """A file's package, empty where it has none, and the path in it."""
+    """Package of a file, empty if it is in no package, and its path in the package."""
 
     package: str
     inside: str
@@ -73,7 +73,7 @@ class Workspace:
         """Returns the world of a name; without a name the only one, or `None` where there are several.
 
         Raises:
-            ConfigurationError: there is none, none of this name, or more than one.
+            ConfigurationError: the workspace has no world, or not exactly one of this name.
         """
         top = (self.top if self.top.name.strip(".") else self.top.resolve()).name or self.top
         names = [each.name for each in self.worlds]
@@ -108,10 +108,10 @@ def opened_workspace(path: Path, service: Service) -> Iterator[Workspace]:
 
     Args:
         path: the folder, or a bundle of `colcon bundle` or another archive.
-        service: where there is room.
+        service: service whose data home has the temporary folder.
 
     Raises:
-        ConfigurationError: it is not there, or no archive.
+        ConfigurationError: the folder or bundle does not exist, or is not an archive.
     """
     if path.is_dir():
         yield read_workspace(path)
@@ -185,7 +185,7 @@ def _is_world(path: Path) -> bool:
 
 
 def _place(path: Path, packages: Sequence[Path], top: Path) -> _Place:
-    """A file's package and place in it: the same for sources and for what was installed from them."""
+    """Returns a file's package and its path in it, equal for sources and files installed from them."""
     around = [package for package in packages if path.is_relative_to(package)]
     if not around:
         return _Place("", path.relative_to(top).as_posix())
@@ -234,7 +234,7 @@ def _launch_files_of(package: str, homes: Set[str], launch_files: Sequence[Launc
 
 
 def _model_paths(package: Path, top: Path) -> Iterator[Path]:
-    """Folders of models that a package has or names, and the one that it is in; none outside of the workspace."""
+    """Returns the model folders that a package has or names, and its own folder, if they are in the workspace."""
     named = []
     try:
         text = (package / MANIFEST).read_bytes()[:_MOST_BYTES].decode(errors="replace")

@@ -38,10 +38,10 @@ def time_span(text: str, option: str) -> timedelta:
 
     Args:
         text: numbers with units, the largest first: w, d, h, m, s.
-        option: where it was given, for the error.
+        option: name of the option, for the error message.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: the text is not a time span.
     """
     if re.fullmatch(r"(\d{1,5}w)?(\d{1,5}d)?(\d{1,5}h)?(\d{1,5}m)?(\d{1,5}s)?", text) and text:
         total = timedelta(**{_UNITS[unit]: int(number) for number, unit in re.findall(r"(\d+)([wdhms])", text)})
@@ -55,7 +55,7 @@ def percentage(text: str | None, option: str, *, whole: bool = False, none: bool
 
     Args:
         text: a number, with or without `points` behind it; None: nothing was given.
-        option: where it was given, for the error.
+        option: name of the option, for the error message.
         whole: whether 100 is allowed, too.
         none: whether 0 is allowed, too.
 
@@ -63,7 +63,7 @@ def percentage(text: str | None, option: str, *, whole: bool = False, none: bool
         The share: 0.05 for `5`; None: nothing was given.
 
     Raises:
-        ConfigurationError: it is no number, or out of range.
+        ConfigurationError: the text is not a number of percentage points, or is out of range.
     """
     if text is None:
         return None
@@ -79,11 +79,11 @@ def output_file(path: str | None, option: str) -> Path | None:
     """Checks an output file's path, and makes it absolute.
 
     Args:
-        path: what was given; None: nothing.
-        option: where it was given, for the error.
+        path: path that the user gave; None: none was given.
+        option: name of the option, for the error message.
 
     Raises:
-        ConfigurationError: it is a folder, or in one that does not exist.
+        ConfigurationError: the path is that of a folder, or its folder does not exist.
     """
     if path is None:
         return None
@@ -97,7 +97,7 @@ def spec_name(given: str) -> str:
     """Checks the name that `--name` gives a specification, and returns it.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: the text is not a valid name.
     """
     from ....schemas.specs.model import is_spec_name
 
@@ -127,7 +127,7 @@ def find_record(runs: Path, run: str) -> Path:
         run: a run's id, its folder, or `latest`, which leaves the probes of forecasts out.
 
     Raises:
-        ConfigurationError: there is no such run.
+        ConfigurationError: the run does not exist.
     """
     if "/" in run and (record := Path(run) / "run.json").is_file():
         return record
@@ -153,7 +153,7 @@ def read_record(runs: Path, run: str) -> "RunRecord":
     """Reads the record of a run; see `find_record`.
 
     Raises:
-        ConfigurationError: there is no such run, or its record cannot be read.
+        ConfigurationError: the run does not exist, or its record cannot be read.
     """
     record = find_record(runs, run)
     from ....tasks.inspection import run_records

@@ -22,8 +22,8 @@ def read_text(path: str) -> str:
     """Reads a text file that the user named.
 
     Raises:
-        InputFileError: it cannot be opened.
-        SpecError: it is no text.
+        InputFileError: the file cannot be opened.
+        SpecError: the file is not UTF-8 text.
     """
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
@@ -75,8 +75,8 @@ def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_comp
         is_complete: whether each parameter has to have a value, as for a run.
 
     Raises:
-        InputFileError: it cannot be opened.
-        SpecError: it has problems.
+        InputFileError: the file cannot be opened.
+        SpecError: the specification is invalid; the error lists all its problems.
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
@@ -91,7 +91,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
         operation: the operation's name.
 
     Raises:
-        ServiceError: it is no request of this operation.
+        ServiceError: the text is not a valid request of this operation.
     """
     from ....schemas.specs.check import load_request
     from ....schemas.specs.resolving import resolve_input
@@ -102,7 +102,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
 
 
 def _text(given: str) -> tuple[str, str]:
-    """The request's text and what to call it in messages."""
+    """Returns the request's text, and its name for error messages."""
     if given == "-":
         return sys.stdin.read(), "standard input"
     if given.lstrip().startswith("{"):
@@ -114,7 +114,7 @@ def _text(given: str) -> tuple[str, str]:
 def operation_name(word: str) -> str:
     """Converts an operation's name from the AWS CLI's spelling (`describe-world`) to the service's.
 
-    A word that names none comes back as it is; the check of the request says what is near.
+    A word that names no operation is returned unchanged; the check of the request suggests a similar name.
     """
     folded = word.replace("-", "").lower()
     return next((name for name in OPERATIONS if name.lower() == folded), word)

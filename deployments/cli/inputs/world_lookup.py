@@ -62,7 +62,7 @@ def find_world(wanted: str) -> FoundWorld:
 
     Raises:
         InvalidParameterException: an ARN of something else, or none at all.
-        ResourceNotFoundException: there is no such world.
+        ResourceNotFoundException: the catalog has no such world.
         ConfigurationError: the folder holds no world.
         StorageError: the bundle is gone, or cannot be fetched.
     """
@@ -84,7 +84,7 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
     Args:
         name: the world's or the job's.
         folder: below the data home.
-        suffix: of the file's name.
+        suffix: suffix of the file's name.
     """
     safe = "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
     return Settings.from_environment(os.environ).home / folder / f"{safe}{suffix}"

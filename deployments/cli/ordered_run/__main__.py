@@ -83,7 +83,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
 
 
 def _log(event: ProgressEvent) -> None:
-    """Notes what happens in the file with the process's output."""
+    """Logs to the file with the process's output."""
     if isinstance(event, StepEnded):
         _logger.warning("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):
@@ -94,7 +94,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
     """The visitor's access key, as it is now.
 
     Raises:
-        ConfigurationError: it is not there any more.
+        ConfigurationError: the access key was deleted.
     """
     if order.key_id is None:
         return None

@@ -60,7 +60,7 @@ def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:
     """Prints lines of styled text; paths and ARNs are not broken, so that they can be copied.
 
     Raises:
-        BrokenPipeError: who reads the stream has gone away; a console would end the process with 1.
+        BrokenPipeError: the reader of the stream has closed it; a console would end the process with 1.
     """
     from rich.console import Console
     from rich.text import Text

@@ -23,7 +23,7 @@ def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream
     Args:
         steps: names and operations, in the order they run.
         environ: environment variables; `CI` and a dumb `TERM` mean no animation.
-        stream: where to write; absent: standard error.
+        stream: output stream; absent: standard error.
     """
     out: TextIO = sys.stderr if stream is None else stream
     if not is_animated(out, environ):
@@ -47,7 +47,7 @@ class PlainWatcher(Watcher):
 
     Args:
         steps: names and operations, in the order they run.
-        stream: where to write.
+        stream: output stream, such as standard output.
         clock: seconds on a clock that only runs forward.
         heartbeat_s: longest silence.
     """

@@ -42,7 +42,7 @@ def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
 
 
 def _database(report: GcReport) -> str:
-    """How large the database of Prefect is, and what of it is given back."""
+    """Describes the size of Prefect's database, and the space in it that is freed."""
     told = report.flow_runs
     if told.database_bytes is None:
         return ""

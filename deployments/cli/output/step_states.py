@@ -90,7 +90,7 @@ class StepStates:
         """Updates the progress by an event.
 
         Args:
-            event: what happened.
+            event: the event to apply.
             now_s: when, on a clock that only runs forward.
         """
         if isinstance(event, Note):

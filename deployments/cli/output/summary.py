@@ -32,7 +32,7 @@ def print_summary(
     Args:
         record: the run.
         command: the command that runs it again.
-        stream: where to print.
+        stream: output stream, such as standard output.
         server: address of the Prefect server's pages; empty: not shown.
         page: address of the run's page in the console; empty: not shown.
         lost: lines about what it judges less than earlier runs.
@@ -118,7 +118,7 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
 
 
 def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
-    """Lists what jobs had to do without; a remark that many jobs share is one line."""
+    """Lists the remarks of jobs; a remark that many jobs share is one line."""
     by_remark: dict[str, list[str]] = {}
     for job in jobs:
         for remark in job.remarks:

@@ -245,7 +245,7 @@ def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _gazebo_origin(source: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Describes the world file that a world was imported from, and what of it is not there."""
+    """Describes the world file that a world was imported from, and its parts that were left out."""
     yield (
         "imported",
         f"{source['file']}, SDF {source['sdf_version']}, {source['models']} models, sha256 {source['sha256']}",

@@ -88,7 +88,7 @@ def cancel(visit: Visit) -> Response:
     """Handles the web console's button that cancels a run.
 
     Raises:
-        ResourceNotFoundException: there is none, or it is none of the visitor's.
+        ResourceNotFoundException: the run does not exist, or is not the visitor's.
         AccessDeniedException: the visitor's key is not good for ending runs.
     """
     run_id = visit.request.path_params["id"]
@@ -105,9 +105,9 @@ def take_up(visit: Visit) -> Response:
     """Handles the web console's button that resumes an interrupted run.
 
     Raises:
-        ResourceNotFoundException: there is none, or it is none of the visitor's.
+        ResourceNotFoundException: the run does not exist, or is not the visitor's.
         AccessDeniedException: the visitor's key is not good for runs.
-        InvalidParameterException: it has not broken off.
+        InvalidParameterException: the run was not interrupted.
         ThrottlingException: too many run already.
     """
     run_id = visit.request.path_params["id"]
@@ -163,9 +163,9 @@ def failed_of_run(visit: Visit) -> Response:
     """Handles the button that runs a run's failed jobs again.
 
     Raises:
-        ResourceNotFoundException: there is no such run that the visitor may see.
+        ResourceNotFoundException: the visitor may see no such run.
         AccessDeniedException: the visitor's key is not good for it.
-        InvalidParameterException: nothing failed.
+        InvalidParameterException: no job of the run failed.
     """
     with visit.noted(START) as call:
         ordered = runs_of(visit)
@@ -184,9 +184,9 @@ def failed_of_batch(visit: Visit) -> Response:
     """Handles the button that runs a batch's failed jobs again.
 
     Raises:
-        ResourceNotFoundException: there is no such batch that the visitor may see.
+        ResourceNotFoundException: the visitor may see no such batch.
         AccessDeniedException: the visitor's key is not good for it.
-        InvalidParameterException: it has not ended, or nothing failed.
+        InvalidParameterException: the batch has not ended, or none of its jobs failed.
     """
     with visit.noted(_START_BATCH, if_refused=True) as call:
         batch = visit.find(_BATCH, visit.request.path_params["id"])

@@ -47,12 +47,12 @@ class Previews:
         """Draws the floor plan of a generation job's first world, as SVG.
 
         Args:
-            body: of the template.
-            seed: of the job.
-            visitor: who asks.
+            body: body of the world template.
+            seed: seed of the generation job.
+            visitor: the visitor who asks.
 
         Raises:
-            NoPlanError: there is no such world, or it takes too long.
+            NoPlanError: the world cannot be generated, or takes too long.
             ThrottlingException: the visitor, or all of them, ask for too many.
         """
         self._count(visitor)

@@ -111,11 +111,11 @@ def begin(
 
     Args:
         visit: whose key the run's steps are carried out with.
-        runs: where runs are ordered.
+        runs: the server's runs.
         spec: the specification.
         call: gets the run's id, for the audit log.
-        spec_path: what the record names as its file; empty: the one in the run's folder.
-        rerun_of: what is run again; `None`: it is no rerun.
+        spec_path: file name in the run's record; empty: that of the file in the run's folder.
+        rerun_of: the run that it repeats; `None`: it is no rerun.
 
     Raises:
         ThrottlingException: too many run already.
@@ -149,7 +149,7 @@ def runs_of(visit: Visit) -> SpecRuns:
 
     Raises:
         AccessDeniedException: the visitor's key is not good for ordering any.
-        InvalidParameterException: this server performs none.
+        InvalidParameterException: this server does not execute runs.
     """
     if visit.key is not None:
         check_scope(visit.key, _NEEDED)

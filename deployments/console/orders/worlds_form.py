@@ -223,7 +223,7 @@ def whole(text: str, what: str) -> int:
     """Parses a whole number from a form field.
 
     Raises:
-        InvalidParameterException: it is none.
+        InvalidParameterException: the text is not a whole number.
     """
     if not (text.strip().isascii() and text.strip().isdecimal() and len(text) <= 12):
         raise InvalidParameterException(f"{what}: is {text!r}; it has to be a whole number from 0")
@@ -286,11 +286,11 @@ def _create(visit: Visit, draft: WorldsDraft) -> Response:
 
 
 def _check(visit: Visit, template: str) -> None:
-    """Checks that the visitor may do what the form is for.
+    """Checks that the visitor may order what the form requests.
 
     Raises:
         AccessDeniedException: the visitor's key is not good for it.
-        ResourceNotFoundException: there is no such template that the visitor may see.
+        ResourceNotFoundException: the visitor may see no such template.
     """
     if visit.key is not None:
         check_scope(visit.key, "CreateWorldGenerationJob" if template else "CreateWorldTemplate")
@@ -299,7 +299,7 @@ def _check(visit: Visit, template: str) -> None:
 
 
 def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
-    """A draft with its plan, or with what is wrong with it."""
+    """Returns a draft with the floor plan of its first world, or with its problems."""
     try:
         if draft.template:
             body = WorldTemplateDocument.of(visit.find(_TEMPLATE, draft.template)).template_body
@@ -313,7 +313,7 @@ def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
 
 
 def _in_words(error: Exception) -> tuple[str, ...]:
-    """Its lines, with fields by the names that the form has for them."""
+    """Returns the lines of an error, with the form's names of the fields."""
     text = str(error).replace("templateBody: ", "")
     for place in ("Floorplan", "Interior"):
         text = text.replace(f"Buildings[0].Floors[0].{place}.", "")

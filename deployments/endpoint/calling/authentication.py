@@ -55,14 +55,15 @@ class Replays:
         """Records a verified signature as used; raises an error if it was used before.
 
         Args:
-            signature: its hexadecimal digits.
+            signature: hexadecimal digits of the signature.
             signed_at: when it was made.
             now: the time.
             repeatable: whether a second call would do nothing more.
 
         Raises:
-            InvalidSignatureException: it was used before.
-            ThrottlingException: it was used a moment ago. A client that means it signs again when it tries again.
+            InvalidSignatureException: the signature was used before.
+            ThrottlingException: the signature was used a moment ago; a client that repeats a call on purpose signs it
+                anew at its next try.
         """
         now_s = now.timestamp()
         minute = int((signed_at.timestamp() + self._valid_s) // 60)
@@ -123,7 +124,7 @@ class Authenticator:
         self._replays.check(signer.signature, signer.signed_at, self._clock(), repeatable=repeatable)
 
     def check(self, request: ServiceRequest) -> Signer:
-        """Verifies a request's signature, and returns who signed it.
+        """Verifies a request's signature, and returns its signer.
 
         Raises:
             ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
@@ -217,7 +218,7 @@ def _check_payload(request: ServiceRequest) -> None:
 
 
 class _Verifier(SigV4Auth):
-    """Signs what the client said it had signed."""
+    """Computes the SigV4 signature over the headers that the client declares as signed."""
 
     def __init__(self, credentials: Credentials, region: str, signed_headers: tuple[str, ...]) -> None:
         super().__init__(credentials, SERVICE, region)

@@ -45,10 +45,10 @@ _ROLES = ("robotApplications", "simulationApplications")
 
 
 class JobCallers:
-    """Recognises API requests that come from simulation jobs, which have fewer rights.
+    """Recognises API requests of simulation jobs, which have fewer rights.
 
     Args:
-        service: where jobs are; jobs of job workers with its home are known.
+        service: the service; only jobs of job workers with its data home are recognised.
     """
 
     def __init__(self, service: Service) -> None:
@@ -62,7 +62,7 @@ class JobCallers:
         known too.
 
         Raises:
-            AccessDeniedException: it is no path of a job that runs.
+            AccessDeniedException: the path is not that of a running job.
         """
         path = scope["raw_path"].decode("latin-1")
         if not path.startswith(OF_JOB):
@@ -78,10 +78,10 @@ class JobCallers:
         return arn
 
     def job_of(self, scope: Scope) -> str | None:
-        """Returns the ARN of the job that a request comes from; `None` if it comes from none.
+        """Returns the ARN of the job that sent a request; `None` if no job did.
 
         Raises:
-            AccessDeniedException: that cannot be told, so it may be any job.
+            AccessDeniedException: the caller's process cannot be determined, so that it may belong to any job.
         """
         peer, server = map(as_address, scope.get("state", {}).get(ENDS, (None, None)))
         if peer is None or server is None:  # it came over no connection
@@ -103,7 +103,8 @@ class JobCallers:
             members: the members of the request on the wire, which have been checked.
 
         Raises:
-            AccessDeniedException: it is not the job's to ask for; whether anything else exists is not told.
+            AccessDeniedException: a job may not make this call; the message is the same whether or not the resource
+                exists.
             ResourceNotFoundException: the job is not in the catalog any more.
         """
         job = self._service.catalog.get(arn, kind="simulation-job")
@@ -123,7 +124,7 @@ class JobCallers:
         )
 
     def _check_created(self, job: Resource, own: Mapping[str, Any], members: Mapping[str, Any]) -> None:
-        """Checks that a job makes another of its own kind: role, applications, and what these read and write."""
+        """Checks that a job creates only jobs like itself: same role, applications, inputs and outputs."""
         for what, given, allowed in self._compared(own, members):
             if given not in allowed:
                 raise AccessDeniedException(

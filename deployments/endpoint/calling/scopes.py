@@ -44,7 +44,7 @@ def check_scope(key: AccessKey, operation: str) -> None:
     """Raises an error if an access key's scope does not include an operation.
 
     Raises:
-        AccessDeniedException: its scope does not hold it.
+        AccessDeniedException: the key's scope does not include the operation.
     """
     needed = needed_scope(operation)
     if SCOPES.index(key.scope) < SCOPES.index(needed):
@@ -60,10 +60,11 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
         key: the caller's.
         shape: the operation.
         request: the members of its request, which have been checked.
-        catalog: where the resources are.
+        catalog: the catalog of the resources.
 
     Raises:
-        AccessDeniedException: something is not; whether it exists is not told.
+        AccessDeniedException: the key does not permit a resource; the message is the same whether or not the resource
+            exists.
     """
     if not key.is_confined:
         return
@@ -79,10 +80,11 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
 
 
 def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> None:
-    """Raises an error if resources are outside a confined key's names and tags.
+    """Raises an error if a request names resources that a confined access key may not use, by their names and tags.
 
     Raises:
-        AccessDeniedException: one is not; whether it exists is not told.
+        AccessDeniedException: a resource is not among those of the key; the message is the same whether or not the
+            resource exists.
     """
     allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
     for each in named:
@@ -173,9 +175,9 @@ class Calls:
     """Makes API calls with authorisation and audit log.
 
     Args:
-        service: where the operations happen.
-        on_submitted: told the ARN of every job that was stored.
-        audit_log: is told of every call, also of refused ones; `None`: there is none.
+        service: the service, with its catalog and object store.
+        on_submitted: called with the ARN of every stored job.
+        audit_log: records every call, also refused ones; `None`: calls are not recorded.
     """
 
     def __init__(
@@ -190,8 +192,8 @@ class Calls:
 
         Args:
             name: the operation.
-            members: of its request.
-            call: who calls; gets what was called, and how it ended.
+            members: members of the request.
+            call: record of the call, with the caller; the operation and its outcome are added.
 
         Raises:
             AccessDeniedException: the caller's access key is not good for it.

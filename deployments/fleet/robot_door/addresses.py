@@ -64,11 +64,11 @@ class Addresses:
 
     Args:
         tenant: first part of every path; hawkBit's own is `DEFAULT`.
-        public_url: where robots reach this server, such as `https://fleet.example.com`, without a path; `None`: as
+        public_url: URL of this server for robots, such as `https://fleet.example.com`, without a path; `None`: as
             each request's `Host` says, which is right where no proxy is in between.
 
     Raises:
-        ConfigurationError: either is not right.
+        ConfigurationError: the URL or the tenant is invalid.
     """
 
     def __init__(self, tenant: str, public_url: str | None) -> None:
@@ -109,8 +109,8 @@ class Addresses:
         """Returns the absolute base URL of a robot.
 
         Args:
-            scope: of the request that is answered.
-            host: its header `Host`.
+            scope: ASGI scope of the request.
+            host: header `Host` of the request.
             robot: the robot.
 
         Raises:

@@ -38,8 +38,8 @@ class AgentSide(Protocol):
         """Returns a TUF metadata file of the update repository.
 
         Raises:
-            ObjectNotFoundError: there is none of that name.
-            StorageError: it cannot be read.
+            ObjectNotFoundError: the repository has no metadata file of this name.
+            StorageError: the file cannot be read.
         """
         ...
 
@@ -47,8 +47,8 @@ class AgentSide(Protocol):
         """Returns an update file of the repository, by its path with the hash before the name.
 
         Raises:
-            ObjectNotFoundError: there is none.
-            StorageError: it cannot be read.
+            ObjectNotFoundError: the repository has no such file.
+            StorageError: the file cannot be read.
         """
         ...
 

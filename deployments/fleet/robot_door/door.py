@@ -107,13 +107,13 @@ class RobotDoor:
 
     Args:
         orders: the robots, and what is open for each.
-        read_part: reads files of orders; called from threads.
-        sink: told what robots say; called from threads, and the robot waits for it, except for `RobotsSeen`. An
-            order stays open until its last report was taken. If it raises, the robot is told to try again.
+        read_part: reads a part of an order's file; called from threads.
+        sink: called with reports of robots, from threads; the robot waits for it, except for `RobotsSeen`. An
+            order stays open until its last report was taken. If it raises, the response asks the robot to try again.
         clock: the time, in seconds since 1970.
         chance: random numbers from 0 to below 1.
         settings: how robots poll.
-        agents: what our own agents ask for besides; nothing: they find nothing.
+        agents: enrolment and update repository for this package's agents; `None`: not served.
 
     Raises:
         ConfigurationError: tenant or public address are not right.

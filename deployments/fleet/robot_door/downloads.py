@@ -71,7 +71,7 @@ def reader_of_files(path_of: Callable[[RobotOrder], Path]) -> ReadPart:
     """Makes a function that reads parts of orders' files from local folders.
 
     Args:
-        path_of: where an order's file lies.
+        path_of: returns the local path of an order's file.
     """
 
     def read(order: RobotOrder, start: int, length: int) -> bytes:
@@ -149,7 +149,7 @@ class Downloads:
             range_: the header `Range`.
             if_range: the header `If-Range`.
             receive: says when the robot hung up.
-            send: where the answer goes.
+            send: sends the ASGI messages of the response.
 
         Raises:
             DoorRefusal: there is no such part (416) or no such file (404), or it cannot be read now (503). Once

@@ -77,7 +77,7 @@ MaintenanceWindows = Annotated[
 
 
 DEFAULT_ROBOT_TIMEOUT_S = 5 * 3600
-"""How long a deployment waits for one robot if its request does not say."""
+"""Default time for which a deployment waits for one robot."""
 
 
 def _once_each(robots: list[str]) -> list[str]:

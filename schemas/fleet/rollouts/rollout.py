@@ -69,12 +69,12 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def no_response(self) -> bool:
-        """Whether the robot failed because it never fetched its order; it gets another order when it comes back."""
+        """Whether the robot failed because it never fetched its order; it gets another when it polls again."""
         return self.failure_code == "RobotDeploymentNoResponse"
 
 
 RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
-"""Statuses of a deployment job that a rollout has; what comes before is preparation."""
+"""Statuses of a deployment job that has a rollout; earlier ones are preparation."""
 
 
 class Pause(StoredPart):
@@ -191,7 +191,7 @@ class Failed(_OfOrder):
 
 
 class Canceled(_OfOrder):
-    """Rollout event: a robot stopped its installation, because it was told to or by its own decision."""
+    """Rollout event: a robot stopped its installation, on the server's order or by its own decision."""
 
     kind: Literal["canceled"] = Field(default="canceled", description="Kind of event.")
 

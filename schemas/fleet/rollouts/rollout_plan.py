@@ -59,7 +59,7 @@ DEFAULT_THRESHOLD_PERCENTAGE = 20
 """Share of a fleet that has to fail for a deployment to stop if a request does not say, in percent."""
 
 JOB_TIMEOUT_S = 30 * 24 * 3600.0
-"""How long a whole deployment may take, in seconds."""
+"""Time limit of a whole deployment, in seconds."""
 
 UnfitCode = Literal[
     "DownloadConditionFailed",

@@ -18,7 +18,7 @@ RobotKind = Literal["agent", "updater"]
 
 
 class _Standing(BaseModel):
-    """A part of what is shown; names of members are those of the JSON."""
+    """Base class of the parts of a standing; members have the names of the JSON."""
 
     model_config = ConfigDict(frozen=True)
 

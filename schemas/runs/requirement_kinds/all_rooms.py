@@ -49,10 +49,10 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         """Simulated time of the first visit, by room."""
         self._rooms: tuple[str, ...] = ()
         self._began_s: float | None = None
-        """Simulated time of the first look: recordings may have no pose at 0."""
+        """Simulated time of the first check, in seconds: recordings may have no pose at 0."""
 
     def bind(self, scene: Scene) -> Look:
-        """Finds the rooms, and looks which one the body is in."""
+        """Finds the rooms to visit; each check determines which room the body is in."""
         if scene.world is None:
             raise self.cannot("it asks for the rooms of a world, but there is no world")
         rooms = {each.name: each.polygon for each in scene.world.floorplan.rooms}
@@ -70,13 +70,13 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         return look
 
     def begin(self, rooms: Mapping[str, Sequence[Point]] | Sequence[str]) -> None:
-        """Takes note of the rooms that count."""
+        """Sets the rooms that have to be visited."""
         self._rooms = tuple(rooms)
         if not self._rooms:
             self.fail("ignore leaves no room")
 
     def update(self, time_s: float, room: str | None) -> None:
-        """Takes note of the room that the body is in, if it is in one."""
+        """Records a visit to the room that the body is in; `None`: it is in no room."""
         self._began_s = time_s if self._began_s is None else self._began_s
         if not self.is_reached and self.asked.by_s is not None and time_s > self.asked.by_s + ROUNDING_S:
             self.violate(self.asked.by_s)

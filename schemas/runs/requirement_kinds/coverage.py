@@ -52,7 +52,7 @@ class CoverageRule(Rule[CoverageRequirement]):
         self._last: Point | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Finds the free floor, and marks what the robot passes over."""
+        """Finds the free floor; each check adds the cells that the robot passes over."""
         asked, position, floor = self.asked, scene.position(self), scene.floor(self)
         if floor is None:
             raise self.cannot("it asks for the floor of a world, but there is no world")
@@ -73,7 +73,7 @@ class CoverageRule(Rule[CoverageRequirement]):
         return look
 
     def update(self, time_s: float, passed: Set[int]) -> None:
-        """Takes note of cells of the free floor that were passed over."""
+        """Adds cells of the free floor, by number, that the body has passed over."""
         if not self.is_reached and self.asked.by_s is not None and time_s > self.asked.by_s + ROUNDING_S:
             self.violate(self.asked.by_s)
             return  # what comes too late does not count

@@ -28,7 +28,7 @@ SIGNALS: Mapping[str, str] = {
 """Signals that every run has, with their units."""
 
 _RATES = ("speed", "turn_rate")
-"""Signals that say how it was since the last look."""
+"""Signals that are rates over the time since the last sample."""
 _MAX_SAMPLES = 100_000
 """Samples of a run: almost three hours at 0.1 s. Judging them takes some seconds an operator."""
 _MAX_BOUND = 3000
@@ -103,7 +103,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         super().__init__(asked)
         self._formula = read_formula(asked.formula, [*SIGNALS, *(asked.signals or {})])
         self.samples: dict[str, list[float]] = {name: [] for name in dict.fromkeys(signals_of(self._formula))}
-        """Values of the signals, one in each period; where there was no look the last one goes on."""
+        """Values of the signals, one in each period; a period without a check repeats the last value."""
         self._last: tuple[float, tuple[float, ...], float] | None = None
         self._found: Robustness | None = None
 
@@ -111,7 +111,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         """Reads the signals that the formula uses.
 
         Raises:
-            RequirementError: There is no such function or body, or rtamt is not installed.
+            RequirementError: A function or body that the formula names does not exist, or rtamt is not installed.
         """
         if importlib.util.find_spec("rtamt") is None:
             raise self.cannot(f"rtamt, which judges formulas, is not installed: {how_to_install('stl')}")
@@ -159,7 +159,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def _rates(self, time_s: float, here: tuple[float, ...], yaw: float) -> tuple[float, float]:
-        """Speed in m/s and turn rate in deg/s since the last look."""
+        """Speed in m/s and turn rate in deg/s since the last sample."""
         last, self._last = self._last, (time_s, here, yaw)
         if last is None or time_s <= last[0]:
             return 0.0, 0.0

@@ -73,7 +73,7 @@ def check_goal(requirement: RequirementKind, member: str, before: Sequence[Requi
     """Checks that a member of a requirement, if it is given, names one of the goals above it.
 
     Raises:
-        ValueError: There is no such goal.
+        ValueError: No goal of this name stands above the requirement in the list.
     """
     name = getattr(requirement, member)
     goals = [each.name for each in before if isinstance(each, GoalRequirement)]
@@ -92,7 +92,7 @@ class GoalRule(Rule[GoalRequirement]):
         self.reached_s: float | None = None
         """Simulated time at which it was reached, late or not; None: not yet."""
         self._began_s: float | None = None
-        """Simulated time of the first look: recordings may have no pose at 0."""
+        """Simulated time of the first check, in seconds: recordings may have no pose at 0."""
         self._before: GoalRule | None = None
         """The goal that has to be reached first."""
         self._nearest_m: float | None = None
@@ -149,7 +149,7 @@ class GoalRule(Rule[GoalRequirement]):
 
     @property
     def is_due(self) -> bool:
-        """Whether it is its turn: the goal that comes before, if there is one, is reached."""
+        """Whether the goal counts now: the goal that has to be reached before it, if any, is reached."""
         return self._before is None or bool(self._before.is_reached)
 
     def _numbers(self) -> Numbers:
@@ -180,10 +180,10 @@ def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None
 def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
     """Finds goals that are reached before the robot moves.
 
-    Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
+    Goals that another goal follows are places to begin at, and goals with `by_s` are meant so.
 
     Args:
-        requirements: What an order asks for, as JSON; what is no goal is passed over.
+        requirements: Requirements of a request, as JSON; those that are no goals are ignored.
         start_room: Name of the room that the origin is in; None: that is not known.
     """
     goals = [

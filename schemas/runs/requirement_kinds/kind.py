@@ -72,7 +72,7 @@ class RequirementError(LaunchError):
 
 
 class NotMeasuredError(RequirementError):
-    """Raised when a scene lacks what a requirement measures, as a recording without its topic."""
+    """Raised when a scene lacks a quantity that a requirement measures, as a recording without its topic."""
 
 
 NOT_READ = "it is judged by the topics that the run records, and there is no recording of a single run"
@@ -100,7 +100,7 @@ class RequirementKind(Shape):
         """Returns the name of the kind in requests; empty for a base class.
 
         Raises:
-            ConfigurationError: It has no rule.
+            ConfigurationError: The kind has no rule.
         """
         names = get_args(kind.model_fields["kind"].annotation)
         if names and "rule" not in vars(kind):  # its parent's would judge as if it had no members of its own
@@ -133,7 +133,8 @@ class RequirementKind(Shape):
         """Checks the requirement against those above it in the list.
 
         Raises:
-            ValueError: They do not go together.
+            ValueError: The requirement and those above it contradict each other, or it refers to one that is not above
+                it.
         """
 
 
@@ -173,7 +174,7 @@ class Floor(Protocol):
         ...
 
     def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
-        """Length of the shortest way of a disc from a point to another, or into a polygon; `None`: there is none."""
+        """Length in metres of a disc's shortest path from a point to another, or into a polygon; `None`: no path."""
         ...
 
 
@@ -199,10 +200,10 @@ class Scene(Protocol):
         ...
 
     def messages(self, rule: "Rule[Any]", topic: str) -> Iterator[tuple[float, Any]]:
-        """Messages that were recorded on a topic, each with its time in s, in the order in which they came.
+        """Messages that were recorded on a topic, each with its time in s, in recorded order.
 
         Raises:
-            NotMeasuredError: There is no recording, or no such topic in it.
+            NotMeasuredError: The run has no recording, or the recording has no such topic.
         """
         ...
 
@@ -210,7 +211,7 @@ class Scene(Protocol):
         """Estimated poses on a recorded topic, each with the true one on another at the same time.
 
         Raises:
-            NotMeasuredError: There is no recording, or no such topic in it.
+            NotMeasuredError: The run has no recording, or the recording lacks one of the topics.
         """
         ...
 
@@ -223,7 +224,7 @@ class Scene(Protocol):
         ...
 
     def expect_end(self, rule: "Rule[Any]") -> None:
-        """Takes note that a rule is about the end of the run, which a recording may not show."""
+        """Registers a rule that is judged at the end of the run, which a recording may not contain."""
         ...
 
     def floor(self, rule: "Rule[Any]") -> Floor | None:
@@ -295,9 +296,9 @@ class Rule(ABC, Generic[Asked]):
     """Judges one requirement during a run; its state can be saved in checkpoints."""
 
     looks_within_steps: ClassVar[bool] = False
-    """True: it looks between two steps of an environment as well, where that lets others look."""
+    """True: the rule is also checked between two steps of an environment, if the environment allows that."""
     is_reached: bool | None = None
-    """True: the thing that is asked for has happened; `None`: nothing has to."""
+    """True: the requirement's goal is reached; `None`: the requirement has no goal."""
     blind: Blind | None = None
     """Distances that were not seen; `None`: all were."""
 
@@ -324,18 +325,19 @@ class Rule(ABC, Generic[Asked]):
         """Connects the rule to a simulation.
 
         Raises:
-            RequirementError: It cannot be judged there: no such body, room, function.
+            RequirementError: The requirement cannot be judged in this simulation, such as for a body, room or function
+                that it lacks.
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
-        """Tells the rule about the rules of the requirements above it."""
+        """Passes the rules of the requirements above it to the rule."""
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
         """Adds the rule's numbers to the run's metrics."""
 
     @property
     def first_look_s(self) -> float:
-        """Simulated time in seconds before which the rule need not look."""
+        """Simulated time in seconds before which the rule need not be checked."""
         return 0.0
 
     @property
@@ -360,7 +362,7 @@ class Rule(ABC, Generic[Asked]):
         """Outline of a room of the world.
 
         Raises:
-            RequirementError: There is no such room, or no world.
+            RequirementError: The simulation has no world, or the world has no room of this name.
         """
         if scene.world is None:
             raise self.cannot(f"it asks for the room {room!r}, but there is no world")
@@ -381,7 +383,7 @@ class Rule(ABC, Generic[Asked]):
 
         Args:
             end_s: Simulated time at its end.
-            ended_by: What ended it.
+            ended_by: Cause of the run's end.
         """
         self._end_s, self._ended_by = end_s, ended_by
         if (why := self._unjudgeable()) is not None:
@@ -411,7 +413,7 @@ class Rule(ABC, Generic[Asked]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note to show beside the verdict; `None` if there is none."""
+        """Returns a remark to show beside the verdict, or `None`."""
         return None
 
     def _until(self) -> str:

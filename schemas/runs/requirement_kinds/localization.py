@@ -121,7 +121,13 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         return look
 
     def update(self, time_s: float, estimate: Pose | None, truth: tuple[float, float, float]) -> None:
-        """Takes note of an estimate and the true pose; `None`: the robot does not know."""
+        """Judges an estimated pose by the true pose; an error above the limits is a violation of the requirement.
+
+        Args:
+            time_s: simulated time of both poses.
+            estimate: the robot's estimate, in metres and radians; `None`: it has none, which is a violation.
+            truth: true x and y in metres, and yaw in radians.
+        """
         self._checks += 1
         if estimate is None:
             self._missing += 1
@@ -174,7 +180,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
 
 
 def pose_of(answer: Any) -> Pose | str | None:
-    """Makes a pose of what a function returned; what is none is returned in words."""
+    """Converts the result of a function to a pose; returns a description of a result that is not a pose."""
     if answer is None:
         return None
     try:

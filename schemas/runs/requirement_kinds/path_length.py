@@ -81,7 +81,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
         return look
 
     def begin(self, shortest_m: float | None) -> None:
-        """Takes note of the length of the shortest way in m from where the robot is; `None`: there is no way."""
+        """Sets the length in metres of the shortest path from the robot's start to the goal; `None`: no path exists."""
         self.shortest_m = shortest_m
         if shortest_m is None:
             self.fail(f"the map has no way to {self.asked.goal} for a radius of {self.asked.radius_m:g} m")
@@ -89,7 +89,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
             self.fail(f"the way begins where {self.asked.goal} is reached already, so it could not be missed")
 
     def update(self, time_s: float, here: tuple[float, ...]) -> None:  # noqa: ARG002 - as of other rules
-        """Takes note of a position on the way; what comes after the goal does not count."""
+        """Adds the distance to a position (x, y, z in metres) to the driven length, until the goal is reached."""
         if self._last is not None and not self._reached:
             self.driven_m += math.dist(here[:2], self._last[:2])
         self._last = here

@@ -58,12 +58,12 @@ class ProgressRule(Rule[ProgressRequirement]):
         self._goal = goal_named(self.asked.until, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Measures how far the body is from where it was."""
+        """Measures for how long the body stays within a radius."""
         position = scene.position(self)
         return lambda time_s: self.update(time_s, (float(position[0]), float(position[1])))
 
     def update(self, time_s: float, here: Point) -> None:
-        """Takes note of a position."""
+        """Updates the longest time without progress by a position, x and y in metres."""
         if math.isnan(here[0]) or (self._goal is not None and self._goal.is_reached):
             return
         if math.dist(here, self._place) > self.asked.within_m:

@@ -36,7 +36,7 @@ class SpeedRule(Rule[SpeedRequirement]):
     _last: tuple[float, tuple[float, ...]] | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Measures how far the body has come since the last check."""
+        """Measures the distance that the body has moved since the last check."""
         position = scene.position(self)
         polygon = None if self.asked.room is None else self.polygon(self.asked.room, scene)
 
@@ -46,7 +46,7 @@ class SpeedRule(Rule[SpeedRequirement]):
         return look
 
     def update(self, time_s: float, here: tuple[float, ...], *, counts: bool = True) -> None:
-        """Takes note of a position.
+        """Judges the mean speed since the last position.
 
         Args:
             time_s: Simulated time.

@@ -66,7 +66,7 @@ class TopicRequirement(RequirementKind):
 
 
 class TopicRule(Rule[TopicRequirement]):
-    """Messages of a topic, in the order in which they came."""
+    """Judges the messages of a topic, in the order in which they were recorded."""
 
     def __init__(self, asked: TopicRequirement) -> None:
         super().__init__(asked)
@@ -84,7 +84,7 @@ class TopicRule(Rule[TopicRequirement]):
         """Reads the recording of the topic.
 
         Raises:
-            NotMeasuredError: There is no such topic, or no recording.
+            NotMeasuredError: The run has no recording, or the recording has no such topic.
         """
         messages = iter(scene.messages(self, self.asked.topic))
         ahead = next(messages, None)
@@ -98,7 +98,7 @@ class TopicRule(Rule[TopicRequirement]):
         return look
 
     def update(self, time_s: float, message: Any) -> None:
-        """Takes note of a message."""
+        """Judges the gap before a message, and its field or diagnostic status."""
         asked = self.asked
         self.count += 1
         self.note_silence(time_s)
@@ -108,7 +108,7 @@ class TopicRule(Rule[TopicRequirement]):
             self._take_line(time_s, message, asked.nodes)
 
     def note_silence(self, time_s: float) -> None:
-        """Takes note of the time since the last message."""
+        """Judges the silence since the last message; longer than `max_gap_s` is a violation."""
         gap_s, self._last_s = time_s - self._last_s, time_s
         self.longest_s = max(self.longest_s, gap_s)
         if self.asked.max_gap_s is not None and gap_s > self.asked.max_gap_s:
@@ -210,8 +210,8 @@ def _numbers_in(value: Any) -> Iterator[float]:
     """Numbers of a field; of a list those that are finite.
 
     Raises:
-        TypeError: It is no number.
-        ValueError: It is none, or one that is not finite.
+        TypeError: The value is not a number.
+        ValueError: The value cannot be converted to a number, or is not finite.
     """
     values: Any = value.tolist() if hasattr(value, "tolist") else value
     if is_list(values):

@@ -60,7 +60,7 @@ def enroll(arguments: argparse.Namespace) -> int:
     """Runs `robomaker-agent enroll`: enrols this robot at the service.
 
     Raises:
-        AgentError: it cannot be enrolled.
+        AgentError: the robot cannot be enrolled.
     """
     from .enrolment import enrol
     from .settings import Home, checked_connection
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Runs `robomaker-agent run`: runs the agent until it is stopped.
 
     Raises:
-        AgentError: it cannot run.
+        AgentError: the agent cannot run.
     """
     from .running import run as run_agent
     from .settings import Home, Options

@@ -115,7 +115,7 @@ def application_of(target: str) -> str:
     """Returns the application that a deployment document's path belongs to.
 
     Raises:
-        StepFailed: it is no path of a deployment document.
+        StepFailed: the path is not that of a deployment document.
     """
     found = _TARGET.fullmatch(target)
     if found is None:
@@ -128,11 +128,11 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
 
     Args:
         text: the document; its signature was checked.
-        target: its path.
+        target: path of the target.
         architecture: the robot's, in RoboMaker's words.
 
     Raises:
-        StepFailed: it has another format, or nothing for this robot; the text names the member.
+        StepFailed: the document has another format, or nothing for this robot; the text names the member.
     """
     application = application_of(target)
     try:

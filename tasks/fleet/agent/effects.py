@@ -20,10 +20,10 @@ from .settings import Home, Options
 from .states import Event, Failed, Passed, Phase, State, kept, wanted
 
 Work = Union[ChildWork, ScriptWork, Watch]
-"""Something that goes on beside the polls."""
+"""Work that runs beside the polls."""
 
 Begun = Union[Work, Sequence[Event]]
-"""Work that goes on, or the events of what is done already."""
+"""Running work, or the events of work that is already done."""
 
 
 _ROS_HEALTH_S = 10.0
@@ -40,7 +40,7 @@ class Effects:
         home: the agent's.
         options: time-outs, and the health command.
         sandbox: rights of scripts.
-        application: what runs.
+        application: the running application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.
     """
@@ -86,7 +86,7 @@ class Effects:
         """Starts the version that shall run, where its application ended or the agent is new; `None`: none shall.
 
         Raises:
-            StepFailed: it cannot be started.
+            StepFailed: the application cannot be started.
         """
         switch(self._home, version)
         if version is None:
@@ -144,7 +144,7 @@ class Effects:
         return ScriptWork(process, state.phase, name, code, log, due_s, self._monotonic)
 
     def _launch(self, state: State) -> Begun:
-        """Stops what runs, and starts what shall run: the new version, or the good one again."""
+        """Stops the running application, and starts the new version, or the good one again."""
         version = wanted(state)
         self._application.stop()
         switch(self._home, version)

@@ -36,8 +36,8 @@ def enrol(
     """Enrols a robot at the service with its one-time token.
 
     Args:
-        home: where the agent keeps what it needs.
-        connection: who the robot is; its token is made here.
+        home: the agent's data folder.
+        connection: URL, tenant, name and token of the robot; its token is made here.
         enrolment_token: as `robomaker robots enroll NAME --agent` printed it.
         random_bytes: makes the robot's token.
         again: forget the server that it is enrolled with; versions stay and run on.

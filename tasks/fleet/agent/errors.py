@@ -15,8 +15,8 @@ class StepFailed(AgentError):
     """Raised when a step of a deployment failed and repeating it would not help.
 
     Args:
-        code: of the table `NUMBERS`.
-        reason: what happened.
+        code: failure code in the table `NUMBERS`.
+        reason: text of the failure.
     """
 
     def __init__(self, code: str, reason: str) -> None:

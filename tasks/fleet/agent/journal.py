@@ -20,7 +20,7 @@ def write_durably(path: Path, content: bytes, mode: int = 0o600) -> None:
     """Writes a file atomically, so that it survives a power loss.
 
     Raises:
-        OSError: it cannot be written; the disk may be full.
+        OSError: the file cannot be written; the disk may be full.
     """
     temporary = path.with_name(f".{path.name}.new")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
@@ -83,7 +83,7 @@ class Journal:
         """Stores a state durably.
 
         Raises:
-            OSError: it cannot be written; what was saved before is still there.
+            OSError: the state cannot be written; the state that was saved before remains.
         """
         content = {"format": FORMAT, **asdict(state), "phase": state.phase.value}
         write_durably(self._path, json.dumps(content, indent=1).encode())

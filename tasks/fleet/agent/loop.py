@@ -31,7 +31,7 @@ class Notifier:
         self._address = environ.get("NOTIFY_SOCKET", "").replace("@", "\0", 1)
         watchdog_us = environ.get("WATCHDOG_USEC", "")
         self.interval_s: float | None = int(watchdog_us) / 2e6 if watchdog_us.isdigit() else None
-        """How often `alive` has to be told; `None`: not at all."""
+        """Seconds within which `alive` has to be called again; `None`: systemd watches no such interval."""
 
     def ready(self) -> None:
         """Notifies systemd that the agent is running."""
@@ -62,11 +62,11 @@ class Agent:
     """Main loop of the agent, the program on a robot that installs deployments.
 
     Args:
-        state: what the journal has.
+        state: state from the journal.
         journal: keeps the state.
         polls: talks with the server.
         effects: does what phases stand for.
-        application: what runs.
+        application: the running application.
         monotonic: a clock that only goes forward, in seconds.
         wait: sleeps for seconds at most, or until one of some pipes can be read or a process ends.
         notifier: tells systemd.
@@ -216,7 +216,7 @@ class Agent:
                 self._fail(f"the new version cannot be started: {error.reason}")
 
     def _steady_s(self) -> float | None:
-        """Time when a version that may be taken back will be steady; `None`: there is none, or it does not run."""
+        """Time when a running version on probation counts as steady, by the monotonic clock; `None`: none is."""
         return self._application.steady_s() if self.state.probation is not None else None
 
     def _fail(self, reason: str) -> None:

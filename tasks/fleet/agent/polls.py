@@ -48,9 +48,9 @@ class Polls:
     Args:
         server: the server.
         monotonic: a clock that only goes forward, in seconds.
-        chance: random numbers from 0 to below 1, so that robots do not all come back at once.
+        chance: random numbers from 0 to below 1, so that robots do not all poll at once.
         longest_wait_s: between two polls while the server is away.
-        attributes: what the robot says it is, for a state.
+        attributes: returns the robot's attributes for a state.
         say: logs a line.
     """
 
@@ -76,7 +76,7 @@ class Polls:
         self._told_attributes: Mapping[str, str] | None = None
         self._deliver_s = 0.0
         self.due_s = monotonic()
-        """When to poll next, by the monotonic clock."""
+        """Time of the next poll, by the monotonic clock."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
         """Polls the server once; returns what it wants."""

@@ -30,7 +30,7 @@ def run(home: Home, options: Options) -> None:
     """Runs the robot's agent until SIGTERM or SIGINT.
 
     Raises:
-        AgentError: it is not enrolled, runs already, or an option is not right.
+        AgentError: the robot is not enrolled, its agent is already running, or an option is invalid.
     """
     connection = home.connection()
     prepare(home)

@@ -62,7 +62,7 @@ def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client
 
 @lru_cache(maxsize=1)
 def _trusted_certificates() -> ssl.SSLContext:
-    """Those of the machine; to read them takes longer than a poll."""
+    """Returns the CA certificates of the machine, cached: reading them takes longer than a poll."""
     return ssl.create_default_context()
 
 
@@ -90,7 +90,7 @@ class Server:
     """Client of the update server on a robot.
 
     Args:
-        connection: who the robot is.
+        connection: URL, tenant, name and token of the robot.
     """
 
     def __init__(self, connection: Connection) -> None:

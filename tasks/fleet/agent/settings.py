@@ -50,7 +50,7 @@ class Options:
     """Architecture by RoboMaker's name (`X86_64`, `ARM64`, `ARMHF`); absent: the machine's."""
 
     health_s: float = 10.0
-    """How long a new version has to stay up."""
+    """Seconds for which a new version has to keep running."""
 
     health_command: str | None = None
     """Run by a shell once it stayed up; its exit code 0 says that the version is healthy."""
@@ -59,7 +59,7 @@ class Options:
     """Time limit for each condition file, preLaunchFile, postLaunchFile and health command, in seconds."""
 
     stop_s: float = 10.0
-    """How long an application may take to end before it is killed."""
+    """Seconds in which an application has to end before it is killed."""
 
     longest_wait_s: float = 300.0
     """Between two polls while the server is away."""
@@ -86,7 +86,7 @@ class Home:
         """Reads the robot's connection data from `agent.json`.
 
         Raises:
-            AgentError: it is not enrolled, or the file is not right.
+            AgentError: the robot is not enrolled, or the file is invalid.
         """
         try:
             content = json.loads(self.connection_file.read_bytes())
@@ -105,7 +105,7 @@ def checked_connection(url: str, tenant: str, robot: str, token: str) -> Connect
     """Makes validated connection data.
 
     Raises:
-        AgentError: one is not; the text names it.
+        AgentError: the URL, tenant or robot name is invalid; the message names it.
     """
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
@@ -120,7 +120,7 @@ def checked_options(options: Options) -> Options:
     """Validates options, and fills in this machine's architecture.
 
     Raises:
-        AgentError: one is not; the text names it.
+        AgentError: an option is invalid; the message names it.
     """
     known = sorted(set(ARCHITECTURES.values()))
     architecture = options.architecture or ARCHITECTURES.get(platform.machine().lower())

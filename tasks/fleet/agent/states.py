@@ -135,10 +135,10 @@ class State:
     """Number of the last deployment finished on this robot; deployments up to this number are ignored."""
 
     probation: Probation | None = None
-    """The good version has not been up steadily yet; absent: it has."""
+    """Present while the good version has not been running long enough to count as steady."""
 
     trouble: str = ""
-    """Why the robot left a version after the server had been told that it is installed; empty: it did not."""
+    """Reason why the robot left a version that it had already reported as installed; empty: it did not."""
 
 
 @dataclass(frozen=True)
@@ -314,7 +314,7 @@ def _ordered(state: State, order: Order) -> State:
 
 
 def _cancelled_unknown(state: State, event: Cancelled) -> State:
-    """A cancellation of an order that never came here, or that ended."""
+    """A cancellation of an order that this robot never received, or that has ended."""
     if state.end is not None and (state.end.order.action_id == event.action_id or not state.end.is_delivered):
         return replace(state, end=replace(state.end, is_delivered=False))
     return replace(state, end=End(Order(event.action_id, ""), "canceled", "success"))

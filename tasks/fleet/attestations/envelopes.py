@@ -43,7 +43,7 @@ def attestation_key(service: Service) -> AttestationKey:
     """Returns the service's private key that signs attestations; it is created on first use.
 
     Raises:
-        ConfigurationError: what lies there is no such key, or it cannot be read or written.
+        ConfigurationError: the key file does not hold such a key, or cannot be read or written.
     """
     path = _private_path(service)
     try:
@@ -62,7 +62,7 @@ def known_public_key(service: Service) -> PublicKey:
     """Reads the public key that verifies this service's attestations; none is created.
 
     Raises:
-        ConfigurationError: there is none, or what lies there is none.
+        ConfigurationError: the service has no attestation key, or its key file does not hold one.
     """
     path = _private_path(service)
     if not path.exists():
@@ -136,10 +136,11 @@ def verified(content: bytes, key: PublicKey) -> Statement:
 
     Args:
         content: the envelope.
-        key: the public key that has to have signed it.
+        key: public key of the expected signer.
 
     Raises:
-        AttestationError: it is no such envelope, or another key signed it, or it was changed.
+        AttestationError: the content is not an attestation in a signed envelope, another key signed it, or it was
+            changed after it was signed.
     """
     envelope = _envelope_of(content)
     keyid = next(iter(envelope.signatures))

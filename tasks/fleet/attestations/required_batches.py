@@ -34,7 +34,7 @@ from .envelopes import PublicKey, attestation_key, known_public_key, sign, verif
 from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
 
 LONGEST_WAIT = timedelta(days=14)
-"""How long after its creation a deployment waits for its batch: as long as a batch may run."""
+"""Longest wait of a deployment for its batch, from the deployment's creation: as long as a batch may run."""
 
 _FOLDER = "robots/attestations"
 
@@ -44,8 +44,8 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
 
     Args:
         job: the deployment job, which requires a batch.
-        application: its version, as `find_application` finds it.
-        service: where the batch is, and where the envelope goes.
+        application: the application version, as `find_application` finds it.
+        service: the service, with its catalog and object store.
 
     Returns:
         What is still to be waited for; `None`: nothing, the envelope is stored.
@@ -108,11 +108,11 @@ def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
 
     Args:
         job: the deployment job; one that requires no batch is not checked.
-        gets: what robots would get.
-        service: where the envelope is.
+        gets: the files that robots would get.
+        service: the service, with its catalog and object store.
 
     Raises:
-        DeploymentError: it is not.
+        DeploymentError: a file differs from those that the attestation covers.
         StorageError: the object store does not answer.
     """
     if DeploymentJobDocument.of(job).required_batch is None:
@@ -205,7 +205,7 @@ def check_deployment(job: Resource, key: PublicKey, service: Service) -> Deploym
     Args:
         job: the deployment job.
         key: the public key that attestations have to be signed by.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         StorageError: the object store does not answer.

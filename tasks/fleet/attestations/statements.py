@@ -74,7 +74,7 @@ class StoredBatch:
         """Reads a simulation job batch and its jobs from the catalog.
 
         Raises:
-            DeploymentError: there is none.
+            DeploymentError: the catalog has no such batch.
         """
         try:
             batch = service.catalog.get(arn, kind=BATCH)
@@ -92,7 +92,8 @@ def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBa
         application: the version, as `find_application` finds it.
 
     Raises:
-        DeploymentError: it has not, and cannot any more; the message names the job and what it missed.
+        DeploymentError: the batch has not passed, and cannot pass any more; the message names the job and the
+            requirement that it missed.
     """
     document = SimulationJobBatchDocument.of(stored.batch)
     arn = stored.batch.arn
@@ -283,7 +284,7 @@ class Statement(_Attested):
         """Parses a statement from its JSON.
 
         Raises:
-            AttestationError: it is no such statement.
+            AttestationError: the JSON is not such a statement.
         """
         try:
             return cls.model_validate_json(payload)

@@ -27,12 +27,12 @@ def pause(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it has ended.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment has ended.
     """
     _tell(_under_way(job, service), Paused(by=by), service)
 
@@ -41,8 +41,8 @@ def resume(job: str, service: Service) -> None:
     """Resumes a paused deployment; does nothing if it is not paused.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it has ended.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment has ended.
     """
     _tell(_under_way(job, service), Resumed(), service)
 
@@ -52,12 +52,12 @@ def approve(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it does not wait for approval.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Approved(by=by), service)
@@ -68,12 +68,12 @@ def reject(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: who says so.
-        service: where it is stored.
+        by: name of the person who decides.
+        service: the service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
-        InvalidParameterException: it does not wait for approval.
+        ResourceNotFoundException: the catalog has no such job.
+        InvalidParameterException: the deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Stopped(why="rejected", by=by), service)
@@ -86,7 +86,7 @@ def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
 
     Args:
         job: ARN of the deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     said = [each for each in Rollouts(service.catalog).events(job) if each.event.get("kind") in ("paused", "resumed")]
     if not said or said[-1].event["kind"] == "resumed":
@@ -145,7 +145,7 @@ def check_robots(
         document: the deployment.
         application: the version of the application.
         fleet: ARN of the fleet.
-        robots: those of the fleet.
+        robots: robots of the fleet.
 
     Raises:
         InvalidParameterException: the fleet has no robots, none can run the application or be asked the condition, or

@@ -50,13 +50,13 @@ class DryRun:
     """Changes by robot, in the order in which robots get their orders; those that cannot get the application last."""
 
     at_once: int
-    """How many robots have orders at the same time, at most."""
+    """Most robots that have orders at the same time."""
 
     requires_approval: bool
     rolls_back: bool
     windows: tuple[MaintenanceWindow, ...]
     opens_s: float | None
-    """When the first robot may begin, in seconds since the epoch; `None`: at once."""
+    """Earliest start of the first robot, in seconds since the epoch; `None`: at once."""
 
     blocked_by: str | None
     """ARN of a deployment of the fleet that has not ended, so that this one would be refused; `None`: there is none."""
@@ -69,7 +69,7 @@ def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resou
         document: the deployment, as it would be stored.
         application: the version of the application.
         fleet: the fleet.
-        service: where robots are stored.
+        service: the service, with its catalog and object store.
     """
     job = Resource.new(arn=f"{fleet.arn}/dry-run", kind=DEPLOYMENT, id="dry-run", status="Pending", document=document)
     robots = list(reversed(robots_of(fleet.arn, service)))

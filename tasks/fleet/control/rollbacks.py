@@ -46,7 +46,7 @@ def roll_back(job: str, service: Service) -> bool:
 
     Args:
         job: ARN of a deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
 
     Returns:
         Whether more is to be done later.
@@ -145,7 +145,7 @@ class EndedRollouts:
     """Completes work after deployments have ended, such as rollbacks. For one thread.
 
     Args:
-        service: where they are stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -157,7 +157,7 @@ class EndedRollouts:
         """Does the work that is due for rollouts whose jobs have ended.
 
         Args:
-            rollouts: those that are open; of jobs that have not ended, their runs take care.
+            rollouts: open rollouts; those of jobs that have not ended are left to their runs.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer; ask again.

@@ -96,7 +96,7 @@ class OpenOrders:
         """Returns the state of a robot.
 
         Raises:
-            ResourceNotFoundException: it is not in.
+            ResourceNotFoundException: the robot is not enrolled.
         """
         try:
             return self._robots[robot]
@@ -155,9 +155,9 @@ class OpenOrders:
         """Removes a robot's finished order; returns false if it is not open.
 
         Args:
-            robot: whose order.
-            action_id: which one.
-            feedback: what the robot said last; the same once more is then no error.
+            robot: id of the robot.
+            action_id: id of the order's action.
+            feedback: the robot's last feedback; its repetition is then no error.
         """
         return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
 
@@ -222,7 +222,7 @@ def base_document(robot_url: str, state: RobotState, sleep_s: int) -> bytes:
 
     Args:
         robot_url: absolute address of the robot's base, without a slash at the end.
-        state: what is open for the robot.
+        state: open orders of the robot.
         sleep_s: seconds until its next poll, 1 s to a day.
     """
     links: dict[str, Any] = {}

@@ -47,7 +47,7 @@ class Finished(StrEnum):
 
 
 class OrderEnd(StrEnum):
-    """How an update order to a robot ended."""
+    """End of an update order to a robot."""
 
     FINISHED = "finished"
     FAILED = "failed"
@@ -62,10 +62,10 @@ class Feedback:
     execution: Execution
     finished: Finished
     count: int | None = None
-    """How many parts are done."""
+    """Number of parts that are done."""
 
     of: int | None = None
-    """How many parts there are."""
+    """Number of all parts."""
 
     code: int | None = None
     """The robot's own number for what happened; updaters of others send none."""
@@ -74,7 +74,7 @@ class Feedback:
 
     @property
     def order_end(self) -> OrderEnd | None:
-        """How the order ended, according to this message about the order; `None` if it has not ended."""
+        """End of the order, according to this message about the order; `None` if it has not ended."""
         if self.execution is Execution.CANCELED:
             return OrderEnd.CANCELED
         if self.execution is not Execution.CLOSED:
@@ -83,7 +83,7 @@ class Feedback:
 
     @property
     def cancel_end(self) -> OrderEnd | None:
-        """How the order ended, according to this message about its cancellation; `None` if it has not ended."""
+        """End of the order, according to this message about its cancellation; `None` if it has not ended."""
         if self.execution not in (Execution.CLOSED, Execution.CANCELED):
             return None
         return OrderEnd.FAILED if self.finished is Finished.FAILURE else OrderEnd.CANCELED
@@ -105,7 +105,8 @@ def parse_feedback(action_id: int, body: bytes) -> Feedback:
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+            be right.
     """
     status = _member(_document(body), "status", dict, "")
     result = _member(status, "result", dict, "status.")
@@ -128,7 +129,8 @@ def parse_attributes(body: bytes) -> Attributes:
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+            be right.
     """
     document = _document(body)
     mode = document.get("mode") or "merge"
@@ -208,7 +210,7 @@ def _details(status: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _clean(text: str) -> str:
-    """The text without what databases and terminals do not take: lone surrogates and control characters."""
+    """Removes characters that databases or terminals refuse: lone surrogates and control characters."""
     return "".join(
         "\ufffd" if "\ud800" <= each <= "\udfff" or (each < " " and each not in "\n\t") else each for each in text
     )

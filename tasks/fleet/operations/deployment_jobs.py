@@ -82,8 +82,8 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
     """Forecasts what a deployment would do (`robomaker fleet deploy --dry-run`); stores nothing.
 
     Args:
-        members: those of a request of CreateDeploymentJob.
-        service: where fleet, robots and application are stored.
+        members: members of a request of CreateDeploymentJob.
+        service: the service, with its catalog and object store.
 
     Raises:
         ServiceError: CreateDeploymentJob would refuse the request; a deployment that is under way is no reason here.
@@ -151,7 +151,7 @@ def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[s
 
 
 def _robots(job: Resource, rollout: Rollout | None, service: Service) -> list[Any]:
-    """How a deployment stands with each robot; empty if it ended before it began."""
+    """Returns the state of each robot in a deployment; empty if the deployment ended before it began."""
     if rollout is not None:
         return [each.to_wire() for each in robot_deployments(rollout, job.arn, service.clock().timestamp())]
     if is_terminal(DEPLOYMENT, job.status):

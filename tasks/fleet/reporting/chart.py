@@ -98,7 +98,7 @@ def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
 
 
 def _columns(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Counter[Phase]]:
-    """How many robots are in which phase in the middle of each column."""
+    """Counts the robots in each phase in the middle of each column."""
     columns: list[Counter[Phase]] = [Counter() for _ in range(COLUMNS)]
     for spans in robots:
         for span in spans:
@@ -109,7 +109,7 @@ def _columns(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Counter[Pha
 
 
 def _height(columns: Sequence[Counter[Phase]], column: int, phase: Phase) -> tuple[int, int]:
-    """How many robots are drawn below a phase in a column, and how many in it; none behind the last column."""
+    """Returns the numbers of robots drawn below a phase and in it, in a column; 0 after the last column."""
     if column == len(columns):
         return 0, 0
     counts = columns[column]

@@ -63,7 +63,7 @@ def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
 
     Args:
         state: the robot; of its orders, the latest is known.
-        until_s: where what goes on is cut off, in seconds since the epoch.
+        until_s: end of the phases that are still in progress, in seconds since the epoch.
     """
     if state.offered_s is None:
         return []
@@ -85,7 +85,7 @@ def end_of(state: RobotDeploymentState, *, active: bool) -> RobotEnd:
 
     Args:
         state: the robot.
-        active: whether the rollout goes on.
+        active: whether the rollout is in progress.
     """
     if state.outcome == "succeeded":
         return RobotEnd(Outcome.PASSED, "in sync")

@@ -62,14 +62,14 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
         "DeploymentFleetDoesNotExist",
     ),
 }
-"""How the rollout ends, and the failure code of robots that have begun."""
+"""End of the rollout, and failure code of robots that have begun."""
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
     """Creates the initial state of a rollout.
 
     Args:
-        plan: what it will do.
+        plan: the rollout's plan.
         now_s: the time.
         earlier: orders of earlier rollouts that robots have not answered, by robot: `Ledger.unanswered` of the last.
     """
@@ -162,7 +162,7 @@ class Ledger:
         """Applies an event to the rollout, after the time-outs that came before it.
 
         Args:
-            event: what happened. Robots that are not of this rollout are left alone.
+            event: the event to apply. Robots that are not of this rollout are left alone.
             now_s: when; a time before that of an earlier event counts as that.
         """
         if isinstance(event, Outage):
@@ -229,7 +229,7 @@ class Ledger:
         return self._rollout.status == "InProgress"
 
     def _offer(self, event: Offered) -> None:
-        """Notes an order, if the robot may have one now; otherwise the number is lost, which costs nothing."""
+        """Records an order, if the robot may get one now; otherwise its number stays unused, which is harmless."""
         state = self._robots.get(event.robot)
         if state is None or self._rollout.held or not self._rollout.takes_returns:
             return

@@ -98,7 +98,7 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
     Args:
         state: the robot before it.
         event: the report, about its latest order or that of an earlier rollout.
-        now_s: when it came.
+        now_s: time of the event, in seconds since the epoch.
         timeout_s: how long the robot may take to carry out what it has fetched.
     """
     if event.action_id == state.earlier_action_id:

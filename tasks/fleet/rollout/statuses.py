@@ -91,7 +91,7 @@ def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | 
 
     Args:
         state: how it stands in the latest rollout of its fleet.
-        active: whether that rollout goes on.
+        active: whether the rollout is in progress.
 
     Returns:
         The status; nothing for a robot that was deleted.

@@ -23,7 +23,7 @@ def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
         plan: the rollout's plan.
 
     Returns:
-        Their ARNs; the canaries' groups come first.
+        ARNs of the robots in each wave; the canaries' waves are first.
     """
     fit = [robot.arn for robot in plan.robots if robot.unfit_code is None]
     canaries = [arn for arn in plan.canaries if arn in frozenset(fit)]
@@ -53,7 +53,7 @@ class Line:
         """Lines up the robots of a rollout.
 
         Args:
-            plan: its plan.
+            plan: the rollout's plan.
             robots: how each stands; read whenever the line is asked.
         """
         self._robots = robots
@@ -63,7 +63,7 @@ class Line:
         self._place = {robot: place for place, robot in enumerate(plan.order)}
 
     def update(self, robot: str) -> None:
-        """Puts a robot that came back into the queue, or removes it."""
+        """Puts a robot that contacts the server again into the queue, or removes it."""
         if waits_again(self._robots[robot]):
             self._returned.add(robot)
         else:
@@ -71,7 +71,7 @@ class Line:
 
     @property
     def has_returns(self) -> bool:
-        """Whether robots that came back wait for another order."""
+        """Whether robots that contact the server again wait for another order."""
         return bool(self._returned)
 
     def next(self, count: int, *, first: bool, others: bool) -> tuple[str, ...]:

@@ -93,8 +93,8 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
     """Returns a rollout's pauses after one begins or ends; a repetition changes nothing.
 
     Args:
-        pauses: those before, oldest first.
-        event: what a person wants.
+        pauses: earlier pauses, oldest first.
+        event: a person's decision.
         now_s: when, in seconds since the epoch.
     """
     last = pauses[-1] if pauses else None

@@ -51,11 +51,11 @@ def begin_apart(
     """Creates the update repository's first TUF root, with root keys stored apart (such as on a USB stick).
 
     Args:
-        publisher: of this machine; it gets the keys of the other roles.
+        publisher: publisher on this machine; it gets the keys of the other roles.
         root_keys: how many root keys are made.
         threshold: how many of them have to sign a root.
-        folder: where they go, such as a medium that is taken away; it is made.
-        change: what it says of attestations; without keys, it names the key of this machine.
+        folder: folder for the root keys, such as on a removable medium; it is created.
+        change: changes of its rules about attestations; without keys, it names the key of this machine.
 
     Raises:
         ConfigurationError: there is a repository already, the numbers make no sense, or a folder cannot be used.
@@ -104,7 +104,7 @@ class RenewedRoot(NamedTuple):
     version: int
     expires: datetime
     missing: int
-    """How many signatures it still needs; 0: it is published."""
+    """Number of missing signatures; 0: it is published."""
 
     new_keys: list[Path]
     """Files of new root keys, which have signed it already."""
@@ -120,11 +120,11 @@ def renew_root(
     """Creates the next TUF root, or continues with the draft that waits, and adds signatures.
 
     Args:
-        publisher: of this machine.
+        publisher: publisher on this machine.
         rotate: roles that get new keys.
         key_files: root keys of holders; nothing: those in the data home.
-        folder: where new root keys go; nothing: into the data home.
-        change: what else it says of attestations.
+        folder: folder for new root keys; `None`: the data home.
+        change: changes of its rules about attestations.
 
     Raises:
         ConfigurationError: a file is no root key, or a root that was made with other roles in mind waits.
@@ -146,16 +146,16 @@ def draft_root(
     """Returns the draft of the next TUF root that waits for signatures; creates one if there is none.
 
     Args:
-        publisher: of this machine.
+        publisher: publisher on this machine.
         rotate: roles that get new keys; nothing: the same keys, valid for longer.
-        folder: where new root keys go, as many as before; nothing: into the data home.
-        change: what else it says of attestations.
+        folder: folder for new root keys, as many as before; `None`: the data home.
+        change: changes of its rules about attestations.
 
     Returns:
         The root, and the files of new root keys, which have to sign it as well.
 
     Raises:
-        ConfigurationError: one waits that was made with other roles in mind.
+        ConfigurationError: another draft waits for signatures, and `rotate` or `change` asks for a new one.
     """
     known, machine = publisher.root(), publisher.machine
     waiting = _waiting(publisher, known)
@@ -184,9 +184,9 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
     """Adds signatures to the draft of a TUF root, and publishes it once it has enough.
 
     Args:
-        publisher: of this machine.
+        publisher: publisher on this machine.
         draft: the root, from `draft_root`.
-        key_files: of root keys; nothing: those in the data home.
+        key_files: files of root keys; empty: those in the data home.
 
     Returns:
         How many signatures it still needs; 0: it is published.

@@ -43,7 +43,7 @@ class TargetStep:
         """Uploads a file for the update repository unless it exists; returns its object-store key.
 
         Args:
-            target: its path as a target.
+            target: path of the target.
             path: the file.
             hashes: what `FileHashes.of` says of it.
 
@@ -85,7 +85,7 @@ class TargetStep:
 
 
 BundleSuffix = Literal["tar.gz", "zip", "tar"]
-"""How a bundle's name ends, which tells an agent how to unpack it."""
+"""Suffix of a bundle's name, by which an agent knows how to unpack it."""
 
 _GZIP, _ZIP = b"\x1f\x8b", b"PK"
 
@@ -163,9 +163,9 @@ def publish(
     Args:
         job: the deployment job.
         application: the application's version, as `find_application` finds it.
-        architectures: those of the robots with agents.
-        service: where the archives are, and where the repository is.
-        attestations: what others attest of the version, each a signed envelope as JSON.
+        architectures: CPU architectures of the robots with agents.
+        service: the service, with its catalog and object store.
+        attestations: attestations of the version, each a signed envelope as JSON.
 
     Returns:
         What orders say, by architecture; architectures that the application has no archive for are absent.
@@ -246,7 +246,7 @@ def _add_condition(step: TargetStep, job: Resource, path: Path, service: Service
 def _check_attested(
     publisher: Publisher, application: str, attestations: Sequence[bytes], *, is_required: bool
 ) -> None:
-    """Refuses what agents would refuse, before they have an order.
+    """Raises an error for a deployment that agents would refuse for its attestations, before they get orders.
 
     Robots may go back to a version whose attestation has a key that agents no longer believe, where they need none.
     """

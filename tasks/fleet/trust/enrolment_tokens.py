@@ -18,7 +18,7 @@ from .metadata import Changes, to_bytes
 from .publishing import publisher_of
 
 VALID_S = 3600.0
-"""How long a one-time token is taken."""
+"""Time for which a one-time token is valid."""
 
 _ROBOT = "robot"
 _SECRET_BYTES = 20
@@ -42,7 +42,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
 
     Args:
         robot: the robot.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         random_bytes: gives that many bytes that others cannot guess.
         rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
 
@@ -78,8 +78,8 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
     Args:
         name: the robot's.
         secret: the 40 characters of its one-time token.
-        token_sha256: of the token that the robot made itself, in hexadecimal digits.
-        service: where it is stored.
+        token_sha256: SHA-256 of the token that the robot made itself, in hexadecimal digits.
+        service: the service, with its catalog and object store.
 
     Returns:
         The root that it is to trust, as JSON; the same again if the first answer got lost. `None`: the one-time token

@@ -38,9 +38,9 @@ def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
     """Creates a signing key for a TUF role, and writes it into a folder.
 
     Args:
-        role: what it is for.
-        folder: where its file goes; it has to exist.
-        random_bytes: where it comes from.
+        role: TUF role of the key.
+        folder: folder for the key's file; it has to exist.
+        random_bytes: source of randomness.
 
     Raises:
         ConfigurationError: the file cannot be written.
@@ -56,7 +56,7 @@ def read_key(path: Path) -> CryptoSigner:
     """Reads a signing key of a TUF role from a file.
 
     Raises:
-        ConfigurationError: it is not there, may not be read, or is no such key.
+        ConfigurationError: the file does not exist, may not be read, or does not hold such a key.
     """
     try:
         private = load_pem_private_key(path.read_bytes(), None)
@@ -100,7 +100,7 @@ class KeyFolder:
         """Returns the keys of a TUF role whose ids are among the given ones.
 
         Raises:
-            ConfigurationError: there are none, so that nothing can be signed for it here.
+            ConfigurationError: no key of the role is here, so that nothing can be signed for the role.
         """
         found = [key for key in self.of_role(role) if key.public_key.keyid in keyids]
         if not found:
@@ -126,7 +126,7 @@ def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
         replace: whether it takes the place of another one; no key ever does.
 
     Raises:
-        ConfigurationError: it cannot be written.
+        ConfigurationError: the file cannot be written.
     """
     try:
         with written(path, content, 0o600) as part:
@@ -146,7 +146,7 @@ class Machine:
     """Keys and last known repository state of this machine, in the folder `robots/trust` of a data home.
 
     Args:
-        folder: that folder.
+        folder: folder of the keys.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -202,11 +202,11 @@ class Machine:
         """Raises an error if the object store has only older timestamps than were seen, which means it was set back.
 
         Args:
-            number: of the newest in the store.
+            number: number of the newest timestamp in the store.
             seen: what `seen` said before the store was asked.
 
         Raises:
-            ConfigurationError: it was set back.
+            ConfigurationError: the object store has only older timestamps, so it was reset to an earlier state.
         """
         if number < seen:
             raise ConfigurationError(

@@ -55,7 +55,7 @@ class Changes:
     """Changes to make to the update repository: files to add and remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
-    """Targets that come, by application and path."""
+    """New targets, by application and path."""
 
     remove: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """Paths of targets that go, by application."""
@@ -88,7 +88,7 @@ def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
     """Parses TUF metadata; signatures are not checked.
 
     Raises:
-        DeserializationError: it is none, or of another kind.
+        DeserializationError: the content is not TUF metadata, or is that of another role.
     """
     metadata = Metadata.from_bytes(content)
     if not isinstance(metadata.signed, kind):
@@ -116,8 +116,8 @@ def next_repository(
 
     Args:
         root: the root that robots have, or are about to get.
-        current: what it says; `None`: nothing yet.
-        changes: what is to be different.
+        current: the repository now; `None`: it is empty.
+        changes: changes to make.
         signers_of: the keys.
         now: the time.
         taken: versions that are used already.
@@ -220,7 +220,7 @@ class Attested:
     """Rules in a TUF root: which applications need attestations, and by which keys."""
 
     keys: Mapping[str, Key] = field(default_factory=dict[str, Key])
-    """Those that agents believe, by id; none: agents do not look at attestations."""
+    """Public keys whose attestations agents accept, by id; empty: agents do not check attestations."""
 
     applications: frozenset[str] = frozenset()
     """Applications of which agents install nothing that was not attested."""
@@ -269,7 +269,7 @@ def first_root(
         threshold: how many of them are needed.
         online: the key of each of `ONLINE_ROLES`.
         now: the time.
-        attested: what it says of attestations.
+        attested: its rules about attestations.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -290,7 +290,7 @@ def following_root(
         known: the newest.
         now: the time.
         replaced: roles whose keys are replaced, and by which.
-        attested: what it says of attestations; absent: the same as before.
+        attested: its rules about attestations; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1

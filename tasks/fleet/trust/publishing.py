@@ -84,7 +84,7 @@ class Publisher:
         """Stores the first TUF root in the object store.
 
         Raises:
-            ConfigurationError: it has another one.
+            ConfigurationError: the object store has another first root.
         """
         self.files.store.ensure_bucket(self.files.bucket)
         if not self.files.write("root", root.signed.version, to_bytes(root)):
@@ -104,7 +104,7 @@ class Publisher:
             `None`: nothing has been published.
 
         Raises:
-            ConfigurationError: it is not signed as it has to be, or was set back.
+            ConfigurationError: a signature is missing or wrong, or the repository was reset to an earlier state.
         """
         seen = self.machine.seen()
         newest = self.files.newest_timestamp()
@@ -133,7 +133,7 @@ class Publisher:
 
         Raises:
             ConfigurationError: a key is missing, or the store has what they have not signed.
-            StorageError: it does not answer, or others kept publishing.
+            StorageError: the object store does not answer, or other publishers changed the repository at each attempt.
         """
         taken: dict[str, int] = {}
         for _ in range(_TRIES):
@@ -161,7 +161,7 @@ class Publisher:
 
         Raises:
             ConfigurationError: a key is missing, or the store has what they have not signed.
-            StorageError: it does not answer.
+            StorageError: the object store does not answer.
         """
         known = self.machine.root()
         if known is None:

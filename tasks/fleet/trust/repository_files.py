@@ -49,7 +49,7 @@ class RepositoryFiles:
         """Reads a version of a TUF role's metadata, as it is stored.
 
         Raises:
-            ObjectNotFoundError: it is not there.
+            ObjectNotFoundError: the object store has no such version.
         """
         return self.store.get_bytes(self.bucket, metadata_key(role, version))
 
@@ -57,7 +57,7 @@ class RepositoryFiles:
         """Reads the TUF roots that follow a known one, each verified with the root before it.
 
         Raises:
-            ConfigurationError: one is not.
+            ConfigurationError: a root is not signed by the keys of the root before it.
         """
         found: list[bytes] = []
         newest = known
@@ -83,13 +83,13 @@ class RepositoryFiles:
 
         Args:
             root: the root.
-            number: that of the newest timestamp.
-            newest: that timestamp.
+            number: number of the newest timestamp.
+            newest: the newest timestamp.
             applications: delegated roles that are read as well, if they are there.
 
         Raises:
-            ConfigurationError: something is not signed as it has to be.
-            ObjectNotFoundError: something is gone.
+            ConfigurationError: a signature is missing or wrong.
+            ObjectNotFoundError: a metadata file was deleted.
         """
         key = timestamp_key(number)
         timestamp = _verified(newest, Timestamp, key, root, "timestamp", number)

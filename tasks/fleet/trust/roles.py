@@ -29,10 +29,10 @@ _APPLICATION_ROLE = "application-"
 
 @dataclass(frozen=True)
 class Lifetime:
-    """How long a TUF role's signatures are valid, and when they are renewed."""
+    """Time for which a TUF role's signatures are valid, and after which they are renewed."""
 
     valid: timedelta
-    """From its signature on."""
+    """Validity from the time of the signature."""
 
     renew_before: timedelta
     """It is signed again once less than that is left; for the root, people are warned."""
@@ -93,8 +93,8 @@ def target_key(path: str, sha256: str) -> str:
     """Returns the object-store key of a file in the update repository: TUF puts the hash before the name.
 
     Args:
-        path: of the target.
-        sha256: of its content, in hexadecimal digits.
+        path: path of the target.
+        sha256: SHA-256 of its content, in hexadecimal digits.
     """
     folder, _, name = path.rpartition("/")
     return f"{FOLDER}/targets/{folder}/{sha256}.{name}"
@@ -113,7 +113,7 @@ class RepositoryReader:
     """Reads files of the update repository for robots that ask for them; usable from any thread.
 
     Args:
-        service: where the repository is stored.
+        service: the service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -128,7 +128,7 @@ class RepositoryReader:
         """Reads a TUF metadata file, such as `timestamp.json` or `3.snapshot.json`.
 
         Raises:
-            ObjectNotFoundError: there is none of that name.
+            ObjectNotFoundError: the repository has no metadata file of this name.
             StorageError: the object store does not answer.
         """
         if name == "timestamp.json":
@@ -150,11 +150,11 @@ class RepositoryReader:
         """Returns the local path of a file in the update repository, after downloading it if necessary.
 
         Args:
-            path: its path, with the hash before the name.
+            path: path of the target, with the hash before the name.
 
         Raises:
-            ObjectNotFoundError: there is none.
-            StorageError: it cannot be fetched.
+            ObjectNotFoundError: the repository has no such file.
+            StorageError: the file cannot be downloaded.
         """
         if not _TARGET.fullmatch(path):
             raise ObjectNotFoundError(f"there is no target {path[:60]!r}")
@@ -197,7 +197,7 @@ class RepositoryReader:
         return copy
 
     def _remove_unused(self, folder: Path) -> None:
-        """Removes copies that were fetched more than a day ago; who still reads one keeps it until then."""
+        """Deletes copies that were downloaded more than a day ago; open ones remain readable until they are closed."""
         before_s = time.time() - _UNUSED_S
         for copy in folder.iterdir():
             with suppress(FileNotFoundError):  # another process removed it

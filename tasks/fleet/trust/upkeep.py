@@ -127,12 +127,12 @@ def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
     """Finds files of the update repository that no deployment needs.
 
     Args:
-        publisher: of this machine; no deployment may be published meanwhile.
+        publisher: publisher on this machine; no deployment may be published meanwhile.
         documents: paths of the documents of the deployments that are needed.
 
     Raises:
         ConfigurationError: the store has what the keys have not signed.
-        StorageError: it does not answer.
+        StorageError: the object store does not answer.
     """
     if publisher.machine.root() is None:
         return Unneeded({}, ())

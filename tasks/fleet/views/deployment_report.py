@@ -30,7 +30,7 @@ def write_report(job: Resource, service: Service, path: Path | None = None) -> P
 
     Args:
         job: the deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         path: the file; absent: `report_path`.
 
     Returns:

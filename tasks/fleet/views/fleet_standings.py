@@ -36,8 +36,8 @@ def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) ->
     """Returns the status of a deployment for `robomaker fleet status`.
 
     Args:
-        job: its job.
-        rollout: its rollout; nothing: it has not begun.
+        job: the deployment job.
+        rollout: rollout of the job; `None`: it has not begun.
         now_s: the time, in seconds since the epoch.
     """
     document = DeploymentJobDocument.of(job)
@@ -129,8 +129,8 @@ def find_fleet(fleet: str, service: Service) -> Resource:
     """Finds a fleet by its name or ARN.
 
     Raises:
-        InvalidParameterException: there is none of that name, or the ARN names something else.
-        ResourceNotFoundException: there is none of that ARN.
+        InvalidParameterException: no fleet has this name, or the ARN is not that of a fleet.
+        ResourceNotFoundException: the catalog has no fleet of this ARN.
     """
     if fleet.startswith("arn:"):
         ResourceArn.parse(fleet, FLEET)
@@ -146,12 +146,13 @@ def find_deployment(named: str | None, service: Service) -> Resource:
     """Finds a deployment job by ARN, by its fleet, or as the only one in progress.
 
     Args:
-        named: what was named; nothing: the one that goes on.
-        service: where it is stored.
+        named: name or ARN that the user gave; `None`: the only deployment in progress.
+        service: the service, with its catalog and object store.
 
     Raises:
-        InvalidParameterException: nothing has that name, the fleet has had no deployment, or not exactly one goes on.
-        ResourceNotFoundException: there is nothing of that ARN.
+        InvalidParameterException: nothing has this name, the fleet has had no deployment, or none or several
+            deployments are in progress.
+        ResourceNotFoundException: the catalog has no resource of this ARN.
     """
     if named is None:
         return _only_one(service)
@@ -175,7 +176,7 @@ def _only_one(service: Service) -> Resource:
 
 
 LOOK_S = 1.0
-"""How often it is looked."""
+"""Seconds between two snapshots."""
 
 
 @dataclass(frozen=True)
@@ -184,10 +185,10 @@ class Look:
 
     job: Resource
     at_s: float
-    """When it was looked, in seconds since the epoch."""
+    """Time of the snapshot, in seconds since the epoch."""
 
     rollout: Rollout | None = None
-    """How each robot stands; nothing: it has not begun."""
+    """States of the robots; `None`: the deployment has not begun."""
 
     waves: Sequence[tuple[str, ...]] = ()
     """ARNs of the robots of each wave."""
@@ -203,11 +204,11 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
 
     Args:
         job: the deployment job.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
 
     Raises:
-        ResourceNotFoundException: it was deleted.
+        ResourceNotFoundException: the deployment was deleted.
         ServiceUnavailableException: the catalog does not answer.
     """
     look, revision = _look(job, service), None

@@ -16,7 +16,7 @@ def robot_rows(rollout: Rollout, robots: Iterable[str]) -> list[dict[str, str | 
 
     Args:
         rollout: the rollout.
-        robots: their ARNs.
+        robots: ARNs of the robots.
     """
     active = rollout.status == "InProgress"
     before = {robot.arn: robot.installed for robot in rollout.plan.robots}

@@ -86,7 +86,7 @@ class Frame:
         """Makes the frame that shows all given points with a margin.
 
         Raises:
-            ValueError: there are no points, or some are not finite.
+            ValueError: no points are given, or some are not finite.
         """
         xs, ys = zip(*points, strict=True)
         if not all(map(math.isfinite, (*xs, *ys))):

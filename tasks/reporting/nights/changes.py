@@ -101,7 +101,7 @@ def judged_otherwise_in_words(jobs: int) -> str:
 
 
 def without_earlier_in_words(since: SinceLastRun) -> str:
-    """Notes that some jobs are new, or have another world or seed; empty if none or all of them are."""
+    """Says that some jobs are new, or have another world or seed; empty if none or all of them are."""
     if not since.unpaired or not since.paired:
         return ""
     have = "1 job has" if since.unpaired == 1 else f"{since.unpaired} jobs have"

@@ -56,7 +56,7 @@ class ActionArray(Model):
     description: str | None = Field(default=None, description="The name that the environment gives it.")
 
     def __str__(self) -> str:
-        """Its form in words: `grip: bool[]`, or `float64[2]` when it is all there is."""
+        """Describes the array: `grip: bool[]`, or `float64[2]` if the action is only this array."""
         where = "/".join(map(str, self.path))
         return (f"{where}: " if where else "") + f"{self.dtype}{self.shape}"
 
@@ -98,7 +98,7 @@ class ActionLog:
             path: The file.
 
         Raises:
-            ActionLogError: It is something else, or cannot be read.
+            ActionLogError: The file is not an action log, or cannot be read.
         """
         self._path = path
         try:
@@ -127,7 +127,7 @@ class ActionLog:
         """Counts the recorded actions and hashes the log file.
 
         Raises:
-            OSError: It cannot be read.
+            OSError: The log cannot be read.
         """
         with open_left(self._path) as file:
             sha256, size_bytes = hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
@@ -148,7 +148,7 @@ def _checksum(count: int, first: int, content: bytes) -> int:
 
 
 def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
-    """The next chunk's actions; None when none follows that is whole and begins with the action of that number."""
+    """Reads the next chunk's actions; None if no complete chunk follows that begins with the action of that number."""
     packed = file.read(_CHUNK.size)
     if len(packed) < _CHUNK.size:
         return None
@@ -170,7 +170,7 @@ def _is_plausible(head: _Head, size: int) -> bool:
 
 
 def _restored(content: bytes, count: int, size: int) -> list[bytes] | None:
-    """The actions of a compressed chunk; None when it is none."""
+    """Decompresses the actions of a chunk; None if the chunk is damaged."""
     try:
         if zstandard.frame_content_size(content) != count * size:
             return None
@@ -195,7 +195,7 @@ class ActionLogWriter:
             header: What the actions are.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         self._most = min(CHUNK_ACTIONS, max(1, CHUNK_BYTES // max(1, header.size)))
         self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
@@ -217,7 +217,7 @@ class ActionLogWriter:
         """Appends the action of the next step.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         number = self._first + len(self._kept)
         self._end = self._write(self._end, chunk_of(PLAIN, 1, number, action))
@@ -229,7 +229,7 @@ class ActionLogWriter:
         """Completes the log file, and returns a summary of its content.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The log cannot be written.
         """
         try:
             self._pack()
@@ -279,7 +279,7 @@ class ActionRecorder:
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
-        """Why there is no log; None: there is one."""
+        """Reason why the run has no log; None: it has one."""
         self.summary: ActionsSummary | None = None
         """Summary of the log; absent until it is complete."""
         try:
@@ -314,7 +314,7 @@ class ActionRecorder:
 
 
 def _differences(actions: list[bytes], size: int) -> bytes:
-    """Columns of the actions' bytes, each byte as what changed of it since the action before."""
+    """Transposes the actions' bytes to columns, each byte as its difference from the action before."""
     columns = np.frombuffer(b"".join(actions), np.uint8).reshape(len(actions), size).T.copy()
     columns[:, 1:] ^= columns[:, :-1].copy()
     return columns.tobytes()

@@ -86,7 +86,7 @@ class FrameBuffer:
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Returns free buffer space for arriving bytes; it invalidates what `next` returned."""
+        """Returns free buffer space for arriving bytes; it invalidates the last result of `next`."""
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -101,14 +101,14 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Tells the buffer how many bytes were written into its free space."""
+        """Adds the number of bytes that were written into the buffer's free space."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:
         """Returns type and content of the next message; `None` while it has not arrived completely.
 
         Raises:
-            ProtocolError: It has an unknown type or is longer than messages of its type can be.
+            ProtocolError: The message has an unknown type or is longer than messages of its type can be.
         """
         if self.pending < HEADER.size:
             return None
@@ -141,7 +141,7 @@ class ArraySpec:
     """Description of one array of an observation or action: path, type, shape and bounds."""
 
     def __init__(self, description: dict[str, Any]) -> None:
-        """Reads what the simulation says of an array."""
+        """Reads the simulation's description of an array."""
         self.path: tuple[str | int, ...] = tuple(description["path"])
         """Keys that lead to it in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
@@ -175,7 +175,7 @@ class ArraySpec:
         """Writes a value into a message's content as this array.
 
         Raises:
-            ValueError: It has another shape or cannot be such a number.
+            ValueError: The value has another shape, or is not a number of this type.
         """
         if np is not None:
             array = np.asarray(value)
@@ -236,7 +236,7 @@ class _Layout:
 
 
 def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
-    """Builds dictionaries of what has a path."""
+    """Builds nested dictionaries of the values by their paths."""
     root: dict[str | int, Any] = {}
     for path, value in items:
         if not path:
@@ -280,14 +280,14 @@ class Simulation:
         """Greets the simulation.
 
         Raises:
-            SimulationError: It refused, with its reason.
+            SimulationError: The simulation refused the robot; the message has its reason.
         """
         self._socket = connection
         limit = _MAX_MESSAGE_BYTES
         self._frames = FrameBuffer({HELLO: limit, OBSERVATION: limit, END: limit, ERROR: limit})
         self.mode: str = options["mode"]
         self.ended_by: str | None = None
-        """Why the run ended, once it is over: `environment`, `canceled`, `duration limit`, …"""
+        """Cause of the run's end, once it is over: `environment`, `canceled`, `duration limit`, …"""
         kind, payload = self._receive()
         hello = json.loads(bytes(payload))
         if kind != HELLO or hello.get("protocol") != PROTOCOL:
@@ -346,7 +346,8 @@ class Simulation:
             action: In the form of `action_spec`: an array or list, or several by name.
 
         Raises:
-            ValueError: It does not have that form.
+            ValueError: The action does not have the form that the simulation announced, or no observation was received
+                yet.
             SimulationError: The simulation is gone.
         """
         if self.ended_by is not None:

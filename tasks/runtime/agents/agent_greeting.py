@@ -83,7 +83,7 @@ class Greeter:
             The connection, and the robot's greeting; none where the other interface has a robot.
 
         Raises:
-            LaunchError: None did so in time, or before the robot's program ended, or one greeted wrongly and was told.
+            LaunchError: No robot program greeted correctly in time, or before the robot's process ended.
             Stopped: The run was told to stop.
         """
         try:
@@ -152,7 +152,7 @@ class Greeter:
         return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
     def _gone(self) -> LaunchError:
-        """Its exit code was 0: other ones are crashes, and a run is not told that the robot is gone after these."""
+        """Makes the error for a robot whose process ended with exit code 0 before it greeted; others are crashes."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
             f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names"
@@ -183,6 +183,6 @@ def _never() -> bool:
 
 
 def _part(link: AgentLink, text: str) -> None:
-    """Tells a robot what is wrong, and closes the connection."""
+    """Sends a robot the reason of its refusal, and closes the connection."""
     link.refuse(text)
     link.close()

@@ -73,7 +73,7 @@ class Layout:
 
         Args:
             spec: A dm_env spec, or mappings and sequences of them.
-            header_bytes: What comes before the arrays.
+            header_bytes: Bytes of the header before the arrays.
 
         Raises:
             ValueError: A name is no text, or all of it is larger than 1 GiB.
@@ -133,7 +133,7 @@ def _item_type(leaf: Any) -> np.dtype | None:
 
 
 def _plain_bound(bound: Any, shape: tuple[int, ...]) -> Any:
-    """A bound as JSON: one number if it is the same for all, else a list with null for none."""
+    """Converts a bound to JSON: one number if it is the same for all items, else a list, with null for no bound."""
     if bound is None or math.prod(shape) == 0:
         return None
     values = np.broadcast_to(np.asarray(bound), shape).reshape(-1)

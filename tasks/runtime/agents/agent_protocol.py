@@ -64,7 +64,7 @@ class ObservationWriter:
             timestep: What the environment returned.
 
         Raises:
-            ObservationError: It is not what the environment's specs say.
+            ObservationError: The time step does not match the environment's specs.
         """
         reward, discount = timestep.reward, timestep.discount
         flags = (HAS_REWARD if reward is not None else 0) | (HAS_DISCOUNT if discount is not None else 0)
@@ -101,7 +101,7 @@ def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
         expected: Numbers of the observations that it may answer.
 
     Raises:
-        ActionError: It has the wrong size, answers another observation, or is not finite.
+        ActionError: The action has the wrong size, answers another observation, or is not finite.
     """
     if len(payload) != layout.size:
         raise ActionError(
@@ -135,7 +135,7 @@ def read_hello(payload: memoryview) -> RobotHello:
     """Decodes a robot program's first message.
 
     Raises:
-        ProtocolError: It is malformed or of another version; the text says what would be right.
+        ProtocolError: The message is malformed or of another protocol version; the text says what would be right.
     """
     content = read_words(payload)
     if content.get("version") != VERSION:
@@ -151,7 +151,7 @@ def read_words(payload: memoryview) -> dict[str, Any]:
     """Decodes a message that is a JSON object.
 
     Raises:
-        ProtocolError: It is none.
+        ProtocolError: The message is not a JSON object.
     """
     try:
         content = json.loads(bytes(payload))

@@ -39,7 +39,7 @@ Message = tuple[int, memoryview]
 
 
 class Stopped(Exception):
-    """Raised when the run was told to stop while it waited for the robot program."""
+    """Raised when the run has to stop while it waits for the robot program."""
 
 
 class Closed(Exception):
@@ -91,7 +91,7 @@ class AgentSocket:
             name: The socket's.
 
         Raises:
-            LaunchError: It cannot.
+            LaunchError: The socket cannot be opened.
         """
         self.path = agent_socket_path(plan, name)
         self._is_for_any_user = any(program.role == "robot" and program.image_id for program in plan.programs)
@@ -120,7 +120,7 @@ class AgentSocket:
             deadline_s: Time of the clock at which it gives up.
             stop: Whether the run is to stop.
             clock: Seconds.
-            until: Asked between two looks whether there is nothing to wait for any more; the answer is none then.
+            until: Called between two polls; true ends the waiting, and the result is `None`.
 
         Raises:
             TimeoutError: No client connected before the deadline.
@@ -225,10 +225,10 @@ class AgentLink:
         """Waits for a message of the robot program; its content is valid until the next call.
 
         Raises:
-            TimeoutError: None came whole in time.
+            TimeoutError: No complete message arrived in time.
             Stopped: The run was told to stop.
             Closed: The robot closed the connection.
-            ProtocolError: What came is no message of the protocol.
+            ProtocolError: The received bytes are not a message of the protocol.
         """
         message = self._frames.next()
         if message is not None:
@@ -295,7 +295,7 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Tells the robot program what is wrong with its messages."""
+        """Sends the robot program the error in its messages."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:
@@ -334,7 +334,7 @@ def make_private(folder: Path) -> None:
     """Creates a folder that only this user can access, safely in a shared place.
 
     Raises:
-        OSError: There is something of that name that is not this user's folder.
+        OSError: A file of this name, or a folder of another user, is there.
     """
     with suppress(FileExistsError):
         folder.mkdir(0o700)

@@ -32,7 +32,7 @@ class RecordedRobot(Observer):
             robot: The robot application's name.
 
         Raises:
-            LaunchError: They cannot be read.
+            LaunchError: The recorded actions cannot be read.
         """
         try:
             self._log = ActionLog(recorded.path)

@@ -80,7 +80,7 @@ class RemoteAgent:
         self._number = -1
         self._action: Any = None
         self._content = b""
-        """The same as it came, without its number."""
+        """The last action as received, without its step number."""
         self._sent = self._actions = 0
         self._acted_at = 0
         """Number of the observation at which the newest action arrived."""
@@ -91,7 +91,7 @@ class RemoteAgent:
 
         Raises:
             StopIteration: The robot is done, or has closed the connection.
-            RobotProgramError: It sent something wrong, or did not answer in time.
+            RobotProgramError: The robot program sent a malformed message, or did not answer in time.
             ObservationError: The time step is not what the environment's specs say.
             RunStopped: The run was told to stop.
         """
@@ -131,7 +131,7 @@ class RemoteAgent:
         return Findings(extra={"agent": about}, notes=self._silence())
 
     def _silence(self) -> list[str]:
-        """Says so if the robot runs free and was silent for most of the run, as one that hangs is."""
+        """Returns a remark if a robot in free mode sent no action for most of the run, as one that hangs does."""
         observations = self._number + 1
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
@@ -196,7 +196,7 @@ class RemoteAgent:
 
 
 def _copied(action: Any) -> Any:
-    """Environments may keep or change what they are given."""
+    """Copies an action: environments may keep or change the arrays that they get."""
     if isinstance(action, dict):
         return {key: _copied(item) for key, item in action.items()}
     if isinstance(action, list | tuple):
@@ -207,7 +207,7 @@ def _copied(action: Any) -> Any:
 CONNECT_TIMEOUT_S = 60.0
 
 _REFUSE_EVERY_S = 0.2
-"""Wall-clock time between two looks for programs that connect while nodes drive."""
+"""Wall-clock time between two checks for programs that connect while nodes drive."""
 _LATE = (
     "ROS nodes drive this run already; a program that is to drive by the agent socket has to connect before they "
     "publish commands, or to set ROBOMAKER_ROS to off"
@@ -223,7 +223,7 @@ class RobotNodes(OtherInterface, Protocol):
 
     @property
     def mode(self) -> Literal["lockstep", "free"]:
-        """Mode (lock-step or free) in which the nodes' actions come."""
+        """Mode (lock-step or free) in which the nodes' actions are received."""
         ...
 
     def look_in(self, environment: Any) -> None:
@@ -261,7 +261,7 @@ class RemoteRobot(Observer):
             nodes: ROS nodes that may drive instead of a program that connects.
 
         Raises:
-            LaunchError: It cannot.
+            LaunchError: The socket cannot be opened.
         """
         self._nodes = nodes
         self._plan = plan
@@ -328,7 +328,7 @@ class RemoteRobot(Observer):
         return self._agent
 
     def _refusing_late(self, agent: Agent) -> Agent:
-        """Lets ROS nodes drive, and tells programs that connect meanwhile that they are too late."""
+        """Wraps the agent of ROS nodes, so that it refuses robot programs that connect meanwhile as too late."""
 
         def drive(timestep: dm_env.TimeStep) -> Any:
             self._refuse_late()
@@ -418,7 +418,7 @@ def action_layout(environment: Any) -> Layout:
     """Returns the message layout of an environment's actions.
 
     Raises:
-        LaunchError: They cannot be sent.
+        LaunchError: The environment's actions are of a kind that cannot be sent.
     """
     action = _layout(environment, "action_spec", ACTION_HEADER.size)
     if action.left_out:

@@ -170,7 +170,7 @@ class RecordedRun(dm_env.Environment):
         return specs.Array((0,), float)
 
     def run_result(self) -> EnvironmentReport:
-        """Returns the path, how it was measured, and what it was measured by; the job's requirements judge."""
+        """Returns the driven path, and the topics and method that measured it; the job's requirements judge the run."""
         self._measurements.finish(self._time_s, is_over=self._next is not None)
         seconds = f"{self._time_s:.1f} s"
         about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
@@ -266,7 +266,7 @@ def make_environment(context: SimulationContext) -> RecordedRun:
     """Makes the environment that replays the recording among the job's data sources.
 
     Raises:
-        LaunchError: There is none, or it cannot be judged.
+        LaunchError: The job has no recording among its data sources, or the recording cannot be judged.
     """
     if context.data_dir is None:
         raise LaunchError(

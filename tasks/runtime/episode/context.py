@@ -18,7 +18,7 @@ class ActionError(ValueError):
 
 
 class RobotProgramError(ActionError):
-    """Raised when the robot program or ROS nodes sent something wrong, or did not answer."""
+    """Raised when the robot program or ROS nodes sent an invalid message, or did not answer."""
 
 
 class ObservationError(ValueError):

@@ -64,7 +64,7 @@ class MapFloor:
         return frozenset((rows.ravel() * self._columns + columns.ravel())[near].tolist())
 
     def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
-        """Length of the shortest way of a disc from a point to another, or into a polygon; `None`: there is none.
+        """Returns the length in metres of a disc's shortest path to a point, or into a polygon; `None`: no path.
 
         Steps lead to 16 directions, and the way is then drawn tight, so that it is hardly longer than the shortest.
         """

@@ -50,7 +50,7 @@ class _First:
 class PhysicsHealth(Observer):
     """Observer that checks after each step that the physics is valid; defects are part of the verdict.
 
-    It looks after every step, whatever the simulated time does.
+    It checks after every step, whatever the simulated time does.
     """
 
     next_time_s = -math.inf
@@ -141,7 +141,7 @@ class PhysicsHealth(Observer):
     # Looks
 
     def _bind(self, environment: Any) -> None:
-        """Looks up what does not change with time; environments may replace their physics."""
+        """Caches the constants of the physics; environments may replace their physics."""
         model, data = raw_physics(environment.physics)
         self._data = environment.physics.data
         self._raw = data
@@ -200,7 +200,7 @@ def _defect(name: str, text: str, *, is_error: bool) -> Requirement:
 
 
 def _nan_in(observation: Any, name: str = "") -> str:
-    """Returns the name of an array with NaN in an observation; empty: there is none."""
+    """Returns the name of an array with NaN in an observation; empty: no array has NaN."""
     if isinstance(observation, Mapping):
         return next((found for key, item in observation.items() if (found := _nan_in(item, str(key)))), "")
     if isinstance(observation, np.ndarray) and observation.dtype.kind == "f" and np.isnan(observation).any():

@@ -14,14 +14,14 @@ from ....schemas.runs.requirement_kinds.kind import Rule
 
 
 class LoadError(Exception):
-    """Raised when a factory function cannot be imported; the text names what is missing."""
+    """Raised when a factory function cannot be imported; the text names the missing module or attribute."""
 
 
 def add_to_import_path(path: Path) -> None:
     """Adds the packages of an unpacked bundle to the import path, before installed ones.
 
     Raises:
-        LoadError: There is no such folder.
+        LoadError: The folder does not exist.
     """
     if not path.is_dir():
         raise LoadError(f"the application's folder {path} does not exist")
@@ -73,7 +73,7 @@ def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Cal
         attribute: Dotted path.
 
     Raises:
-        RequirementError: There is no such function.
+        RequirementError: The function does not exist.
     """
     package = attribute.partition(".")[0]
     applications = (plan.simulation_application, plan.robot_application)

@@ -32,7 +32,7 @@ def robot_body(model: mujoco.MjModel) -> int | None:
 
 
 def acting_roots(model: mujoco.MjModel) -> list[int]:
-    """Returns for each actuator the root body of what it moves; the world's body is left out."""
+    """Returns for each actuator the root body of the tree that it moves; the world's body is left out."""
     moved = (_moved_body(model, actuator) for actuator in range(model.nu))
     return [int(model.body_rootid[body]) for body in moved if body > 0]
 
@@ -154,7 +154,7 @@ class ClearanceMeter:
         return self._others.size > 0 and self._robot.size > 0
 
     def measure(self, below_m: float = _FAR_M) -> tuple[float, str] | None:
-        """Measures the smallest distance in metres (negative for an overlap), and what is so near.
+        """Measures the smallest distance in metres (negative for an overlap), and the name of the nearest object.
 
         Args:
             below_m: Larger distances do not matter; the smaller it is, the faster the answer.
@@ -220,7 +220,7 @@ class ContactForces:
         *,
         is_stale: bool = False,
     ) -> None:
-        """Looks up who is who.
+        """Determines the geoms of the robot and of the rest.
 
         Args:
             model: The compiled world with the robot.

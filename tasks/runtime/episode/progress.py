@@ -16,9 +16,9 @@ _UINT = struct.Struct("<I")
 _STEPS_AND_TIME = struct.Struct("<Qd")
 
 AGENT_GONE = "agent"
-"""Why a run is told to stop whose robot's program has ended with exit code 0."""
+"""Reason to stop a run whose robot program has ended with exit code 0."""
 STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
-"""Why a run is told to stop, in the words of `RunResult.ended_by`."""
+"""Reasons to stop a run, in the words of `RunResult.ended_by`."""
 
 
 class Phase(IntEnum):

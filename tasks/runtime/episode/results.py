@@ -148,16 +148,16 @@ class Findings:
 
 
 class Observer:
-    """Base class of observers, which look at the physics during a run and report findings at the end.
+    """Base class of observers, which read the physics during a run and report findings at the end.
 
     It must not change the run: with and without it, the same seed gives the same states.
     """
 
     next_time_s: float = 0.0
-    """Simulated time at which it wants to look next."""
+    """Simulated time of the next call of `watch`, in seconds."""
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Looks at the physics, and sets `next_time_s` to the time of the next look.
+        """Reads the physics, and sets `next_time_s` to the time of its next call.
 
         Raises:
             RunEnded: The run is to end now.
@@ -182,7 +182,7 @@ class Observer:
 
 @dataclass(frozen=True)
 class Episode:
-    """How a run's simulation loop ended: steps, times and cause."""
+    """End of a run's simulation loop: steps, times and cause."""
 
     ended_by: str
     """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
@@ -337,7 +337,7 @@ def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tu
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """The environment's sentence, and what it does not know."""
+    """Makes the run's summary: the environment's sentence, and the job's own requirements that are not met."""
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
@@ -354,7 +354,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Returns what is wrong with an episode in which nothing happened, or somebody did not answer."""
+    """Describes defects of an episode, such as that nothing was simulated, or that a program did not answer."""
     if episode.unanswered:
         return [never_answered(episode.unanswered)]
     if episode.steps:

@@ -39,7 +39,7 @@ _GAZEBO = {
 
 
 class RecordingFault(LaunchError):
-    """Raised for a ROS recording that cannot be judged; names the file, the fault, and what would help."""
+    """Raised for a ROS recording that cannot be judged; names the file, the fault, and the remedy."""
 
 
 class Message(NamedTuple):
@@ -164,7 +164,7 @@ class Bag:
         return len(found) == 1 and found <= set(types)
 
     def mixed(self, topic: str) -> str | None:
-        """Explains which types the messages of a topic have, if there are several; `None`: there is one, or none."""
+        """Explains which types the messages of a topic have, if there are several, or `None`."""
         found = sorted(self.types.get(topic, ()))
         if len(found) < 2:
             return None
@@ -284,7 +284,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
 
 
 def _said(error: Exception) -> str:
-    """The words of an error, which may have none."""
+    """Returns the text of an error; of errors that say nothing useful, that the file ends within a record."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"
     return str(error).rstrip(".")

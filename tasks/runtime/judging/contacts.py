@@ -120,7 +120,7 @@ class Contacts:
 
 
 class Names:
-    """Names of things by which requirements tell contacts apart, so that a misspelt one is found."""
+    """Names of touched objects by which requirements distinguish contacts; finds misspelt names."""
 
     def __init__(self) -> None:
         self.heard: set[str] = set()
@@ -129,10 +129,10 @@ class Names:
         self._rules: list[Rule[Any]] = []
 
     def expect(self, rule: Rule[Any], listed: Collection[str]) -> None:
-        """Takes note of a rule that may tell things apart by name.
+        """Registers a rule that may distinguish touched things by name.
 
         Raises:
-            NotMeasuredError: It ignores all that there could be.
+            NotMeasuredError: The rule ignores everything that the recording could have contacts with.
         """
         self._listed = listed
         others, ignore = rule.asked.others, rule.asked.ignore
@@ -144,7 +144,7 @@ class Names:
             self._rules.append(rule)
 
     def finish(self) -> None:
-        """Makes errors of rules that name what nothing is called: it could not be missed, or was meant otherwise."""
+        """Fails the rules that name objects which the recording does not have: they could not be violated."""
         for rule in self._rules:
             unknown = [each for each in rule.asked.others or () if not self._is_known(each)]
             if unknown and rule.violated_s is None:  # what was found stands
@@ -157,14 +157,14 @@ class Names:
                 rule.fail(f"nothing is named like {misspelt!r} (ignore){self._near(misspelt)}")
 
     def remarks(self) -> Iterator[str]:
-        """Yields notes about names that ignore nothing, where something has a similar one."""
+        """Yields remarks about ignored names that fit no object, but are similar to an object's name."""
         for rule in self._rules:
             if rule.error is None and (misspelt := next(self._misspelt(rule), None)) is not None:
                 touched = f"{rule.asked.name}: nothing that was touched is named like {misspelt!r} (ignore)"
                 yield f"{touched}{self._near(misspelt)}"
 
     def _misspelt(self, rule: Rule[Any]) -> Iterator[str]:
-        """Names that are ignored and fit nothing, but nearly fit something; what is not there may well be ignored."""
+        """Yields ignored names that fit no object, but nearly fit one; to ignore an absent object is no error."""
         for each in rule.asked.ignore or ():
             if not self._is_known(each) and "did you mean" in self._near(each):
                 yield each
@@ -193,7 +193,7 @@ _FRAMES = ("tf", "tf_static")
 
 
 def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
-    """Returns the names of things that may be touched, where a world or a list of models tells them.
+    """Returns the names of the objects that may be touched, if a world or a list of models has them.
 
     Args:
         bag: The recording.
@@ -237,7 +237,7 @@ def fits_floor(model: str) -> bool:
 
 
 def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of our own recordings: each thing's name, and its force in newtons as text; several are added."""
+    """Reads contacts of this package's recordings: each object's name, and its force in newtons; several are added."""
     del other_side  # they are all of the robot
     sums: dict[str, float] = {}
     for marker in content.markers:
@@ -265,7 +265,7 @@ def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, fl
 
 
 def _along(force: Any, normals: Sequence[Any], index: int) -> float:
-    """The part of a force along its contact's normal, in newtons; all of it where the normal is not told."""
+    """The part of a force along its contact's normal, in newtons; all of it if the message has no normal."""
     size = math.hypot(force.x, force.y, force.z)
     if index >= len(normals):
         return size
@@ -280,6 +280,6 @@ CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, floa
     "ros_gz_interfaces/msg/Contacts": _of_contacts,
     "visualization_msgs/msg/MarkerArray": _of_markers,
 }
-"""Readers of contacts by type: what the robot touched, and how hard in newtons; NaN: that is not told."""
+"""Readers of contacts by type: what the robot touched, and the force in newtons; NaN: the message has no force."""
 MARKERS = "visualization_msgs/msg/MarkerArray"
 """Type of contacts in our own recordings, which others draw anything with."""

@@ -56,7 +56,7 @@ class FrameTree:
         self._matrices: dict[str, Matrix] = {}
 
     def copy(self) -> "FrameTree":
-        """Returns a tree with the frames that are known now, which goes on by itself."""
+        """Returns a copy of the tree with the frames that are known now, which is extended independently."""
         tree = FrameTree()
         tree.parents, tree.is_static, tree._matrices = dict(self.parents), dict(self.is_static), dict(self._matrices)
         return tree

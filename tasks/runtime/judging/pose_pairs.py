@@ -42,7 +42,7 @@ def poses_on(topic: PoseTopic, messages: Timed, path: object) -> Iterator[Stampe
 
 
 def poses_in(transforms: TransformPoses, chain: Sequence[str], messages: Timed, path: object) -> Iterator[StampedPose]:
-    """Yields the poses at the end of a chain of frames, whenever a transform of it comes.
+    """Yields the poses at the end of a chain of frames, at each transform of the chain.
 
     A pose is as old as its innermost transform that moves: localizations tell theirs, to the odometry's frame, for a
     while ahead.
@@ -133,7 +133,7 @@ class PosePairs:
 
 
 def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
-    """The poses that came until a time, and the first one after it."""
+    """Reads the poses up to a time, and the first one after it."""
     found: list[StampedPose] = []
     for pose in poses:
         found.append(pose)

@@ -83,7 +83,7 @@ class Source:
 
 
 def _is_decided(rule: Rule[Any], time_s: float) -> bool:
-    """Whether all that counts was found before a time: a violation, or the thing that is asked for in time."""
+    """Whether a rule was decided before a time: by a violation, or by reaching its goal in time."""
     if rule.violated_s is not None:
         return rule.violated_s <= time_s + ROUNDING_S
     return rule.is_reached is True
@@ -106,7 +106,7 @@ class Pose:
 
     @property
     def is_known(self) -> bool:
-        """Whether one has come."""
+        """Whether a pose was received."""
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
@@ -125,7 +125,7 @@ class PoseTopic:
         self.source = Source(topic, sources.max_gap_s)
         self.pose = Pose([self.source])
         self.frame = ""
-        """Frame that the poses are in, once one came."""
+        """Frame that the poses are in; known from the first pose on."""
 
     def take(self, message: Message, time_s: float, path: object) -> bool:
         """Reads the pose of a message, and returns whether its numbers are valid; others are skipped."""
@@ -258,7 +258,7 @@ class Scan:
             near[0] = min(near[0], nearest_m)
 
     def _is_mounted(self, scan: Any, count: int) -> bool:
-        """Finds out where the lidar is on the robot and which way its rays go; what it cannot see is an error."""
+        """Determines the lidar's pose on the robot and its rays' directions; too small a field of view is an error."""
         frame = bare(scan.header.frame_id)
         self._mount = self._tree.relative(self._base, frame)
         if self._mount is None:
@@ -295,7 +295,7 @@ class Scan:
             )
 
     def _tell_blind(self, range_min_m: float) -> None:
-        """Tells rules below what distance the lidar sees nothing, from the robot's surface."""
+        """Passes to the rules the distance from the robot's surface below which the lidar measures nothing."""
         assert self._mount is not None
         away_m = math.hypot(self._mount[0, 3], self._mount[1, 3])
         why = f"{self.topic} sees nothing nearer than {range_min_m:g} m, and the robot's radius is {self._radius_m:g} m"

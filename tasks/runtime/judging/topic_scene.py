@@ -103,10 +103,10 @@ class Measurements:
             self._contacts.look_back(time_s)
 
     def finish(self, end_s: float, *, is_over: bool) -> None:
-        """Records which sources were silent at the end, and what could have been missed.
+        """Records which sources were silent at the end, and which violations could have been missed.
 
         Args:
-            end_s: Time of the last look, in seconds.
+            end_s: Time of the last check, in seconds.
             is_over: Whether a requirement ended the run before the recording did.
         """
         for source in [*self._steady_sources(), *self._paired_sources]:
@@ -142,7 +142,7 @@ class Measurements:
                 )
 
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
-        """Takes note that a rule reads a topic whose silence would be good."""
+        """Registers a rule that reads a topic, and that a silent topic would satisfy."""
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
@@ -236,7 +236,7 @@ class Measurements:
         """Finds a topic with poses for a rule that compares two.
 
         Raises:
-            NotMeasuredError: It is not there, or has something else.
+            NotMeasuredError: The recording has no such topic, or its messages have no poses.
         """
         try:
             self._check(topic, POSE_TYPES, "a pose to compare")
@@ -250,19 +250,19 @@ class Measurements:
         return found
 
     def expect_tilt(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about tilt, which planar poses do not tell."""
+        """Registers a rule about tilt, which planar poses do not contain."""
         self._tilted.append((rule, self.pose_of(rule)))
 
     def expect_rise(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the height, which planar poses do not tell."""
+        """Registers a rule about height, which planar poses do not contain."""
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run."""
+        """Registers a rule that is judged at the end of the run."""
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether all that a rule measures by has been heard."""
+        """Whether every topic that a rule measures by has had a message."""
         pose = self._poses.get(id(rule))
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
         return scanned and (pose is None or pose.is_known)
@@ -323,7 +323,7 @@ class Measurements:
 
     @cached_property
     def base(self) -> str:
-        """Name of the frame of the robot's base."""
+        """Name of the tf frame of the robot's base, such as `base_link`; reads `/tf` ahead until it appears."""
         if self.sources.base_frame is not None:
             return self.sources.base_frame
         for frame in _BASES:
@@ -369,7 +369,7 @@ class Measurements:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
     def _no_way(self, *others: str) -> str:
-        """Says that `/tf` does not lead from the map, or another frame, to the robot."""
+        """Makes the error text that `/tf` has no chain of transforms from the map, or another frame, to the robot."""
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
         roots = " or ".join(map(repr, (self.sources.map_frame, *others)))
@@ -420,14 +420,14 @@ class Measurements:
         """Raises an error if a topic has messages of several types, which is why it is not read.
 
         Raises:
-            NotMeasuredError: One has.
+            NotMeasuredError: A topic has messages of several types.
         """
         for topic in topics:
             if (why := self._bag.mixed(topic)) is not None:
                 raise NotMeasuredError(f"{self._bag.path.name}: {why}")
 
     def _check(self, topic: str, types: Sequence[str], member: str) -> None:
-        """Refuses a topic that is named and cannot be what it is named for.
+        """Raises an error if a topic of the sources does not exist or has an unsuitable type.
 
         Raises:
             RecordingFault: It is not in the recording, or has another type.
@@ -488,11 +488,11 @@ class TopicScene:
         return True
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run, which the recording may not show."""
+        """Registers a rule that is judged at the end of the run, which the recording may not contain."""
         self._measurements.expect_end(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether all that the rule measures by has been heard."""
+        """Whether every topic that the rule measures by has had a message."""
         return self._measurements.is_ready(rule)
 
     def floor(self, rule: Rule[Any]) -> MapFloor | None:
@@ -530,7 +530,7 @@ class TopicScene:
 
         Raises:
             NotMeasuredError: Functions are not called here.
-            RequirementError: There is no such function.
+            RequirementError: The function does not exist.
         """
         if not self._calls_functions:
             raise NotMeasuredError(

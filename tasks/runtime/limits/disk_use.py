@@ -16,13 +16,13 @@ from ....schemas.runs.programs import FoundFiles
 from .files import HeldFile, deleted_files, files_below
 
 PAUSE_S = 1.0
-"""From the end of one walk to the beginning of the next."""
+"""Seconds from the end of one walk to the beginning of the next."""
 SLICE_S = 0.0003
-"""Time limit for one look at the disk, in seconds; ten looks a second take 0.3 % of a processor."""
+"""Time limit for one disk check, in seconds; ten checks a second take 0.3 % of a processor."""
 URGENT_SLICE_S = 0.01
 """The same while the disk loses space so quickly that the limit may soon be reached."""
 LAST_LOOK_S = 2.0
-"""Time limit for the last look, at the end of a run, in seconds."""
+"""Time limit for the last disk check, at the end of a run, in seconds."""
 NOTHING_FOUND = FoundFiles(size_bytes=0, at_s=0.0)
 _LOOK_S = 0.09
 _URGENT_SHARE = 0.25

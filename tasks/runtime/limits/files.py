@@ -20,7 +20,7 @@ def read_left(path: Path, most_bytes: int) -> bytes:
         most_bytes: How long it may be.
 
     Raises:
-        OSError: It is not there, is no regular file, is too long, or cannot be read.
+        OSError: The file does not exist, is not a regular file, is too long, or cannot be read.
     """
     with open_left(path) as file:
         if os.fstat(file.fileno()).st_size > most_bytes:
@@ -36,7 +36,7 @@ def open_left(path: Path, folder: int | None = None) -> BufferedReader:
         folder: Descriptor of the folder that a relative path starts from; absent: the working directory.
 
     Raises:
-        OSError: It is not there, is no regular file, or cannot be opened.
+        OSError: The file does not exist, is not a regular file, or cannot be opened.
     """
     descriptor = os.open(path, _FLAGS, dir_fd=folder)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # of a folder, `fdopen` would leave the descriptor open

@@ -79,7 +79,7 @@ class Meter:
 
     def __init__(self, limits: ComputeLimits, others: frozenset[int] = frozenset()) -> None:
         self.interval_s = METER_INTERVAL_S
-        """When to look next; soon while the number of processes grows fast."""
+        """Seconds until the next check; short while the number of processes grows fast."""
 
         self._limits = limits
         self._others = others

@@ -82,9 +82,9 @@ def _last_lines(path: Path) -> list[str]:
 
 
 MAX_LOG_BYTES = 100_000_000
-"""How much of one log is kept from its beginning."""
+"""Bytes of one log that are kept from its beginning."""
 MAX_END_BYTES = 64 * 1024
-"""How much of its end is kept besides."""
+"""Bytes of its end that are kept besides."""
 _SLACK_BYTES = 4 * 1024 * 1024
 
 
@@ -96,7 +96,7 @@ class CappedLog:
         max_bytes: How much of it is kept from its beginning.
 
     Raises:
-        OSError: It cannot be opened.
+        OSError: The file cannot be opened.
     """
 
     def __init__(self, path: Path, max_bytes: int = MAX_LOG_BYTES) -> None:
@@ -146,7 +146,7 @@ class CappedLog:
         return b""
 
     def _write_at(self, place: int, data: bytes) -> None:
-        """Writes before the log is cut: what a program appends meanwhile would come before a remark appended after."""
+        """Writes before the log is cut: the program's output meanwhile would stand before a remark appended later."""
         with suppress(OSError):
             # Linux appends whatever is written to a descriptor that appends, also where `pwrite` names a place.
             descriptor = os.open(f"/proc/self/fd/{self.descriptor}", os.O_WRONLY | os.O_CLOEXEC)
@@ -167,7 +167,7 @@ def add_note(output_dir: Path, text: str) -> None:
 
 
 def note_screens(plan: RunPlan) -> None:
-    """Notes in the log that a program's graphical screen is not shown, if the request asked for one."""
+    """Writes to the log that a program's graphical screen is not shown, if the request asked for one."""
     if plan.live_view_port is not None and not plan.has_episode:
         add_note(
             plan.output_dir,

@@ -38,7 +38,7 @@ class ProcessState:
     """Resident memory, with pages that it shares with others."""
 
     started: int = 0
-    """Start time, in ticks since the machine started; numbers of processes come again."""
+    """Start time, in ticks since the machine started; process ids are reused."""
 
 
 def adopt_orphans() -> None:
@@ -47,7 +47,7 @@ def adopt_orphans() -> None:
 
 
 def die_with_parent() -> None:
-    """Tells the kernel to kill this process when its parent ends."""
+    """Has the kernel kill this process when its parent ends (`PR_SET_PDEATHSIG`)."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
@@ -199,7 +199,7 @@ def _send(number: signal.Signals, pid: int, reached: set[int]) -> None:
 
 
 def _children_of_first_thread(pid: int) -> list[int]:
-    """Most of the children of a process, four times faster than all; what is missing is found once it is an orphan."""
+    """Returns most children of a process, four times faster than all; others are found once they are orphans."""
     try:
         with open(f"/proc/{pid}/task/{pid}/children", "rb", buffering=0) as listed:  # noqa: PTH123
             return [int(child) for child in listed.read().split()]
@@ -208,7 +208,7 @@ def _children_of_first_thread(pid: int) -> list[int]:
 
 
 def _reap(ended: dict[int, int]) -> None:
-    """Takes note of all children that have ended."""
+    """Reaps all child processes that have ended, and stores their wait statuses by process id."""
     with suppress(ChildProcessError):
         while (reaped := os.waitpid(-1, os.WNOHANG))[0]:
             ended[reaped[0]] = reaped[1]

@@ -87,7 +87,7 @@ def single_action(spec: Any, policy: str) -> specs.Array:
     """Returns the action spec of an environment whose action is a single array.
 
     Raises:
-        LoadError: They are something else.
+        LoadError: The action of the environment is not a single array of numbers.
     """
     if isinstance(spec, specs.Array) and _is_numeric(spec):
         return spec
@@ -103,7 +103,7 @@ def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
         giver: Who gave it, for messages, such as `policy walk.onnx`.
 
     Raises:
-        RobotProgramError: It is no action of this environment, or not finite.
+        RobotProgramError: The action does not fit the environment's action spec, or is not finite.
     """
     wanted = math.prod(spec.shape)
     try:

@@ -54,7 +54,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         simulation: Factory of the environment, as simulation applications have it.
 
     Raises:
-        LaunchError: There is no such world or robot.
+        LaunchError: The world or robot does not exist.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -107,7 +107,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         """Does one control step.
 
         Raises:
-            RobotProgramError: It is no action of this environment, or not finite.
+            RobotProgramError: The action does not fit the environment's action spec, or is not finite.
             gymnasium.error.ResetNeeded: The episode is over.
         """
         if self._is_over:

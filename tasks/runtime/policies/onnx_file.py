@@ -34,7 +34,7 @@ _MAX_WORDS = 200
 
 @dataclass(frozen=True)
 class _Input:
-    """An input of the network, and what is fed into it."""
+    """An input of the network, and the observations that are fed into it."""
 
     name: str
     dtype: type
@@ -182,6 +182,6 @@ def _shape(declared: list[Any]) -> str:
 
 
 def _words(error: Exception) -> str:
-    """The first line of what onnxruntime says, without its code."""
+    """Returns the first line of an error of onnxruntime, without its code."""
     said = str(error).strip().splitlines() or [type(error).__name__]
     return said[0].rpartition(" : ")[2][:_MAX_WORDS]

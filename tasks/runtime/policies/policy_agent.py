@@ -26,7 +26,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> "
     """Makes the agent that drives the robot by the policy of a simulation job.
 
     Raises:
-        LoadError: It cannot be found, read or fed; the text says why.
+        LoadError: The policy cannot be found or loaded, or takes other observations; the text says why.
     """
     application = context.plan.robot_application
     assert application is not None, "the plan names the policy in its robot application"
@@ -122,7 +122,7 @@ def _file(reference: PolicyReference, folder: Path | None, root: Path | None) ->
     """The file of a policy.
 
     Raises:
-        LoadError: There is none.
+        LoadError: The policy's file does not exist.
     """
     assert reference.file is not None
     is_absolute = reference.file.startswith("/")

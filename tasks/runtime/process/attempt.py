@@ -196,7 +196,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
-    """Notes in the result that an environment records topics itself but has recorded none.
+    """Adds a remark to the result if an environment records topics itself but has recorded none.
 
     Args:
         episode: How the run ended.
@@ -266,7 +266,7 @@ def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
     """Imports the factory function of an application that is no separate program.
 
     Raises:
-        LoadError: It cannot be imported.
+        LoadError: The function cannot be imported.
     """
     assert application.attribute is not None, "programs are not imported"
     # The factory of a policy is built in; what it loads is the application's.

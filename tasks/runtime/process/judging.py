@@ -28,7 +28,7 @@ _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
 
 
 class _NeverStopped:
-    """Stops nothing: who started this program kills it."""
+    """Never stops: the process that started this program kills it."""
 
     reason = ""
 
@@ -40,7 +40,7 @@ def judge(request: JudgingRequest) -> RunResult:
         request: Which, and by what.
 
     Raises:
-        LaunchError: It cannot be judged at all.
+        LaunchError: The recording cannot be judged at all.
     """
     observer = RequirementsObserver(request.plan)
     # The recorder ends with the run, unless it lost something on the way.

@@ -244,7 +244,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
         stop: Whether to stop.
 
     Raises:
-        CheckpointError: Another process runs the run.
+        CheckpointError: Another process executes the run.
         OSError: The outputs cannot be written.
         Exception: Any exception of the applications, unless the run's failure behaviour is `Continue`.
     """
@@ -282,7 +282,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row]) -> _Row:
-    """Calls something with the environment variables of a trial, and the generators of Python and numpy seeded.
+    """Calls a function with a trial's environment variables, and with Python's and numpy's generators seeded.
 
     Environment and working directory are put back in case that the trial before has changed them.
     """

@@ -112,7 +112,7 @@ def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, re
 
 
 def _awaited_request(stream: BinaryIO) -> RunRequest | None:
-    """Receives the run request; None when there will be none."""
+    """Receives the run request; None if this process gets no run."""
     line = stream.readline()
     if not line:
         return None

@@ -49,7 +49,7 @@ def frames_of(environment: Any, model: mujoco.MjModel) -> Mapping[int, str]:
         model: Its model.
 
     Raises:
-        TypeError: Its `tf_frames` is no such thing.
+        TypeError: The `tf_frames` of the environment are not frame names by bodies.
     """
     named = getattr(environment, "tf_frames", {})
     if not isinstance(named, Mapping):

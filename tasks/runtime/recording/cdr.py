@@ -264,7 +264,7 @@ def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
     Its numbers are `position`, `velocity` and `effort`, one of each per joint.
 
     Raises:
-        ValueError: There are no joints.
+        ValueError: No joints are given.
     """
     if not names:
         raise ValueError("joint states need at least one joint")

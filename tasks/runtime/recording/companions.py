@@ -112,7 +112,7 @@ def _plots(topics: Mapping[str, str]) -> list[Panel]:
 
 
 def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
-    """A plot of paths by what they are called."""
+    """Makes a Foxglove plot of message paths, by their labels."""
     lines = [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (label, path), colour in zip(paths.items(), _COLOURS, strict=False)
@@ -154,14 +154,14 @@ def _split(parts: Sequence[Any], direction: str, percentage: float | None = None
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
 _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robot_description"})
-"""Topics that are sent once; a player has to keep them for subscribers that come later."""
+"""Topics that are sent once; a player has to keep them for later subscribers."""
 
 
 class Offer(NamedTuple):
     """Quality of service (QoS) with which a ROS topic is offered to subscribers."""
 
     is_latched: bool = False
-    """Whether a subscriber that comes later gets the last messages (`transient local`)."""
+    """Whether a later subscriber gets the last messages (`transient local`)."""
 
     is_reliable: bool = True
     """Whether messages that were lost are sent again."""

@@ -41,7 +41,7 @@ class Rows(NamedTuple):
     """Messages of several topics that were logged at the same times: a row has one of each."""
 
     times_ns: NDArray[np.int64]
-    """When they were logged, in order."""
+    """Log times of the messages, in order."""
 
     records: bytes | memoryview
     """The rows one after the other, each the records of its messages (see `message_record`)."""
@@ -313,7 +313,7 @@ class Unbuffered:
         """Opens a file, of which the beginning is kept.
 
         Raises:
-            OSError: It is shorter than that, or cannot be opened.
+            OSError: The file is shorter than `keep_bytes`, or cannot be opened.
         """
         fresh = 0 if keep_bytes else os.O_TRUNC
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | fresh, 0o644)

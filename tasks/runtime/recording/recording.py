@@ -178,7 +178,7 @@ class McapRecorder(Recorder):
             series: Asked for what it has whenever a chunk is written.
 
         Raises:
-            TypeError: One of its topics carries another type.
+            TypeError: A topic of the series is already recorded with another message type.
         """
         columns = [(self._channel(topic, columns.kind), columns) for topic, columns in series.topics]
         self._series.append((series, RowEncoder(columns)))
@@ -282,7 +282,7 @@ class McapRecorder(Recorder):
         return self._file.add_channel(topic, kind.ROS_TYPE, definition(kind.ROS_TYPE), metadata), kind
 
     def _write_companions(self) -> None:
-        """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
+        """Writes the `metadata.yaml` that makes the folder a rosbag2, and the layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
         self.topics = frozenset(topic for topic, (number, _) in self._channels.items() if counts.get(number, 0))
         topics = [

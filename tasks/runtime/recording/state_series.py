@@ -253,7 +253,7 @@ class RowSeries:
             numbers: All numbers of the message, in the order of its columns.
 
         Raises:
-            ValueError: There are more or fewer numbers.
+            ValueError: The measurement has another count of numbers than the series.
             RecordingError: The file cannot be written.
         """
         if len(numbers) != sum(self._widths):
@@ -264,7 +264,7 @@ class RowSeries:
         recorder.flush_when_due(full=len(self._times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns what was noted since the last time: times, and the numbers, a row per time."""
+        """Returns the measurements since the last call: their times, and their numbers, a row per time."""
         if not self._times:  # nodes are served, and so ask, at every step
             return _NO_TIMES, []
         times, self._times = self._times, []

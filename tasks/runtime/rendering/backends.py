@@ -37,7 +37,7 @@ class VideoBackend:
     """Whether a picture could be made with it here."""
 
     problem: str
-    """Why it does not work; empty when it does."""
+    """Reason why it does not work; empty if it does."""
 
     packages: tuple[str, ...]
     """Debian packages it needs."""

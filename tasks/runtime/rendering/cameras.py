@@ -23,7 +23,7 @@ class Relighting:
     """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
-        """Finds what shines."""
+        """Finds the lights and the materials that shine."""
         self._appearance = appearance
         self._colors: dict[int, Rgb] = {}
         for light in range(model.nlight):
@@ -128,7 +128,7 @@ class Camera(Protocol):
     """Interface of a renderer that takes pictures of a simulation model."""
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders what a view sees of a simulation state.
+        """Renders a simulation state from a camera view.
 
         Args:
             data: The state.
@@ -138,7 +138,7 @@ class Camera(Protocol):
         ...
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image: the distance of what each pixel of a view sees.
+        """Renders a depth image: the distance in metres of the surface at each pixel of a view.
 
         Args:
             data: The state.
@@ -229,14 +229,14 @@ class GlCamera:
         return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
 
     def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
-        """Puts what is in view into the scene."""
+        """Adds the visible geoms to the scene."""
         model, scene, camera = self._model, self._scene, view(data)
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, aspect):
             mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
 
     def _dim_under_roofs(self) -> None:
-        """Without shadows the sun shines through roofs."""
+        """Dims the sun below roofs, which would let it through without shadows."""
         for light in self._scene.lights[: self._scene.nlight] if self._has_roofs else ():
             if light.castshadow and not light.headlight:
                 light.diffuse[:] = light.diffuse * _THROUGH_ROOFS

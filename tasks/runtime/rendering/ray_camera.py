@@ -29,7 +29,7 @@ _Pixels = NDArray[np.intp]
 
 
 class _Window(NamedTuple):
-    """Edges of what is seen a metre ahead of an eye: metres to the right and up."""
+    """Edges of the field of view at one metre in front of the camera: metres to the right and up."""
 
     left: float
     right: float
@@ -95,7 +95,7 @@ class RayCamera:
     def _aimed(
         self, data: mujoco.MjData, view: View, shape: tuple[int, int]
     ) -> Iterator[tuple[_Vectors, _Vectors, "_Buffers", int]]:
-        """Eye, rays, buffers and the body around the eye, while what is seen from behind only is hidden."""
+        """Yields camera position, rays, buffers and the body around the camera, while back faces are hidden."""
         no_category = 0  # the scene's camera is all that is wanted
         mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), no_category, self._scene)
         if shape not in self._buffers:
@@ -112,7 +112,7 @@ class RayCamera:
     def _hit(
         self, data: mujoco.MjData, eye: _Vectors, rays: _Vectors, buffers: "_Buffers", pixels: _Pixels, housing: int
     ) -> _Vectors:
-        """Finds what is seen in some pixels; returns how far away along their rays, -1 where it is nothing."""
+        """Finds the geoms at some pixels; returns the distances along their rays in metres, -1 without a hit."""
         away_m = np.zeros(len(pixels))
         if not len(pixels):
             return away_m
@@ -125,7 +125,7 @@ class RayCamera:
         return away_m
 
     def _eye(self, shape: tuple[int, int]) -> tuple[_Vectors, _Vectors, _Vectors, _Window]:
-        """The eye's position, the ways forward and up, and what is seen a metre ahead."""
+        """Returns the camera's position, its forward and up directions, and its field of view at one metre."""
         left, right = self._scene.camera[0], self._scene.camera[1]
         eye = (np.asarray(left.pos, dtype=float) + right.pos) / 2
         forward, up = np.asarray(left.forward, dtype=float), np.asarray(left.up, dtype=float)

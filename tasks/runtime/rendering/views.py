@@ -170,7 +170,7 @@ class FollowView:
         return best
 
     def _free_distance_m(self, data: mujoco.MjData, elevation_deg: float) -> float:
-        """How far back the camera can stand before something fixed comes between it and the robot."""
+        """Returns the distance in metres from the robot up to which no fixed geom hides it from the camera."""
         azimuth, elevation = math.radians(self._view.azimuth), math.radians(elevation_deg)
         back = -np.array(
             (math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation))
@@ -184,10 +184,10 @@ class FollowView:
 
 
 class TopView:
-    """Camera view straight down on the whole world, or on the robot where nothing is fixed."""
+    """Camera view straight down that frames all fixed geoms, or that follows the robot if the world has none."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
-        """Prepares the view; where things are is read from the first state.
+        """Prepares the view; positions are read from the first state.
 
         Args:
             model: The model.
@@ -202,7 +202,7 @@ class TopView:
         self._ready = False
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Follows the robot if that is what it looks at."""
+        """Returns the view, centred on the robot if it follows the robot."""
         if not self._ready:
             self._prepare(data)
         if self._body is not None:

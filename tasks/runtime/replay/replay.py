@@ -41,7 +41,7 @@ def read_outputs(folder: Path) -> RunOutputs:
     """Reads a run's output files.
 
     Raises:
-        FileNotFoundError: There is no `provenance.json`.
+        FileNotFoundError: The folder has no `provenance.json`.
         ValueError: A file is not what it should be.
     """
     provenance = Provenance.model_validate_json((folder / PROVENANCE_FILE).read_bytes())
@@ -208,7 +208,7 @@ class JointNames:
 
     joints: Sequence[JointPlace]
     positions: int
-    """How many positions there are; velocities follow."""
+    """Number of positions; velocities follow them."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
         """Returns the joint of the number at an index of the state, and whether it is a position or velocity."""

@@ -85,7 +85,7 @@ class Reproduction:
             folder: It may have been moved, also to another machine.
 
         Raises:
-            FileNotFoundError: It is no such folder.
+            FileNotFoundError: The folder is not one that `write_reproduction` wrote.
         """
         self.folder = folder.resolve()
         plan = RunPlan.model_validate_json((self.folder / PLAN_FILE).read_bytes())
@@ -113,7 +113,7 @@ class Reproduction:
             launcher: What starts it; absent: one for this rerun alone.
 
         Raises:
-            LaunchError: It cannot be started here.
+            LaunchError: The run cannot be started on this machine.
         """
         plan = rerun_plan(self.plan, self.first, folder, video)
         for each in (plan.work_dir, plan.output_dir):
@@ -175,7 +175,7 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
     Raises:
         FileExistsError: The folder is one already, or has something of a name that is needed.
-        OSError: Something cannot be copied.
+        OSError: A file cannot be copied.
     """
     if (folder / PLAN_FILE).exists():
         raise FileExistsError(f"{folder}: holds a reproduction already; name another folder")
@@ -191,7 +191,7 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 
 def _move_all(source: Path, folder: Path) -> None:
-    """Moves what is in a folder into another one, the plan last: with it a reproduction is whole."""
+    """Moves the content of a folder to another one, the plan last: with the plan a reproduction is complete."""
     folder.mkdir(exist_ok=True)
     names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
     if taken := [name for name in names if (folder / name).exists()]:
@@ -224,7 +224,7 @@ def _in_docstring(text: str) -> str:
 
 
 def _copied(plan: RunPlan, folder: Path) -> RunPlan:
-    """Copies what a plan names; returns the plan with paths inside the folder."""
+    """Copies the files that a plan names; returns the plan with paths inside the folder."""
     places: dict[Path, Path] = {}
 
     def copy(source: Path | None, name: str) -> Path | None:

@@ -123,7 +123,7 @@ class RequirementsObserver(Observer):
             check.look_if_new(self._time_s)
 
     def _cut(self, rules: Sequence[Rule[Any]]) -> str:
-        """Says how much of a run was driven that the job's duration limit has cut; empty: there is no telling."""
+        """Describes how much of a run the job's duration limit has cut off; empty if that is not known."""
         whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
         if self._time_s >= whole_s:
@@ -168,7 +168,7 @@ class RequirementsObserver(Observer):
 
 
 def _bound(rule: Rule[Any], scene: Any) -> Look:
-    """Ties a rule to a scene; one that cannot be measured there is an error, and never looks."""
+    """Binds a rule to a scene; a rule that cannot be measured there is an error, and is never checked."""
     try:
         look = rule.bind(scene)
     except NotMeasuredError as error:
@@ -222,7 +222,7 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
     """Returns the environment's own requirements.
 
     Raises:
-        RequirementError: It is no list of requirements.
+        RequirementError: The environment's `requirements` are not a list of requirements.
     """
     ask = getattr(environment, "requirements", None)
     if ask is None:
@@ -253,7 +253,7 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Numbers of all requirements of a kind, for tables and comparisons; what was not measured has none."""
+    """Returns the metrics of all requirements of a kind, for tables and comparisons; unmeasured ones are left out."""
     metrics: dict[str, float] = {}
     for rule in rules:
         if rule.error is None:

@@ -101,7 +101,7 @@ class Scene:
         return False
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Takes note that a rule is about the end of the run, which a simulation shows."""
+        """Does nothing: a simulation always contains the end of the run."""
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
         """Messages are read when the run is over; until then a rule that needs them is an error."""
@@ -131,7 +131,7 @@ class Scene:
         """Imports a predicate function from the application's bundle or an installed package.
 
         Raises:
-            RequirementError: There is no such function.
+            RequirementError: The function does not exist.
         """
         return load_judging_function(self.plan, rule, attribute)
 

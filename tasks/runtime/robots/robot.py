@@ -100,7 +100,7 @@ class Controller(Protocol):
             Whether the robot is told to stand still.
 
         Raises:
-            ActionError: it is not an action of this robot.
+            ActionError: the action does not fit this robot's action spec.
         """
         ...
 

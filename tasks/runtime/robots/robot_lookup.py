@@ -92,7 +92,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
 
 
 def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
-    """Why an application brings no robot; names a file that looks as if it was meant."""
+    """Returns the reason why an application has no robot; names a file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
         is_container = application.attribute is None and application.package is None
@@ -162,7 +162,7 @@ def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, 
 
 
 def _short_name(text: str) -> str:
-    """A name for a robot that has none, in the form that `name` has to have."""
+    """Makes a name for a robot without one, in the form that `name` has to have."""
     name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
     name = name if re.match("[a-z]", name) else f"robot_{name}"
     return name[:_MAX_NAME].strip("_")

@@ -82,7 +82,7 @@ def build_scout() -> mujoco.MjSpec:
 
 
 def _add_chassis(base: mujoco.MjsBody) -> None:
-    """Adds what collides: a disc with the drive and the battery in it, and the lidar's housing."""
+    """Adds the geoms that collide: a disc with the drive and the battery in it, and the lidar's housing."""
     base.add_geom(
         name="chassis",
         type=_CYLINDER,
@@ -99,7 +99,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 
 def _add_looks(base: mujoco.MjsBody) -> None:
-    """Adds what is only seen."""
+    """Adds the geoms that are only visible."""
     add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
     add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
     add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)

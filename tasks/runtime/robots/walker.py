@@ -57,7 +57,7 @@ class GaitSettings:
     """Share of the period that a foot is on the floor; above a half, so that at times all four are."""
 
     lift_m: float = 0.035
-    """How high feet are lifted."""
+    """Height to which feet are lifted."""
 
     levelling: float = 0.6
     """Share of the body's tilt that the legs take back."""

@@ -106,7 +106,7 @@ class BridgeRecorder(Recorder):
         self._unheard = frozenset(topic for topic in _EACH_STEP if spares and self._names.get(topic) not in heard)
 
     def is_heard(self, topic: str) -> bool:
-        """Says whether nodes listen to a topic."""
+        """Whether ROS nodes subscribe to a topic."""
         return self._wire is not None and self._names.get(topic) in self._heard
 
     def without_messages(self, heard: Collection[str]) -> list[str]:

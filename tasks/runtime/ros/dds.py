@@ -53,7 +53,7 @@ class Publication(NamedTuple):
     """A publisher that some ROS 2 node has announced over DDS."""
 
     topic: str
-    """Name in ROS, `/scan`; other topics of DDS are not told."""
+    """Name in ROS, `/scan`; DDS topics that are not of ROS are left out."""
 
     ros_type: str
     """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
@@ -265,12 +265,12 @@ class Writer:
 
     @property
     def readers(self) -> int:
-        """Number of matching subscribers, without the topic recorder."""
+        """Number of matched subscribers, not counting the topic recorder."""
         return sum(not self._is_recorder(handle) for handle in self._entity.get_matched_subscriptions())
 
     @property
     def listeners(self) -> int:
-        """Number of matching subscribers, with the topic recorder."""
+        """Number of matched subscribers, counting the topic recorder."""
         return len(self._entity.get_matched_subscriptions())
 
     def _is_recorder(self, handle: int) -> bool:
@@ -284,7 +284,7 @@ class Received(NamedTuple):
     """A received DDS message with its source and time."""
 
     sent_ns: int
-    """When it was published, in nanoseconds since 1970, by the clock of its publisher."""
+    """Time of publication in nanoseconds since 1970, by the publisher's clock."""
 
     writer: int
     """Handle of its publisher here."""
@@ -311,7 +311,7 @@ class Reader:
 
     @property
     def has_news(self) -> bool:
-        """Whether something has come since the last take; asking is a fifth of what taking nothing costs."""
+        """Whether a message has arrived since the last take; that costs a fifth of taking nothing."""
         return bool(self.entity.get_status_changes() & self._data_available)
 
     def take(self) -> Iterator[tuple[bytes, int]]:
@@ -427,7 +427,7 @@ def _struct(ros_type: str, members: dict[str, Any]) -> Any:
 
 
 def _publication(sample: Any) -> Publication | None:
-    """A publication of ROS, from what the built-in reader tells; none if it is another or has left."""
+    """Makes a ROS publication of a sample of the built-in reader; None if it is not of ROS, or has left."""
     topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
     if not topic or not topic.startswith("rt/") or _has_left(sample):
         return None

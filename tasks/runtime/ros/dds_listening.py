@@ -91,7 +91,7 @@ class Listener:
         """Joins a domain.
 
         Raises:
-            LaunchError: It cannot; says why.
+            LaunchError: The domain cannot be joined; the message says why.
         """
         from cyclonedds import builtin
         from cyclonedds.core import DDSStatus, WaitSet
@@ -138,7 +138,7 @@ class Listener:
             is_latched: Whether messages from before are wanted.
 
         Raises:
-            ListenError: It cannot be subscribed.
+            ListenError: The topic cannot be subscribed.
         """
         subscription = self._reader(topic, named_type(type_name), depth, is_reliable=is_latched, is_latched=is_latched)
         self._waits.attach(subscription.reader.entity)
@@ -153,7 +153,7 @@ class Listener:
             request: CDR with its encapsulation header.
 
         Raises:
-            ListenError: It cannot be called.
+            ListenError: The service cannot be called.
         """
         from cyclonedds import core, pub, topic
 

@@ -84,7 +84,7 @@ class Part:
         """Yields its messages in the order of their times.
 
         Raises:
-            ValueError: It is no recording of ours.
+            ValueError: The file is not a recording that this package wrote.
         """
         self._file.seek(_MAGIC_BYTES)
         while (record := self._next()) is not None:
@@ -96,7 +96,7 @@ class Part:
                 yield from self._of_chunk(content)
 
     def _next(self) -> tuple[int, bytes] | None:
-        """The next record; none where the file ends, be it within one."""
+        """Reads the next record; None at the end of the file, also within a record."""
         head = self._file.read(_HEAD.size)
         if len(head) < _HEAD.size:
             return None

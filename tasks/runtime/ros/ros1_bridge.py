@@ -67,9 +67,9 @@ _STAMPED = struct.Struct("<IIII")
 """A header of ROS 1 without its frame: sequence number, seconds, nanoseconds, length of the frame's name."""
 
 _LOOK_S, _LATER_LOOK_S = 0.02, 0.5
-"""Between two looks for what is waited for: nodes in C++ are there 50 ms after the master."""
+"""Seconds between two polls while it waits, at first and later: nodes in C++ connect 50 ms after the master."""
 _HASTE_S = 30.0
-"""Afterwards it looks seldom: the program may be one that needs no ROS, and runs for hours."""
+"""Seconds of waiting after which it polls more slowly: the program may need no ROS, and run for hours."""
 _STATE_S = 0.1
 _LINGER_S = 600.0
 """Wall-clock time in which a run has finished its outputs."""
@@ -90,7 +90,7 @@ class Link:
         """Connects.
 
         Raises:
-            OSError: Nothing listens there.
+            OSError: The simulation does not listen on the socket.
         """
         self._socket = socket.socket(socket.AF_UNIX)
         try:

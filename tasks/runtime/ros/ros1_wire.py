@@ -30,7 +30,7 @@ from .wire import Command, Peers, Topic
 _HEADER = "std_msgs/msg/Header"
 _SEQUENCE = struct.Struct("<I")
 _READS = 16
-"""Reads from the socket in one look: a node that floods the bridge does not hold up the simulation."""
+"""Most reads from the socket in one poll: a node that floods the bridge does not hold up the simulation."""
 _KEPT_COMMANDS = 1000
 """Commands that were not taken yet; a robot gets fifty a second."""
 _MOST_NAMED = 32
@@ -152,7 +152,7 @@ class Ros1Wire:
         return b"".join((HEADER.pack(length, MESSAGE), TOPIC.pack(number), content))
 
     def _look(self) -> None:
-        """Reads what the bridge has sent, sends it what it can take, and greets a new one."""
+        """Polls the bridge process: reads its messages, sends queued ones, and accepts a new connection."""
         if self._listener is None:
             return
         if self._link is not None:
@@ -190,10 +190,10 @@ class Ros1Wire:
             self._lose(str(error))
 
     def _understand(self, kind: int, content: memoryview) -> None:
-        """Takes over what a frame says.
+        """Applies a frame of the bridge process: a velocity command, or the state of the nodes.
 
         Raises:
-            ValueError: It is no frame of the protocol.
+            ValueError: The content is not a frame of the protocol.
         """
         if kind == COMMAND:
             if len(content) != VELOCITY.size:
@@ -243,7 +243,7 @@ class _Link:
     def add(self, topic: Topic, frame: bytes) -> None:
         """Queues a message; the oldest of its topic is dropped if the bridge process is too slow.
 
-        Of a latched topic only the last message counts, which is what nodes that come later get.
+        Of a latched topic only the last message counts, which nodes that connect later get.
         """
         if self._counts[topic.name] >= (1 if topic.is_latched else topic.depth):
             oldest = next(index for index, (other, _) in enumerate(self._waiting) if other.name == topic.name)
@@ -258,7 +258,7 @@ class _Link:
         """Sends as many queued messages as the bridge process can take now.
 
         Raises:
-            OSError: It is gone.
+            OSError: The bridge process has gone.
         """
         with suppress(BlockingIOError):
             while True:
@@ -274,9 +274,9 @@ class _Link:
         """Returns the messages that the bridge process has sent.
 
         Raises:
-            EOFError: It has closed the connection.
-            OSError: It is gone.
-            ProtocolError: It sent something else.
+            EOFError: The bridge process has closed the connection.
+            OSError: The bridge process has gone.
+            ProtocolError: The bridge process sent a frame that is not of the protocol.
         """
         found = []
         for _ in range(_READS):
@@ -298,7 +298,7 @@ def _peers_in(state: Mapping[str, Any], topics: Mapping[str, int]) -> Peers:
     """The nodes that a state tells of.
 
     Raises:
-        ValueError: It is no state.
+        ValueError: The object is not a state message of the bridge process.
     """
     heard, commanders, mistyped = state.get("heard"), state.get("commanders"), state.get("mistyped")
     if not (isinstance(heard, list) and isinstance(commanders, int) and isinstance(mistyped, dict)):
@@ -345,7 +345,7 @@ def _has_header(ros_type: str) -> bool:
 
 
 def _layout(store: Typestore, ros_type: str) -> tuple[Any, ...]:
-    """Types of the fields of a message and of those in it, without what ROS 1 alone has."""
+    """Returns the types of a message's fields, nested ones included, without fields that only ROS 1 has."""
     fields = store.fielddefs[ros_type][1]
     return tuple(
         _part(store, part)

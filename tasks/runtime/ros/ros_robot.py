@@ -34,7 +34,7 @@ _SETTLE_S = 0.5
 _LISTENERS_S = 10.0
 """Wall-clock time after which simulated time begins for nodes that listen and do not command yet: some wait for it."""
 _LOOK_S = 0.5
-"""Wall-clock time between two looks at which nodes are there."""
+"""Wall-clock time between two checks of which nodes are connected."""
 _RETURN_S = 10.0
 """Wall-clock time in which publishers of commands that have left may come back, as nodes do that are respawned."""
 _FIRST_COMMAND_S = 60.0
@@ -88,7 +88,7 @@ class RosBridge:
         self._environment = environment
 
     def _open(self) -> None:
-        """Announces the topics; what keeps it from that is told by `missing`."""
+        """Announces the topics; `missing` says what is not available for that."""
         environment, self._environment = self._environment, None
         try:
             self._options = _options_for(environment, self._ros.options)
@@ -156,12 +156,12 @@ class RosBridge:
 
     @property
     def options(self) -> RosOptions:
-        """Its options; those of the robot are known once nodes are looked for."""
+        """Options of the ROS bridge; those of the robot's `robot.yaml` are known once it waits for nodes."""
         return self._options
 
     @property
     def mode(self) -> Any:
-        """Mode (lock-step or free) in which the nodes' commands came."""
+        """Mode (lock-step or free) in which the nodes' commands were received."""
         return "lockstep" if self._options.time == "lockstep" else "free"
 
     def close(self, ended_by: str | None = None) -> Findings:
@@ -222,8 +222,8 @@ class RosAgent:
         Raises:
             StopIteration: All publishers of commands have left and did not come back.
             RobotProgramError: A command is not finite.
-            LaunchError: No command came at all.
-            RunStopped: The run was told to stop.
+            LaunchError: No velocity command was received.
+            RunStopped: The run has to stop, such as by cancellation.
         """
         time_s = self._time_s = float(self._environment.physics.data.time)
         self._steps += 1
@@ -308,7 +308,7 @@ class RosAgent:
         return np.array((self._command.linear_mps[0], self._command.angular_radps[2]))
 
     def _look(self, time_s: float) -> None:
-        """Notices nodes that come and leave."""
+        """Detects nodes that connect and disconnect."""
         now_s = self._clock()
         if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
             return
@@ -370,7 +370,7 @@ def _next_goal(
     here: tuple[float, float],
     now: tuple[float, float] | None,
 ) -> tuple[float, float] | None:
-    """The goal that was given before until it is visited, then the nearest one that is not; none at the end."""
+    """Returns the last goal until it is visited, then the nearest unvisited one; None at the end."""
     left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
     if now in left:
         return now

@@ -13,11 +13,11 @@ from .wire import Command, Wire
 Clock = Callable[[], float]
 
 _LOOK_S = 0.05
-"""Longest wait between two looks at whether the run was told to stop."""
+"""Longest wait, in seconds, between two checks whether the run has to stop."""
 _IDLE_AFTER_S = 1.0
 """Wall-clock time without a command after which paced nodes are taken for silent on purpose, as Nav2 is at a goal."""
 _WINDOW, _MOST_UNANSWERED = 20, 8
-"""Answers in lock-step that are looked at, and how many may be missing: a timer of 0.1 s leaves out each second one."""
+"""Last steps that are counted, and how many may lack an answer: a timer of 0.1 s leaves out each second one."""
 
 
 class TimerNodeError(Exception):
@@ -35,8 +35,8 @@ class Timing(Protocol):
             scanned: Whether nodes were sent a scan with it.
 
         Raises:
-            RunStopped: The run was told to stop.
-            TimerNodeError: It cannot go on so.
+            RunStopped: The run has to stop, such as by cancellation.
+            TimerNodeError: The nodes do not answer steps, because they send commands by a timer.
         """
         ...
 

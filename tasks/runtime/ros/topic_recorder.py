@@ -44,11 +44,11 @@ _CHUNK_BYTES = 768 * 1024
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is written even when it is not full: a killed recorder loses as much."""
 _GATHER_S = 0.05
-"""Pause between two looks while messages come: each look at a topic costs as much as a message."""
+"""Pause between two polls while messages arrive: each poll of a topic costs as much as a message."""
 _IDLE_S = 0.2
-"""Time without anything new until the next look, and until a signal to end is seen: a run gives a second to end."""
+"""Poll interval without messages, and longest delay until a signal to end is seen: a run gives a second to end."""
 _DEPTH = 100
-"""Messages of a topic between two looks: 2,000 a second."""
+"""Messages of a topic between two polls: 2,000 a second."""
 _LARGE_DEPTH = 10
 """The same for topics of large messages, 200 a second, so that a slow disk does not fill the memory with pictures."""
 _LARGE_TYPES = ("Image", "CompressedImage", "PointCloud", "PointCloud2", "OccupancyGrid", "Costmap", "VoxelGrid")
@@ -147,7 +147,7 @@ class Question:
 
 
 class TopicRecorder:
-    """Records all ROS 2 topics of a domain to an MCAP file until told to stop.
+    """Records all ROS 2 topics of a domain to an MCAP file until a signal to stop.
 
     Args:
         listener: Hears the domain.
@@ -175,7 +175,7 @@ class TopicRecorder:
         self._topics: dict[tuple[str, str, str], Recorded] = {}
         self._refused: dict[str, TopicReport] = {}
         self._writers: dict[int, Publisher] = {}
-        """Publishers by their handles, also those that have left: their last messages come later."""
+        """Publishers by their handles, also those that have left: their last messages arrive later."""
         self._files = PackageFiles(request.packages)
         self._services: dict[str, set[str]] = {}
         """Services that tell definitions, by participant."""
@@ -219,7 +219,7 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes new messages, and writes what is due."""
+        """Takes new messages, and writes those that are due."""
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -293,7 +293,7 @@ class TopicRecorder:
     # Definitions
 
     def _ask(self, topic: Recorded, question: Question) -> None:
-        """Asks all nodes in the publisher's process for the definition of a type, and looks for an answer."""
+        """Asks all nodes in the publisher's process for the definition of a type, and checks for an answer."""
         for service in self._services.get(question.participant, set()):
             if service not in question.calls:
                 with suppress(ListenError):
@@ -321,7 +321,7 @@ class TopicRecorder:
     # Messages
 
     def _taken(self) -> list[tuple[Recorded, Received]]:
-        """Messages that have come, in the order in which they were sent."""
+        """Takes the received messages, in the order in which they were sent."""
         taken = [
             (topic, is_latched, message)
             for topic in self._topics.values()
@@ -365,7 +365,7 @@ class TopicRecorder:
     # The report
 
     def _report(self) -> None:
-        """Writes the report if there is something new in it; it is never half there."""
+        """Writes the report atomically, if it has changed."""
         reports = [topic.report() for topic in self._topics.values()]
         report = RecorderReport(domain=self._domain, topics=[*reports, *self._refused.values()])
         if report == self._said:
@@ -378,7 +378,7 @@ class TopicRecorder:
 
 
 def _offer(found: Announced) -> Offer:
-    """Returns how a topic is offered; only publishers that are reliable too send again what they sent before."""
+    """Returns the QoS of a topic's publishers; only reliable ones send earlier messages to new subscribers."""
     return Offer(found.is_latched and found.is_reliable, found.is_reliable, found.depth)
 
 

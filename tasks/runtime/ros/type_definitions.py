@@ -125,7 +125,7 @@ class PackageFiles:
         """Reads the definition of a type from a package's files; a service has three types.
 
         Raises:
-            OSError: It has no such file.
+            OSError: The package has no definition file for the type.
         """
         service, _, part = name.rpartition("_")
         path = package / "srv" / f"{service}.srv"
@@ -139,7 +139,7 @@ class PackageFiles:
         """Adds a type's text and those of all that it needs, by their names in concatenated files.
 
         Raises:
-            Exception: One is missing, or no definition.
+            Exception: The definition of a type is missing or invalid.
         """
         package, _, name = ros_type.split("/")
         texts[f"{package}/{name}"] = text if text.endswith("\n") else f"{text}\n"
@@ -160,7 +160,7 @@ def _read(path: Path) -> str:
     """The text of a file.
 
     Raises:
-        OSError: It is no file, or a large one.
+        OSError: The path is not a regular file, or the file is too large.
     """
     if not path.is_file() or path.stat().st_size > _MOST_FILE_BYTES:  # a pipe would keep who reads it waiting
         raise FileNotFoundError(path)
@@ -180,7 +180,7 @@ def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str
     """The hash of a definition; that of ROS 2 itself takes a `char` for a `uint8`, that of `rosbags` does not.
 
     Raises:
-        Exception: It is no definition.
+        Exception: The text is not a message definition.
     """
     store = get_typestore(Stores.EMPTY)
     store.register(_types_of(definition, ros_type, characters_as))

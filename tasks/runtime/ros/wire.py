@@ -15,7 +15,7 @@ class Topic(NamedTuple):
     """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
 
     is_latched: bool = False
-    """Whether nodes that come later get the last message: `transient local` in ROS 2, `latch` in ROS 1."""
+    """Whether nodes that subscribe later get the last message: `transient local` in ROS 2, `latch` in ROS 1."""
 
     depth: int = 10
     """Messages that are kept for a slow reader."""
@@ -68,7 +68,7 @@ class Wire(Protocol):
         """Announces topics, and subscribes the velocity commands.
 
         Raises:
-            LaunchError: It cannot, and says what would do.
+            LaunchError: The topics cannot be announced; the message says what would help.
         """
         ...
 

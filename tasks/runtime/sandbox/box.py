@@ -56,7 +56,7 @@ class Furnishing:
     The new root lies on a folder that is hidden by it meanwhile, in the box's own mount namespace only.
 
     Raises:
-        OSError: This machine or this user may not mount.
+        OSError: This machine or this user may not mount file systems.
     """
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class Furnishing:
             kernel.restrict_mount(target, kernel.READ_ONLY)
 
     def _make_place(self, target: str, *, is_folder: bool) -> None:
-        """Makes what something can be mounted on, unless it is there; never through a link out of the new root."""
+        """Creates a mount point, a file or folder, unless it exists; never through a link out of the new root."""
         if os.path.exists(target) and os.path.realpath(target).startswith(self._root + "/"):
             return
         parent = target if is_folder else os.path.dirname(target)
@@ -191,7 +191,7 @@ class Box:
     """Sandbox of a run's processes (Linux namespaces), as its supervisor controls it.
 
     Raises:
-        BoxError: This machine or this user may not have one.
+        BoxError: This machine or this user may not create the namespaces.
     """
 
     def __init__(self) -> None:
@@ -215,7 +215,7 @@ class Box:
             services: ports of servers outside that are reached from a network of its own, too.
 
         Raises:
-            BoxError: It cannot be done.
+            BoxError: The files or network cannot be added.
         """
         found: list[int] = []
         shown = [{**asdict(sight), "identity": _identity(sight.path)} for sight in sights]
@@ -241,7 +241,7 @@ class Box:
             Its pid, as this process sees it, whose child it is.
 
         Raises:
-            BoxError: It cannot be forked.
+            BoxError: The process cannot be forked.
         """
         return _orphan(lambda: kernel.enter_namespaces(self.keeper, self._kinds), become)
 
@@ -334,7 +334,7 @@ def _identity(path: str) -> list[int] | None:
 
 
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
-    """A sight that is the same in this namespace of mounts: what was mounted since it was made may not be there."""
+    """Checks that a path is the same in this mount namespace, which lacks later mounts; returns its sight."""
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")
     return Sight(path, view)

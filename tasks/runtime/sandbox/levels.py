@@ -16,7 +16,7 @@ class Confinement(NamedTuple):
 
     level: BoxLevel
     why_not_more: str = ""
-    """Why the stronger levels were refused, in words."""
+    """Reasons why the stronger levels were refused, in words."""
 
 
 def strongest_level() -> Confinement:

@@ -38,7 +38,7 @@ def mark_run(folder: Path, job: str) -> None:
         job: ARN of the job.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the record cannot be written.
     """
     process = process_state(os.getpid())
     assert process is not None
@@ -91,7 +91,7 @@ _OWNER_AT = _HEADER.size + 4 + 48 + 12
 _ERROR = 2  # NLMSG_ERROR
 _MOST_KNOWN = 10_000
 _KNOWN_S = 60.0
-"""How long it is known who has a connection: numbers of sockets come again, after some billions."""
+"""Seconds for which the process of a connection is cached: inodes of sockets are reused, after some billions."""
 
 
 class ConnectionEnd(NamedTuple):
@@ -109,7 +109,7 @@ class Caller:
     """ARN of the job whose process it is; `None`: no job's."""
 
     why_unknown: str | None = None
-    """Why that cannot be told; `None`: it can."""
+    """Reason why the process cannot be determined; `None`: it can."""
 
 
 class Callers:

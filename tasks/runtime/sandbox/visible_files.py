@@ -76,7 +76,7 @@ def _beside(path: str) -> Iterable[str]:
 
 
 def _worth_showing(paths: Iterable[str]) -> list[Path]:
-    """Those that are there, are not much more than what is looked for, and are not shown with the system."""
+    """Chooses the folders that exist, hold little besides the wanted files, and are not visible with the system's."""
     home = os.path.expanduser("~")
     foreign = {*_FOREIGN, home, os.path.realpath(home)}
     system = tuple(f"{path}/" for path in _SYSTEM)

@@ -74,7 +74,7 @@ def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
         folder: The plan's `checkpoint_dir`.
 
     Raises:
-        CheckpointError: It cannot be continued; the message says why.
+        CheckpointError: The run cannot be continued; the message says why.
     """
     try:
         plan = RunPlan.model_validate_json(read_left(folder / PLAN_FILE, _MOST_BYTES))
@@ -101,7 +101,7 @@ def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
         The lock, which is held until this descriptor is closed.
 
     Raises:
-        RunTakenError: Another process runs the run.
+        RunTakenError: Another process executes the run.
         OSError: The folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -153,7 +153,7 @@ def payload_of(path: Path, header: CheckpointHeader) -> bytes:
     """Reads the content of a checkpoint after its header.
 
     Raises:
-        CheckpointError: It is not whole.
+        CheckpointError: The checkpoint is incomplete.
     """
     payload = read_left(path, _MOST_BYTES).partition(b"\n")[2]
     if len(payload) != header.payload_bytes or zlib.crc32(payload) != header.payload_crc32:
@@ -174,7 +174,7 @@ def take_lock(path: Path) -> int:
     """Takes a file lock until the descriptor is closed, or this process ends.
 
     Raises:
-        RunTakenError: Another process has it.
+        RunTakenError: Another process holds the lock.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
@@ -200,7 +200,7 @@ class TrialCheckpoints:
             plan: The run.
 
         Raises:
-            RunTakenError: Another process runs the run.
+            RunTakenError: Another process executes the run.
             OSError: The folder cannot be written.
         """
         self._folder = plan.checkpoint_dir if plan.checkpoint_every_s is not None else None

@@ -159,7 +159,7 @@ class Checkpointer:
             rng: The run's generator.
 
         Raises:
-            CheckpointError: Another process continues the run already.
+            CheckpointError: Another process already continues the run.
             OSError: The folder cannot be written.
         """
         assert plan.checkpoint_dir is not None
@@ -183,7 +183,7 @@ class Checkpointer:
         return self._resumed is not None
 
     def begin(self, parts: RunParts) -> None:
-        """Checks that environment and agent support checkpoints; otherwise a file says why there are none."""
+        """Checks that environment and agent support checkpoints; otherwise writes the reason to a file."""
         programs = [
             f"{program_in_words(program, self._plan)} is a program of its own, whose state cannot be restored"
             for program in self._plan.programs
@@ -237,7 +237,7 @@ class Checkpointer:
             Where the loop goes on.
 
         Raises:
-            CheckpointError: That does not work.
+            CheckpointError: A part of the run cannot be restored.
         """
         assert self._resumed is not None
         path, header = self._resumed
@@ -294,7 +294,7 @@ class Checkpointer:
 
 
 def _why_not_resumable(parts: RunParts) -> list[str]:
-    """Why a run of these parts cannot be continued; empty when it can."""
+    """Returns the reasons why a run of these parts cannot be continued; empty if it can."""
     reasons = [
         f"the {role} ({type(part).__name__}) has no state() and restore()"
         for role, part in (("environment", parts.environment), ("agent", parts.agent))

@@ -208,8 +208,8 @@ def read_timeline(path: Path) -> StateTimeline:
     """Reads `digest.bin`, the hash chain of a run's states, up to the last complete block.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is something else.
+        FileNotFoundError: The file does not exist.
+        ValueError: The file is not a `digest.bin`.
     """
     content = path.read_bytes()
     if not content.startswith(_MAGIC):
@@ -281,7 +281,7 @@ def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
 
 @cache
 def _members(kind: type) -> list[tuple[str, bytes]]:
-    """The members of one of MuJoCo's structures that count, with what is hashed of their names."""
+    """Returns the hashed members of one of MuJoCo's structures, with the bytes that are hashed for their names."""
     names = [name for name in sorted(dir(kind)) if not name.startswith("_") and not name.endswith("_pathadr")]
     return [
         (name, name.encode() + b"=") for name in names if name not in _NOT_COUNTED and not callable(getattr(kind, name))

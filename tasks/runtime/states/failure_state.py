@@ -88,7 +88,7 @@ class FailureRecorder(Observer):
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
     def explain(self) -> str:
-        """Names the joints whose numbers MuJoCo found bad; empty if it named none.
+        """Names the joints whose numbers MuJoCo found bad; empty if it named no joint.
 
         MuJoCo's own words give the number of a degree of freedom, which says nothing to people.
         """

@@ -90,7 +90,7 @@ def _code_here(name: str) -> str:
 
 
 def _places(spec: ModuleSpec | None) -> list[Path]:
-    """Returns the folders of a package, or the file of a module; nothing for what is built in or made by hand."""
+    """Returns the folders of a package, or the file of a module; empty for those built in or made at run time."""
     if spec is None:
         return []
     if folders := list(spec.submodule_search_locations or ()):
@@ -99,7 +99,7 @@ def _places(spec: ModuleSpec | None) -> list[Path]:
 
 
 def _what(name: str, places: Sequence[Path]) -> str | None:
-    """Returns what a module is; None: it is a part of Python or of something that is installed.
+    """Identifies a module's code; None: it is a part of Python or of an installed package.
 
     Compiled modules may load parts of themselves under a name without dots.
     """

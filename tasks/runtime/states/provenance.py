@@ -129,7 +129,7 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
         ended_by: The cause of its end; None: it continues.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     _write_provenance(
         plan,

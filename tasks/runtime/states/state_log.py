@@ -101,7 +101,7 @@ class StateLog:
         What follows a damaged chunk is left out.
 
         Raises:
-            StateLogError: There is no log.
+            StateLogError: The folder has no readable state log.
         """
         try:
             about = json.loads((folder / ABOUT_FILE).read_bytes())
@@ -246,7 +246,7 @@ class StateLogWriter:
         """Logs states from an earlier log, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
 
         Raises:
-            ValueError: They are of another model.
+            ValueError: The states are of another model.
             OSError: The log cannot be written.
         """
         self._begin(model, data)
@@ -363,7 +363,7 @@ class StateLogger(Observer):
 
 
 def _differences(rows: Rows) -> bytes:
-    """Columns of bit patterns, each number as what changed of it since the frame before."""
+    """Transposes the numbers' bit patterns to columns, each as its difference from the frame before."""
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()

@@ -166,7 +166,7 @@ class _Supervisors:
             of_run: The connection of the run that it is for, which it gets by message and must not have twice.
 
         Raises:
-            OSError: There is no room for another process.
+            OSError: The machine has no room for another process.
         """
         ours, theirs = socket.socketpair()
         try:

@@ -160,7 +160,7 @@ class Launcher:
         """Starts the warm process, unless it is running.
 
         Raises:
-            LaunchError: It cannot be started.
+            LaunchError: The process cannot be started.
         """
         with self._lock:
             self._running_server()
@@ -270,7 +270,7 @@ class Launcher:
         return plan_box(settings, confinement, endpoint=os.environ.get(ENDPOINT_VARIABLE))
 
     def _connect(self) -> Connection:
-        """Has a supervisor forked; returns the connection to it."""
+        """Forks a supervisor from the warm process, and returns the connection to it."""
         ours, theirs = socket.socketpair()
         with ours, theirs, self._lock:
             self._running_server().fork(theirs.fileno())
@@ -360,7 +360,7 @@ class _FirstCrash:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns the run's outcome if something crashed in it: failed, unless it was canceled later."""
+        """Returns the run's outcome if one of its programs crashed: failed, unless it was canceled later."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)

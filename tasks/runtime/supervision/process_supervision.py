@@ -149,7 +149,7 @@ class Supervision:
             self._look_at_ports(time.monotonic() + PORTS_PATIENCE_S)
 
     def _look_at_ports(self, until_s: float) -> None:
-        """Tells the launcher once applications listen on the ports that are forwarded, or had their time to."""
+        """Reports to the launcher, once, that applications listen on the forwarded ports, or did not do so in time."""
         if time.monotonic() >= until_s or are_listened_on(self._plan.ports, self._forwarder):
             self._tell({"event": "answering"})
         elif not self._is_stopping:
@@ -242,7 +242,7 @@ class Supervision:
         return True
 
     def _tell_trials(self) -> None:
-        """Tells the launcher how many trials have finished, if there are more than it knows of."""
+        """Reports the number of finished trials to the launcher, if it has grown."""
         finished = self._progress.trials
         if finished > self._told_trials and time.monotonic() >= self._next_tell_s:
             self._told_trials, self._next_tell_s = finished, time.monotonic() + TELL_TRIALS_EVERY_S

@@ -123,7 +123,7 @@ class Program:
         fork: Forks its process, in a box for example.
 
     Raises:
-        OSError: Its logs cannot be made.
+        OSError: The logs of the program cannot be created.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Program:
         """Starts the program.
 
         Raises:
-            StartError: There is no such program, or it cannot be executed.
+            StartError: The program does not exist, or cannot be executed.
         """
         self._started_at = self._clock()
         self._starts += 1
@@ -173,7 +173,7 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """Returns what a ROS launch program could not launch, if its log says so since the last call."""
+        """Returns a launch failure of a ROS launch program that its log has reported since the last call."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:
@@ -217,7 +217,7 @@ class Program:
 
     @property
     def restarts(self) -> ToolEnds | None:
-        """How often the program was restarted, and why the last time; `None` if never."""
+        """Number of the program's restarts, and reason of the last one; `None` if it was never restarted."""
         if not self._ends:
             return None
         plan = self.plan
@@ -225,7 +225,11 @@ class Program:
         return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
 
     def clean_up(self) -> int | None:
-        """Starts the program's cleanup command (such as removing a container); returns its process id."""
+        """Starts the program's cleanup command, such as removing a container, and returns the command's process id.
+
+        Returns:
+            The process id; `None` if the program has no cleanup command or never started, or the command cannot start.
+        """
         if self.plan.cleanup_argv is None or self._starts == 0:
             return None
         try:
@@ -260,7 +264,7 @@ def spawn(
         Its pid.
 
     Raises:
-        StartError: It cannot be executed.
+        StartError: The executable cannot be started.
     """
     failed, tell = os.pipe()
 

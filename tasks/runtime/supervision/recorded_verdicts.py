@@ -34,7 +34,7 @@ def judge_topics(
     stop: Callable[[], str | None],
     environment: Mapping[str, str],
 ) -> None:
-    """Judges requirements by what a run recorded, and changes its result.
+    """Judges requirements by a run's recording, and updates the run's result.
 
     Of a run that had only programs these are all; of one with a simulation those that are judged by topics only.
 
@@ -65,7 +65,7 @@ def judge_topics(
 
 
 def _has_recorder(plan: RunPlan) -> bool:
-    """Whether topics were to be recorded: there was a recorder, or its log says why there was none."""
+    """Whether topics were to be recorded: a recorder ran, or its log says why it did not."""
     has_log = (plan.output_dir / LOG_FOLDER / f"{PROGRAM}.log").is_file()
     return has_log or any(program.name.endswith(f".{PROGRAM}") for program in plan.programs)
 

@@ -122,7 +122,7 @@ def _size(folder: Path, parts: Sequence[Path]) -> int:
 def _joined(
     folder: Path, parts: Sequence[Path], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
 ) -> list[str]:
-    """Joins the files; returns what did not work, as the end of a sentence about their topics."""
+    """Joins the files; returns the failure as the end of a sentence about their topics."""
     names = [part.name for part in parts]
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)

@@ -47,7 +47,7 @@ class Crash:
 
 @dataclass(frozen=True)
 class Exit:
-    """How a run ended, as its supervisor saw it."""
+    """End of a run, as its supervisor observed it."""
 
     exit_code: int | None
     """Exit code of the run's process; 0 where the run has none and ended by itself."""

@@ -85,7 +85,7 @@ def _is_ready(run: WaitingRun, sights: Sequence[Sight], request: RunRequest, mes
     """Furnishes the box of a waiting process and tells it of its run, unless it has been killed or is out of date.
 
     Raises:
-        OSError: It is the last that is tried, and it cannot be furnished.
+        OSError: The box cannot be furnished, and `is_last` is true.
     """
     if run.box is not None:
         try:

@@ -87,7 +87,7 @@ class CameraRecorder(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records a picture, and publishes what nodes listen to.
+        """Records a picture, and publishes the camera topics that nodes subscribe to.
 
         Raises:
             RecordingError: The recording cannot be written.

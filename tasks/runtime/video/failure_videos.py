@@ -108,7 +108,7 @@ def _carry_out(
     stop: Callable[[], str | None],
     deadline_s: float,
 ) -> str | None:
-    """Runs the program that renders the videos; returns what went wrong."""
+    """Runs the program that renders the videos; returns the failure in words."""
     remarks_path = work_dir / _REMARKS_FILE
     remarks_path.unlink(missing_ok=True)
     with remarks_path.open("xb") as remarks:

@@ -63,7 +63,7 @@ class LiveFrames:
         self.camera = settings.camera
         """`follow`, `top`, `both`, or the name of a camera of the model."""
         self.problem = ""
-        """Why there are no pictures; empty if there are."""
+        """Reason why the run has no pictures; empty if it has."""
         self.closed = False
         """Whether the run is over."""
         self._backend, self._settings = backend or RAYS, settings
@@ -184,7 +184,7 @@ _PAGE = Path(__file__).with_name("live_view.html")
 _CHECK_EVERY_S = 0.1
 """Simulated time between two looks at whether anybody watches."""
 PATIENCE_S = 2.0
-"""How long a request waits for the next picture."""
+"""Longest wait of a request for the next picture."""
 _MAX_VIEWERS = 16
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 _BOUNDARY = "frame"

@@ -37,7 +37,7 @@ def write_videos(request: VideoRequest) -> None:
     """Renders `last-10s.mp4`, `poster.png`, and if asked for `video.mp4`, from a state log.
 
     Raises:
-        StateLogError: There is no log.
+        StateLogError: The run has no state log.
         ValueError: No state was noted, or there is no such camera.
         Exception: OpenGL does not work here, or the files cannot be written.
     """

@@ -32,18 +32,18 @@ from .video_settings import (
 
 
 class VideoWriter:
-    """Writer of an H.264 video file, which gets its name only when complete."""
+    """Writer of an H.264 video file, which is renamed to its path when it is complete."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
-        """Opens the file.
+        """Opens the file under a temporary name.
 
         Args:
-            path: Where it will be.
+            path: Path of the complete file.
             size: Width and height in pixels, both even.
-            rate_hz: Pictures per second.
+            rate_hz: Frames per second.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         self.frames = 0
         self.rate_hz = rate_hz
@@ -66,7 +66,7 @@ class VideoWriter:
         self.frames += 1
 
     def close(self) -> None:
-        """Finishes the file, and gives it its name."""
+        """Finishes the file, and renames it to its path."""
         self._container.mux(self._stream.encode(None))
         self._container.close()
         self._unfinished.replace(self._path)
@@ -99,18 +99,18 @@ class ViewRenderer:
         environment_camera: str | None = None,
         said_by: str = CAMERA_VARIABLE,
     ) -> None:
-        """Makes a camera.
+        """Creates the renderer, with its OpenGL context.
 
         Args:
-            model: The model.
-            settings: Camera and size.
-            backend: `egl`, `osmesa` or `rays`.
-            environment_camera: The environment's `video_camera`; the settings go before it.
-            said_by: Where the camera of the settings comes from, for the error.
+            model: The MuJoCo model.
+            settings: Camera and size of the video.
+            backend: `egl`, `osmesa` or `rays` (ray casting without OpenGL).
+            environment_camera: Camera name from the environment's `video_camera`, used if the settings name none.
+            said_by: Variable or option that names the camera of the settings, for the error message.
 
         Raises:
-            CameraNameError: There is no such camera.
-            Exception: OpenGL does not work here; the kind depends on the driver.
+            CameraNameError: The model has no camera of that name.
+            Exception: OpenGL does not work on this machine; the class depends on the driver.
         """
         self.size = settings.size or (_RAY_SIZE if backend == RAYS else DEFAULT_SIZE)
         width, height = self.size

@@ -54,7 +54,7 @@ def video_settings(variables: Mapping[str, str]) -> VideoSettings:
     """Reads the video settings from `ROBOMAKER_VIDEO_CAMERA`, `ROBOMAKER_VIDEO_SIZE` and `ROBOMAKER_VIDEO_FPS`.
 
     Raises:
-        LaunchError: One of them is no camera, size or rate.
+        LaunchError: A variable is not a valid camera, size or rate.
     """
     camera = variables.get(CAMERA_VARIABLE)
     if camera is not None and not camera.strip():
@@ -80,7 +80,7 @@ def appearance_of(plan: RunPlan) -> str | None:
     """Returns the name of the lighting that a run's variables ask for; `None` if they ask for none.
 
     Raises:
-        LaunchError: There is no such appearance.
+        LaunchError: No appearance has this name.
     """
     name = variables_of(plan).get(APPEARANCE_VARIABLE)
     if name is None:

@@ -46,7 +46,7 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 
 @contextmanager
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
-    """Notes a container that is made inside the `with` block; yields its name with the suffix added.
+    """Records on disk a container that is created inside the `with` block, for its removal; yields its suffixed name.
 
     If another container had the name, the note is taken back: that one is not this run's to remove.
     """
@@ -119,7 +119,7 @@ def remove_run(folder: Path) -> bool:
 
 
 def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
-    """Removes the memory that the containers of a run share; returns what stays of it."""
+    """Deletes the shared memory of a run's containers; returns error texts for memory that cannot be deleted."""
     left, said = remove_shared_memory(folder), ""
     for note, place in product({note.image: note for note in notes}.values(), left):
         try:
@@ -159,7 +159,7 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Notes these containers and no others."""
+    """Replaces the recorded containers by these."""
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return
@@ -195,7 +195,7 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     Args:
         folder: the run's own folder.
         output_dir: the run's outputs.
-        problems: what else is to be noted in their log.
+        problems: further problems to write to the log.
     """
     notes = list(problems)
     for role in ROLES:

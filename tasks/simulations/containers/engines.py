@@ -57,8 +57,8 @@ class Engine:
     """A container engine, docker or podman.
 
     Args:
-        program: its path.
-        environment: what it is called with.
+        program: path of the engine's executable.
+        environment: environment variables of its calls.
         is_podman: whether it is podman, whatever it is called.
         instead_of: why it is not another engine, in words.
     """
@@ -84,7 +84,7 @@ class Engine:
             through: a command line that runs the one that it is given.
 
         Raises:
-            EngineError: it failed, took too long, or was `stopped`.
+            EngineError: the command failed, took too long, or was `stopped`.
         """
         try:
             process = subprocess.Popen(
@@ -137,7 +137,7 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
         which: finds a program on the path.
 
     Raises:
-        LaunchError: there is none, or none answers; says what each said.
+        LaunchError: no container engine is installed, or none answers; the message has the answer of each.
     """
     named = environ.get(ENGINE_VARIABLE)
     said = []
@@ -174,14 +174,15 @@ def get_image(
     named by its digest and is here already. One that is here is used where the registry does not give it.
 
     Args:
-        engine: where it is to be.
-        uri: its name.
-        role: of the application, for failure codes.
-        digest: what it has to be; `None`: whatever the name means now.
+        engine: the container engine that pulls the image.
+        uri: name of the image.
+        role: role of the application, for failure codes.
+        digest: expected digest of the image; `None`: the one that the name refers to now.
         stopped: asked several times a second whether to give up.
 
     Raises:
-        LaunchError: it cannot be had, is another one, or breaks the rules for images.
+        LaunchError: the image cannot be pulled, differs from the one of the application's version, or breaks the rules
+            for images.
     """
     if uri.startswith("-"):  # an option, to an engine
         raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0")
@@ -229,10 +230,10 @@ def copy_out(
     the caller's, and the image's `USER` may write to them too.
 
     Args:
-        engine: where the image is.
+        engine: the container engine that has the image.
         uri: the image.
         name: for the container that is made for this, and removed.
-        folders: by the path in the image, the folder here.
+        folders: local folders by the paths in the image.
         stopped: asked several times a second whether to give up.
 
     Raises:

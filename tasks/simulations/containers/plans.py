@@ -70,16 +70,17 @@ def plan_container(
 
     Args:
         role: the application's.
-        application: it, or the version of it.
-        uri: its image.
-        config: its entry in the job's request.
-        run_environment: what it finds.
+        application: the application or application version.
+        uri: name of the application's image.
+        config: entry of the application in the job's request.
+        run_environment: folders, variables and limits of the run.
         drives: whether it is a robot application that drives a simulation over a socket.
         variables: usual ones, which its launch configuration may set otherwise.
         bridge: the job's ROS bridge, if it has one.
 
     Raises:
-        LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
+        LaunchError: no container engine answers, the image cannot be pulled or may not be run, or the container cannot
+            be created.
     """
     launch = config["launchConfig"]
     _check_network(run_environment.service.settings)
@@ -188,7 +189,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
-    """A name that no other container has: who runs a stored run again does so under its id, in another folder."""
+    """Makes a unique container name: a stored run is repeated under its id, in another folder."""
     digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
     return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
@@ -197,7 +198,7 @@ def check_gpu(container: Container, name: str) -> None:
     """Checks with a test container whether the engine can give a GPU to containers.
 
     Raises:
-        LaunchError: it cannot; says why.
+        LaunchError: the engine cannot give containers a GPU; the message says why.
     """
     engine = container.engine
     try:
@@ -212,7 +213,7 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
-    """Folders for a container, with what its image has there; any `USER` may write to them."""
+    """Makes folders for a container, filled with the image's content of them; any `USER` may write to them."""
     sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
@@ -248,7 +249,7 @@ def _mounts(sandbox: Sandbox, run_environment: RunEnvironment, drives: bool) -> 
 
 
 def _make_mount_point(sandbox: Sandbox, path: str) -> None:
-    """Makes a folder below what the image has, where the engine would make one that belongs to root.
+    """Creates a mount point in a container's folder, since one that the engine creates would belong to root.
 
     Raises:
         LaunchError: the image has something else there; links could lead anywhere.

@@ -70,10 +70,10 @@ def endpoint_variables(
     The files that they name are written.
 
     Args:
-        variables: of the run so far.
-        role: that its request names.
+        variables: environment variables of the run so far.
+        role: role that the job's request names.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
         environ: variables of this process.
         has_role_keys: whether the role has credentials.
     """

@@ -78,7 +78,7 @@ def remove(folder: Path) -> None:
 
 
 def _unprotect_and_retry(function: object, path: str, problem: object) -> None:
-    """Makes the folder of what cannot be removed writable, and removes it then."""
+    """Makes the parent folder of a file that cannot be deleted writable, and deletes the file then."""
     del function, problem
     target = Path(path)
     for folder in (target.parent, target):
@@ -101,7 +101,7 @@ def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
 
     Args:
         folder: the run's own folder.
-        machines: where the machine has a file system in memory.
+        machines: path of the machine's file system in memory.
     """
     for private in shared_memory_places(folder, machines):
         try:
@@ -124,7 +124,7 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]
 
     Args:
         folder: the run's own folder.
-        machines: where the machine has a file system in memory.
+        machines: path of the machine's file system in memory.
 
     Returns:
         What of it is still there: root in a container may make folders that only root may empty.
@@ -144,7 +144,7 @@ def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path
 
     Args:
         folder: the run's own folder.
-        machines: where the machine has a file system in memory.
+        machines: path of the machine's file system in memory.
     """
     digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
     return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"

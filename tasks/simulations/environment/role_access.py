@@ -31,7 +31,7 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
     """Returns the service with the object-store access of the role that a request names.
 
     Raises:
-        LaunchError: there is no such role, or its credentials are no good.
+        LaunchError: the role does not exist, or its credentials are refused.
         StorageUnavailableError: the store does not answer.
     """
     try:
@@ -46,7 +46,7 @@ def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Servi
     Args:
         request: the job's.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         LaunchError: the role has no credentials.
@@ -74,10 +74,10 @@ def access_variables(
     has credentials: SDKs would take them for those of the store.
 
     Args:
-        variables: of the run.
+        variables: environment variables of the run.
         request: the job's.
         sandbox: the run's folders.
-        service: where the job is stored.
+        service: the service, with its catalog and object store.
         environ: variables of this process.
 
     Raises:
@@ -187,12 +187,12 @@ def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every
 
     Args:
         request: the job's.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
         folder: the run's own.
         every_s: how often it is looked whether they have changed, in seconds.
 
     Raises:
-        LaunchError: they cannot be had.
+        LaunchError: the role gives no credentials.
         StorageUnavailableError: the server does not answer.
     """
     keys = role_keys(request, service)

@@ -188,7 +188,7 @@ def compute_limits(
         nice: niceness of all that it starts.
 
     Raises:
-        LaunchError: it asks for a GPU, and there is none.
+        LaunchError: the job needs a GPU, and this machine has none.
     """
     compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
     wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0
@@ -208,8 +208,8 @@ def disk_limit(folder: Path, most_bytes: int) -> int:
     What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 
     Args:
-        folder: where.
-        most_bytes: what it may write to a disk that is large enough.
+        folder: folder that is written to.
+        most_bytes: limit in bytes on a disk that is large enough.
     """
     free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
     return min(most_bytes, max(free, _LEAST_DISK_BYTES))

@@ -47,7 +47,7 @@ def unpack_colcon_bundle(folder: Path) -> None:
         folder: the unpacked outer archive.
 
     Raises:
-        BundleError: it is a colcon bundle, but of another version, damaged or incomplete.
+        BundleError: the colcon bundle is of another version, damaged or incomplete.
         StorageError: the disk is full, or the folder cannot be written.
     """
     try:
@@ -70,7 +70,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
     """Returns the local folder of a world's files, after downloading them if necessary.
 
     Raises:
-        StorageError: it cannot be fetched.
+        StorageError: the world's files cannot be downloaded.
     """
     bundle = WorldDocument.of(world).bundle
     if bundle is None:
@@ -89,12 +89,12 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
     Args:
         source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
         role: `Robot` or `Simulation`, for failure codes.
-        service: where the archive is stored.
+        service: the service, with its catalog and object store.
         is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
             `$LATEST` is whatever is there now.
 
     Raises:
-        LaunchError: it is gone, is not what it was, may not be read or cannot be unpacked.
+        LaunchError: the archive was deleted or changed, may not be read, or cannot be unpacked.
         StorageError: the object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
@@ -133,7 +133,7 @@ def remove_unless_used(copy: Path, before: datetime) -> bool:
     """Deletes a local copy of a bundle, unless it was used since a time.
 
     Args:
-        copy: its folder.
+        copy: folder of the local copy.
         before: the time.
 
     Returns:
@@ -209,7 +209,7 @@ def _locked(file: TextIO) -> bool:
 
 
 def _remove_parts(part: Path) -> None:
-    """Removes a folder that was to be filled, and what filling it has put beside it."""
+    """Deletes an incomplete folder, and the temporary files beside it."""
     for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
         shutil.rmtree(left, ignore_errors=True)
 
@@ -228,7 +228,7 @@ def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
 
     Args:
         world: the world.
-        service: where its bundle is stored.
+        service: the service, with its catalog and object store.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:
@@ -245,7 +245,7 @@ def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: 
     Args:
         request: for the job.
         world: the world it names.
-        service: where that is stored.
+        service: the service, with its catalog and object store.
         where: the path of `request` in a batch's request, with a dot at its end.
 
     Raises:

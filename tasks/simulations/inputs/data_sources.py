@@ -34,7 +34,7 @@ def resolve_data_sources(
 
     Args:
         configs: the data sources of a request.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         role: ARN of the role that reads them.
 
     Raises:
@@ -150,7 +150,7 @@ def _fetch(source: ResolvedDataSource, item: ResolvedKey, folder: Path, service:
 
 
 def _unpack(archive: Path, folder: Path, *, has_destination: bool) -> None:
-    """Replaces a fetched archive by what is in it."""
+    """Replaces a downloaded archive by its content."""
     if not has_destination:
         unpack(archive, archive.with_name(archive.name.removesuffix(".zip").removesuffix(".tar.gz")))
         archive.unlink()

@@ -39,10 +39,10 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
     Args:
         world: the job's world.
         sandbox: the run's folders.
-        service: where the world is stored.
+        service: the service, with its catalog and object store.
 
     Raises:
-        LaunchError: they cannot be made.
+        LaunchError: the packages cannot be written.
         StorageError: the world's bundle cannot be fetched.
     """
     from ...worldforge.exports.export import archive_name  # brings MuJoCo
@@ -66,8 +66,8 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
     """Makes the variables with which ROS programs find the packages of the job's world first.
 
     Args:
-        packages: where they are.
-        variables: those that the programs have otherwise.
+        packages: folder of the packages.
+        variables: other environment variables of the programs.
         in_container: whether the programs find the folders of the job at the root.
     """
     prefix = f"{WORLD_PACKAGES}/{_PREFIX}" if in_container else str(packages.prefix)
@@ -87,7 +87,7 @@ def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
 
     Args:
         folder: the run's own copy.
-        packages: where the packages of the job's world are.
+        packages: folder of the packages of the job's world.
     """
     for start in package_folders(folder):
         for parent, _, files in os.walk(start):
@@ -114,7 +114,7 @@ def _copy(source: Path, target: Path, *, writable: bool) -> None:
 
 @cache
 def _code() -> str:
-    """Tells what writes packages: another one may write them differently."""
+    """Returns an identifier of the code that writes the packages: other code may write them differently."""
     modules = sorted(Path(ros_prefix.__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
     return f"{metadata.version('prefect-robomaker')} {digest}"

@@ -69,9 +69,9 @@ class LeftOut:
         """Records a file that is not uploaded.
 
         Args:
-            name: its path among the outputs.
-            why: what is wrong with it, as a predicate.
-            size_bytes: its size.
+            name: path of the file among the outputs.
+            why: reason, as a predicate.
+            size_bytes: size of the file in bytes.
         """
         self.count(1, size_bytes)
         if len(self._named) < _MOST_NAMED:
@@ -149,14 +149,14 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
     many as there is room for are kept in memory.
 
     Args:
-        folder: where the run wrote.
-        prefix: of the keys that the files get.
-        room: what may be stored; it is taken, and is told what is left out.
-        ended: asked before each file whether to end that; quick.
+        folder: folder of the run's outputs.
+        prefix: prefix of the keys that the files get.
+        room: space for stored files; the listed files are taken from it, and the left-out ones recorded in it.
+        ended: polled before each file, so it has to be quick; true stops the listing.
 
     Raises:
         TransferStoppedError: `ended` said so.
-        StorageError: there is no such folder.
+        StorageError: the folder of the outputs does not exist.
     """
     count = size_bytes = 0
 

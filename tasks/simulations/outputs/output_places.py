@@ -69,8 +69,8 @@ def prepare_bucket(service: Service, bucket: str) -> None:
     goes on to do so.
 
     Raises:
-        BucketNotFoundError: it does not exist, and is not ours to create.
-        StorageError: it cannot be created.
+        BucketNotFoundError: the bucket does not exist, and its creation is not the service's task.
+        StorageError: the bucket cannot be created.
     """
     ours = bucket == service.settings.bucket or service.store.local_path(bucket, "any") is not None
     try:
@@ -95,8 +95,8 @@ def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
     Such buckets are made, as programs rely on it.
 
     Args:
-        service: where buckets are.
-        bucket: that of the job's outputs.
+        service: the service, with its catalog and object store.
+        bucket: bucket of the job's outputs.
         folder: the run's own folder.
     """
     place = service.store.local_path(bucket, "any")
@@ -138,14 +138,14 @@ _ASK_EVERY_S = 0.2
 
 
 class UploadEnd:
-    """Tells whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
+    """Checks whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
 
     A batch whose time is over lets uploads finish.
 
     Args:
         job: ARN of the job.
         batch: ARN of its batch; `None`: it has none.
-        catalog: where it is stored.
+        catalog: the catalog.
         why_stop: why the job has to end; `None` if it does not have to.
     """
 

@@ -37,11 +37,11 @@ class RollingUploads:
     Args:
         uploads: the configurations; see `rolling_only`.
         folder: the run's own folder.
-        store: where files go.
-        bucket: where they go.
-        prefix: of the run's outputs.
-        every_s: seconds between two looks for finished files.
-        room: what may be stored of the run; files without room wait for the end, which leaves them out by name.
+        store: object store that files are uploaded to.
+        bucket: name of the bucket.
+        prefix: prefix of the run's outputs.
+        every_s: seconds between two polls for finished files.
+        room: space left for files of the run; files without space wait for the end, which leaves them out by name.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class RollingUploads:
         return visit
 
     def _has_room(self, key: str, more_bytes: int) -> bool:
-        """Whether a file has room beside what was taken so far."""
+        """Whether a file fits in the space left beside the files taken so far."""
         room = self._room
         if room is None:
             return True

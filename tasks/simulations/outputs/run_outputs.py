@@ -49,7 +49,7 @@ class RunOutputs:
         job: the job.
         run_id: the run.
         folder: the run's own folder.
-        service: where they are stored.
+        service: the service, with its catalog and object store.
         sleep: waits, in seconds.
     """
 
@@ -91,7 +91,7 @@ class RunOutputs:
         """Checks before a long run that its outputs can be uploaded.
 
         Raises:
-            LaunchError: there is no such bucket, or the job's role may not write there, or is none.
+            LaunchError: the bucket does not exist, the job's role may not write to it, or the role does not exist.
         """
         service = acting_service(self._request, self._service)
         try:
@@ -136,8 +136,8 @@ class RunOutputs:
             ended: asked all the time whether to end that at once; quick. `conclude` has to follow.
 
         Raises:
-            TransferStoppedError: it is outdated, or ended.
-            StorageError: that does not work.
+            TransferStoppedError: `outdated` or `ended` returned true.
+            StorageError: the outputs cannot be stored.
             OSError: the outputs cannot be read.
         """
         service = self._patient(stopped)
@@ -176,7 +176,7 @@ class RunOutputs:
         return self.place
 
     def conclude(self, about: Mapping[str, Any], *, finished: bool) -> tuple[StoredPlace, str | None]:
-        """Publishes what was uploaded before the upload was stopped, usually a part.
+        """Publishes the files, usually not all, that were uploaded before the upload was stopped.
 
         Args:
             about: how the run ended.
@@ -186,7 +186,7 @@ class RunOutputs:
             Where it is stored, and what of it in words; `None`: all of it.
 
         Raises:
-            StorageError: that does not work.
+            StorageError: the manifest cannot be stored.
             OSError: the result cannot be read.
         """
         service = self._patient(lambda: True)
@@ -236,7 +236,7 @@ class RunOutputs:
             stopped: see `store`.
 
         Raises:
-            StorageError: they are not.
+            StorageError: the outputs were not uploaded completely.
         """
         read_manifest(self._patient(stopped).store, self.bucket, self.prefix)
 
@@ -255,7 +255,11 @@ class RunOutputs:
         return service.patient(self._job.id, stopped, sleep=self._sleep)
 
     def _about(self, about: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the manifest's description of the run, and of the files left out."""
+        """Makes the manifest's description of the run, and of the output files that were not stored.
+
+        Args:
+            about: further members of the description.
+        """
         job = {"job": self._job.arn, "run": self._run_id, "seed": SimulationJobDocument.of(self._job).seed}
         return {**job, **about, **self._left_out.about()}
 

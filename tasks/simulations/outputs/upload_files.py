@@ -33,7 +33,7 @@ def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
 
     Args:
         root: what `/` is for the glob.
-        glob: which files.
+        glob: pattern of the files.
         visit: see `Visit`; may take the file away.
     """
     with _opened_below(root, glob.fixed_folder) as folder:
@@ -92,11 +92,11 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
 
     Args:
         folder: descriptor of its folder.
-        name: its name there.
+        name: name of the file there.
         target: the other path; its folder is made.
 
     Raises:
-        OSError: it is not there, is no regular file, or may not be read.
+        OSError: the file does not exist, is not a regular file, or may not be read.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
@@ -113,14 +113,14 @@ def take(folder: int, name: str, target: Path) -> bool:
 
     Args:
         folder: descriptor of its folder.
-        name: its name there.
-        target: where to, on the same file system; its folder is made.
+        name: name of the file there.
+        target: new path on the same file system; its folder is created.
 
     Returns:
         Whether it was taken: no process can write to it any more.
 
     Raises:
-        OSError: it is not there, is no regular file, or may not be read or moved.
+        OSError: the file does not exist, is not a regular file, or may not be read or moved.
     """
     with open_left(Path(name), folder) as content:
         if is_written_to(content.fileno()):

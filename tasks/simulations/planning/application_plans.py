@@ -49,7 +49,7 @@ def with_ros_companions(
     Args:
         programs: the applications that are programs, and tools.
         ros: the first of them that ROS launches; `None`: none is.
-        run_environment: what they find.
+        run_environment: folders, variables and limits of the run.
         wants_topics: whether all topics of ROS 1 are to be recorded; those of ROS 2 are when the plan is whole.
     """
     found = list(programs)
@@ -65,7 +65,7 @@ def with_ros_companions(
 
 
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """The job's services, where its ROS has what nodes in Python need; all programs find the package of messages."""
+    """Adds the job's ROS services, if the job's ROS can run Python nodes; all programs find the message package."""
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
 
@@ -103,7 +103,7 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
 def _companion(
     ros: RosLaunch, name: str, argv: Sequence[str], run_environment: RunEnvironment, variables: Mapping[str, str]
 ) -> ProgramPlan:
-    """A program beside a launch; its own log is none of the application's, which are uploaded from the job's home."""
+    """Plans a program beside a launch; its ROS log is kept apart from the application's, which are uploaded."""
     logs: Path = run_environment.sandbox.place(f"{TEMPORARY}/{name}")
     return ProgramPlan(
         name=f"{ros.program.role}.{name}",  # a tool's name has a dash there
@@ -140,10 +140,10 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 
     Args:
         request: the job's request.
-        run_environment: what they find.
+        run_environment: folders, variables and limits of the run.
 
     Raises:
-        LaunchError: something cannot be had or started; carries the job's failure code.
+        LaunchError: an application cannot be downloaded or started; the error carries the job's failure code.
         StorageError: the object store does not answer.
     """
     planned = Applications()
@@ -175,7 +175,7 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
     """Makes the robot application the one that follows a policy, of its own files if there is one.
 
     Raises:
-        LaunchError: it is a container, whose files are not read here.
+        LaunchError: the robot application is a container, whose files are not read here.
     """
     robot = planned.plans.get("robot")
     if robot is not None and robot.attribute is None:
@@ -242,7 +242,7 @@ def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> 
 
 
 def _note_no_bridge(run_environment: RunEnvironment, why: str) -> None:
-    """Says in the log that the bridge would write why there is none."""
+    """Writes to the log of the ROS bridge why the run has no bridge."""
     log = run_environment.plan.output_dir / "logs" / "robot.ros-bridge.stderr.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text(f"no bridge to nodes of ROS 1: {why}\n")
@@ -259,7 +259,7 @@ def _plan(
     planned: Applications,
     has_master: bool,
 ) -> tuple[str, Factory | Program]:
-    """Adds an application to what is planned; returns its name and what starts it.
+    """Adds an application to the plan; returns its name, and the factory or program that starts it.
 
     With `has_master` another application brings the job's ROS master.
     """

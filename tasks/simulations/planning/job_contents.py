@@ -46,8 +46,8 @@ class CurrentApplications:
     """Looks applications up in the catalog, each only once for many jobs.
 
     Args:
-        service: where they are stored.
-        planned: by ARN, and by role and name, what takes the place of the catalog's.
+        service: the service, with its catalog and object store.
+        planned: applications that replace those of the catalog, by ARN, and by role and name.
     """
 
     def __init__(self, service: Service, planned: Mapping[str, Resource] | None = None) -> None:
@@ -60,7 +60,7 @@ class CurrentApplications:
         """Finds an application by ARN or name, or one version of it.
 
         Raises:
-            ResourceNotFoundException: there is none.
+            ResourceNotFoundException: the catalog has no such application or version.
         """
         planned = self._planned.get(reference) or self._planned.get(f"{role} {reference}")
         if planned is not None and version in (None, LATEST):
@@ -74,7 +74,7 @@ class CurrentApplications:
         """Identifies an application's content by a text, such as its archive's ETag; empty if unknown.
 
         Raises:
-            StorageError: its archive cannot be read.
+            StorageError: the archive of the application cannot be read.
         """
         document = ApplicationDocument.of(application)
         key = (application.arn, document.version, document.revision_id)
@@ -103,8 +103,8 @@ def contents_of_request(
 
     Args:
         request: the request of a job.
-        service: where worlds and applications are stored.
-        applications: what applications are; absent: as they are in the catalog.
+        service: the service, with its catalog and object store.
+        applications: source of applications; absent: the catalog.
 
     Raises:
         ResourceNotFoundException: the world or an application does not exist.
@@ -150,7 +150,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
 
     Args:
         requests: the requests of the jobs.
-        current: what applications are; what does not exist is left out, and fails when its job is made.
+        current: source of applications; missing ones are left out, and fail when their job is made.
 
     Returns:
         The packages; `None`: the jobs import nothing but what is built in, or runs in containers.
@@ -256,7 +256,7 @@ def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str
 
 
 def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
-    """The installed package that a request's policy is of, by name, with what it is here; of an application's, none."""
+    """Returns name and digest of the installed package of a request's policy; empty for an application's policy."""
     policy = policy_in(request)
     module = None if policy is None or request.get("robotApplications") else parse_policy(policy).module
     if module is None or (content := package_content(module)) == _BUILT_IN:
@@ -265,7 +265,7 @@ def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
-    """The version of what computes a policy's network, whose last bits may depend on it."""
+    """Returns the version of the library that evaluates a policy's network: its last bits may depend on it."""
     policy = policy_in(request)
     if policy is None or not parse_policy(policy).is_onnx:
         return {}
@@ -346,7 +346,7 @@ def _unknown(*contents: str | None) -> str | None:
 
 
 def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
-    """Why the robot's files may be others the next time: they are nowhere in what is compared."""
+    """Returns the reason why the robot's files may differ the next time: the compared contents do not include them."""
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}

@@ -70,13 +70,13 @@ def resolve_launch(
 
     Args:
         code: the application.
-        launch: its launch configuration.
+        launch: launch configuration of the application.
         which: finds programs that are not in the bundle.
         python: the interpreter for scripts.
         has_master: another application of the job brings the ROS 1 master.
 
     Raises:
-        LaunchError: it is not there, or cannot be started on this machine.
+        LaunchError: the function or program does not exist, or cannot be started on this machine.
     """
     if command := launch.get("command"):
         return Program(_with_overlays(code, (_find_program(code, command[0], which), *command[1:])))
@@ -100,7 +100,7 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
         robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
 
     Raises:
-        LaunchError: it does not.
+        LaunchError: the simulation application makes no environment for a robot application that needs one.
     """
     if simulation is None or robot is None:
         return
@@ -169,7 +169,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
     """A program of the ROS in a colcon bundle, which was built for another system than this machine's.
 
     Raises:
-        LaunchError: what runs it is missing here.
+        LaunchError: the interpreter of the program is missing on this machine.
     """
     if (interpreter := missing_interpreter(code.folder, program, which)) is None:
         return program
@@ -247,7 +247,7 @@ def _is_file_of(folder: Path, path: Path) -> bool:
 
 
 def _runnable(code: Code, path: Path) -> Path:
-    """A file that can be executed, or could be if archives kept that: it says what interprets it."""
+    """Checks that a file is executable, or has a `#!` line: archives may lose executable bits."""
     if not os.access(path, os.X_OK):
         with path.open("rb") as content:
             if content.read(2) != b"#!":

@@ -54,7 +54,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
         application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
 
     Raises:
-        LaunchError: it says something else.
+        LaunchError: the launch variable is not a number of seconds.
     """
     variables: Mapping[str, str] = application.environment_variables if application else {}
     text = variables.get(EVERY_VARIABLE)
@@ -73,7 +73,7 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
 
     Args:
         job: the job.
-        folder: of that run.
+        folder: folder of that run.
     """
     if job.status != "Running":
         return None
@@ -91,7 +91,7 @@ def reached_s(folder: Path) -> float:
     """Returns the simulated time in seconds of a run's last checkpoint; 0 without one.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
     """
     last = last_checkpoint(folder / CHECKPOINTS_FOLDER)
     return last[1].sim_time_s if last else 0.0
@@ -101,7 +101,7 @@ def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
     """Checks that a plan is that of a run: its applications could write to where it was.
 
     Raises:
-        CheckpointError: it names another run, folders of others, more time, or programs, with which no run is
+        CheckpointError: the plan names another run, folders of others, more time, or programs, with which no run is
             continued.
     """
     folder = folder.absolute()
@@ -141,7 +141,7 @@ def run_plan(
         stopped: asked while something takes long whether to give up.
 
     Raises:
-        LaunchError: something cannot be had; carries the job's failure code.
+        LaunchError: an input cannot be downloaded; the error carries the job's failure code.
         StorageUnavailableError: the object store does not answer.
     """
     document = SimulationJobDocument.of(job)

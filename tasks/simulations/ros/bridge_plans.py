@@ -28,7 +28,7 @@ def bridge_plan(
     Args:
         launched_by: ROS that reads its launch file; none: it has none.
         suite: The application's `robotSoftwareSuite`.
-        variables: Those of its launch configuration.
+        variables: Environment variables of the launch configuration.
         domain: The job's domain of ROS 2.
 
     Returns:
@@ -81,7 +81,7 @@ def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
 
     Args:
         python: command line of ROS's own Python.
-        variables: of the application that may be nodes.
+        variables: environment variables of the application that may be nodes.
     """
     argv = [*python, "-c", "import importlib.util as u, sys; sys.exit(not u.find_spec('rospy'))"]
     try:

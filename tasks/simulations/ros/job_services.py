@@ -63,7 +63,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
     Args:
         root: the run's root.
         arn: the job: it can ask about no other one.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     folder = root / FOLDER if root is not None else None
     if folder is None or not folder.is_dir():
@@ -93,7 +93,7 @@ def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
     Args:
         question: `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with `keys`, or `list_tags`.
         arn: the job that asks.
-        service: where it is stored.
+        service: the service, with its catalog and object store.
     """
     members: Mapping[str, Any] = question if isinstance(question, dict) else {}
     tags: Mapping[str, str] = {}
@@ -169,7 +169,7 @@ def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]
     Args:
         job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
             which hear each other too, most likely have different ones.
-        holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
+        holders: prefix of the names of sockets; only processes with the same prefix avoid each other's domains.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):

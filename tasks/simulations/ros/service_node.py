@@ -41,7 +41,7 @@ SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     "remove_tags": ("RemoveTags", lambda request: {"keys": list(request.keys)}),
     "list_tags": ("ListTags", lambda _: {}),
 }
-"""Their types, and what of a request the job worker is told."""
+"""Types of the services, and the members of a request that are passed to the job worker."""
 
 
 def make(folder: str) -> int:

@@ -52,7 +52,7 @@ class ConfinedStore(StoreOver):
         self.behind.ensure_bucket(bucket)
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """See `ObjectStore`; `None` for what the role may not read."""
+        """See `ObjectStore`; `None` for objects that the role may not read."""
         return self.behind.local_path(bucket, key) if is_within(self._places["read"], bucket, key) else None
 
     def _denied(self, what: str, member: str) -> StorageAccessDeniedError:
@@ -104,7 +104,7 @@ class Roles:
             arn: the role, as the request names it.
 
         Raises:
-            CredentialsRefusedError: there is no such role, or its credentials are no good.
+            CredentialsRefusedError: the role does not exist, or its credentials are refused.
             StorageUnavailableError: the server does not answer.
         """
         with self.opened.lock:

@@ -111,7 +111,7 @@ def initialise(
         dry_run: whether nothing is changed, and steps are only told.
 
     Raises:
-        ConfigurationError: there is no roles file, or it cannot be used.
+        ConfigurationError: the roles file does not exist, or is invalid.
         StorageError: the server refuses something, or has no interface for users.
     """
     path = settings.roles_file

@@ -20,7 +20,8 @@ def read_roles_file(path: Path) -> tuple[Role, ...]:
     """Reads the roles file, which may hold secrets and so must be private to its owner.
 
     Raises:
-        ConfigurationError: it cannot be read, others can, or something in it is wrong; its values are not repeated.
+        ConfigurationError: the file cannot be read, can be read by other users, or is invalid; the message does not
+            repeat its values.
     """
     try:
         mode = path.stat().st_mode
@@ -45,7 +46,7 @@ def parse_roles(text: str, where: str) -> tuple[Role, ...]:
         where: the file's name, for messages.
 
     Raises:
-        ConfigurationError: something is wrong with it.
+        ConfigurationError: the text is not a valid roles file.
     """
     try:
         content = tomllib.loads(text)

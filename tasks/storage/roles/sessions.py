@@ -55,7 +55,7 @@ class SessionSource:
             arn: the ARN that the request has.
 
         Raises:
-            CredentialsRefusedError: it gives none.
+            CredentialsRefusedError: the role gives no credentials.
             StorageUnavailableError: STS does not answer.
         """
         session = self._source(role, arn)
@@ -109,7 +109,7 @@ class SessionSource:
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
-        """Asks STS for credentials; the places of the role narrow what the server's role may do."""
+        """Requests credentials from STS; the policy restricts the rights of the server's role to the role's places."""
         wanted = arn if role.assume_role == ITSELF else role.assume_role
         request: dict[str, Any] = {
             "RoleArn": wanted,
@@ -138,7 +138,7 @@ def keys_of(session: Session) -> Keys:
     """Returns a session's current credentials, renewed if they soon expire.
 
     Raises:
-        CredentialsRefusedError: it has none.
+        CredentialsRefusedError: the session has no credentials.
     """
     try:
         credentials = session.get_credentials()

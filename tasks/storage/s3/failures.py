@@ -101,7 +101,7 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
 
     Args:
         doing: what is being done, in words that follow "cannot".
-        endpoint: where; every message names it, as a wrong endpoint has the strangest symptoms.
+        endpoint: URL of the server; every message names it, as a wrong endpoint has the strangest symptoms.
     """
     try:
         yield

@@ -177,7 +177,7 @@ def _await(futures: list[Future[_Sent]], stopped: Stopped, what: str) -> None:
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        Exception: what a part has failed of.
+        Exception: the error with which a part failed.
     """
     left = set(futures)
     while left:

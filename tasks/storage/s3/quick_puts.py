@@ -24,7 +24,7 @@ _STORED = 200
 _USUAL_PORTS = {"http": 80, "https": 443}
 _ALGORITHM = "AWS4-HMAC-SHA256"
 _PIECE_BYTES = 256 << 10
-"""Between two pieces it is asked whether to go on: a slow connection takes seconds for one."""
+"""Bytes of a piece; between two pieces the transfer may be stopped: a slow connection takes seconds for one."""
 
 
 class Stored(NamedTuple):
@@ -71,7 +71,7 @@ class QuickPuts:
         client: whose connections are used.
         endpoint_url: the endpoint.
         region: the region to sign for.
-        session: where credentials come from.
+        session: boto3 session with the credentials.
     """
 
     def __init__(self, client: "S3Client", endpoint_url: str, region: str, session: boto3.Session) -> None:
@@ -100,8 +100,8 @@ class QuickPuts:
         Args:
             bucket: the bucket.
             key: the object's key.
-            data: its content, or the part's.
-            crc32: of the data, in base64; the server compares it.
+            data: content of the object or part.
+            crc32: CRC32 of the data, in base64; the server compares it.
             query: names the part, quoted, with its members in order; none for an object.
             stopped: says, between two pieces, whether it is not wanted any more.
 
@@ -136,12 +136,12 @@ class QuickPuts:
         """Returns the headers of a PUT request, signed with AWS Signature Version 4.
 
         Args:
-            path: of the URL, quoted.
+            path: path of the URL, quoted.
             data: the body.
-            crc32: of the body, in base64.
-            credentials: who signs.
+            crc32: CRC32 of the body, in base64.
+            credentials: credentials that sign the request.
             now: the time, in UTC.
-            query: of the URL, quoted and in order.
+            query: query string of the URL, quoted and in order.
         """
         day, time = f"{now:%Y%m%d}", f"{now:%Y%m%dT%H%M%SZ}"
         digest = hashlib.sha256(data).hexdigest()

@@ -103,7 +103,7 @@ class S3Store:
     Args:
         endpoint_url: the endpoint; None for AWS.
         region: the region to sign for.
-        session: where credentials come from; by default boto3's usual chain.
+        session: boto3 session with the credentials; by default boto3's usual chain.
         attempts: how often a request is tried in all. The waits between ten attempts add up to about
             13 seconds on average, which outlasts a server's restart.
     """
@@ -165,8 +165,8 @@ class S3Store:
         """Checks that the server knows the credentials, whatever they allow.
 
         Raises:
-            CredentialsRefusedError: it does not, or there are none.
-            StorageUnavailableError: it does not answer.
+            CredentialsRefusedError: the server does not know the credentials, or none are given.
+            StorageUnavailableError: the server does not answer.
         """
         try:
             with self._failures("find out who one is"):
@@ -181,7 +181,7 @@ class S3Store:
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: there is no such bucket.
+            BucketNotFoundError: the bucket does not exist.
         """
         _check(bucket, key)
         with self._failures(f"write {bucket}/{key}"):
@@ -410,7 +410,7 @@ class S3Store:
 
 
 class _Known(BaseSubscriber):
-    """Tells a transfer what is known of the object, so that it need not ask again."""
+    """Passes the known size and ETag of an object to a transfer, so that it sends no request for them."""
 
     def __init__(self, answer: "GetObjectOutputTypeDef") -> None:
         self._answer = answer

@@ -131,5 +131,5 @@ def covered(world: World, room: str) -> list[Standing]:
 
 
 def free_height(spot: Box, standing: Sequence[Standing]) -> float:
-    """Returns the height in metres of the tallest furniture in an area; 0 if there is none."""
+    """Returns the height in metres of the tallest furniture in an area; 0 without furniture."""
     return max((height for box, height in standing if hits(spot, (box,))), default=0.0)

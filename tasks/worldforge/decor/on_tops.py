@@ -85,7 +85,7 @@ def _fullness(world: World) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Top:
-    """A level of a piece in its own frame, and what is taken of it."""
+    """A surface of a furnishing in the furnishing's frame, and its occupied areas."""
 
     part: Part
     taken: list[Box]
@@ -111,7 +111,7 @@ class _Top:
         return _upper(self.part)
 
     def free(self, x: float, y: float, deep: float, wide: float) -> Box | None:
-        """Returns the area of a thing at a position, or `None` if it overhangs or collides."""
+        """Returns the area that an object covers at a position, or `None` if it overhangs or collides."""
         box = (x - deep / 2, y - wide / 2, x + deep / 2, y + wide / 2)
         (px, py, _), (pw, pd, _) = self.part.center, self.part.size
         inside = abs(x - px) + deep / 2 <= pw / 2 - _EDGE_M and abs(y - py) + wide / 2 <= pd / 2 - _EDGE_M
@@ -178,7 +178,7 @@ def _around(thing: Furniture) -> Box:
 
 
 def _local(item: Furniture, thing: Furniture) -> Box:
-    """Box that a loose thing covers, in a piece's own frame."""
+    """Returns the box that a loose object covers, in a furnishing's frame."""
     c, s = turn(item.yaw)
     dx, dy = thing.x - item.x, thing.y - item.y
     x, y, reach = c * dx + s * dy, c * dy - s * dx, hypot(thing.width_m, thing.depth_m) / 2 + 0.01

@@ -42,7 +42,7 @@ _USUALLY_ON_SHELVES = ("books", "plant", "frame", "vase")
 
 @dataclass(slots=True)
 class _Wall:
-    """A face of a wall, and what is taken of it."""
+    """A face of a wall, and its occupied spans."""
 
     face: Face
     standing: Sequence[Standing]
@@ -108,7 +108,7 @@ def _clock(name: str, wall: _Wall, at: float, _: Shapes, dice: Random) -> Iterat
 
 
 def _shelf(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """A board with things side by side."""
+    """Makes a shelf board with objects side by side."""
     along = (at - _SHELF_WIDE_M / 2, at + _SHELF_WIDE_M / 2)
     board, bracket = (_SHELF_M - 0.028, _SHELF_M), (_SHELF_M - 0.05, _SHELF_M - 0.028)
     yield wall.face.bar(f"{name}_board", along, (0.0, _SHELF_DEEP_M), board, dice.choice(_BOARDS))

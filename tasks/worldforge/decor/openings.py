@@ -180,7 +180,7 @@ def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) 
 def _pair(
     face: Face, number: int, span: Span, world: World, color: Color, shapes: Shapes
 ) -> Iterator[Ornament]:  # fmt: skip
-    """Two curtains on a rod, as long as what stands below leaves room for; nothing where it is too high."""
+    """Makes two curtains on a rod, as long as the furniture below allows; none if that is too high."""
     sill, head = window_heights(world)
     top = min(head + _OVER_M, world.floorplan.ceiling_height_m - 0.05)
     wide = round(0.16 + 0.09 * (span[1] - span[0]), 2)

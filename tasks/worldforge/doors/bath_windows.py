@@ -19,7 +19,7 @@ _WIDTHS_STEPS = (16, 12)
 
 
 def with_bath_windows(plan: Floorplan) -> Floorplan:
-    """Returns a plan in which each bathroom that has none has a window, if one of its outer walls has place for it."""
+    """Adds a window to each bathroom without one, if an outer wall has space for it; returns the new plan."""
     lit = {window.room for window in plan.windows}
     found: list[Window] = []
     for room in plan.rooms:
@@ -33,7 +33,7 @@ def with_bath_windows(plan: Floorplan) -> Floorplan:
 
 
 def _in_the_middle(wall: Wall, room: str) -> Window | None:
-    """The widest window that a wall has place for; None: it has none."""
+    """Returns the widest window that fits in a wall, in its middle; None if none fits."""
     across = 0 if wall.start[0] == wall.end[0] else 1
     low, high = sorted(round(end[1 - across] * _GRID) for end in (wall.start, wall.end))
     for width in _WIDTHS_STEPS:

@@ -164,7 +164,7 @@ def _before_tip(door: Door) -> Box:
 
 
 def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Hanging], str]:
-    """The ways to hang one door, cheapest first; the reason if there is none."""
+    """Returns the possible hangings of a door, cheapest first, or the reason why none is possible."""
     passage = plan.passages[index]
     others = [other for number, other in enumerate(plan.passages) if number != index]
     west, south, east, north = bounds((passage.start, passage.end))
@@ -187,7 +187,7 @@ def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Ha
 
 
 def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[Hanging]:
-    """All four: either jamb, either room."""
+    """Returns the four hangings of a door: hinges at either jamb, swinging into either room."""
     (x0, y0), (x1, y1) = passage.start, passage.end
     half = lintel_over(plan, passage).thickness_m / 2
     rooms = [room for room in plan.rooms if room.name in passage.rooms]
@@ -210,7 +210,7 @@ def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[H
 
 
 def _corner_m(hanging: Hanging, walls: Sequence[Box]) -> float:
-    """How far behind the open leaf the next wall is; at most `_CORNER_SPAN_M`."""
+    """Returns the distance in metres from the open leaf to the next wall behind it, at most `_CORNER_SPAN_M`."""
     nearest = _CORNER_SPAN_M
     for wall in walls:
         _, south, east, north = hanging.local(wall)

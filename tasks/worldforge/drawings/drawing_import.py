@@ -139,7 +139,7 @@ def _read(path: Path) -> ReadFile:
 
 
 def _check(drawing: Drawing, name: str) -> None:
-    """Refuses coordinates that are no places, and what would take minutes: each text is sought in each closed shape."""
+    """Raises an error for invalid coordinates, and for drawings that would take minutes to read."""
     for shape in drawing.shapes:
         if not all(map(isfinite, chain.from_iterable(shape.points))):
             raise ConfigurationError(f"{name}: {shape.place} has a coordinate that is not finite")

@@ -152,7 +152,7 @@ def _room(
 
 
 def _windows(drawn: DrawnPlan, walls: Walls, squared: Squared, seed: int) -> tuple[list[Pane], list[Preference]]:
-    """The drawn windows; where none is drawn, those that a generated world would have."""
+    """Returns the drawn windows; without any, those that a generated world would have."""
     if not drawn.windows:
         types: list[FurnishedRoomType] = [room.type for room in drawn.rooms]
         return windows_along(walls.sides, types, Random(seed)), []  # noqa: S311 (chance, not secrecy)

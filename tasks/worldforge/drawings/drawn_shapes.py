@@ -94,18 +94,18 @@ class Label(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """All shapes and texts of an imported drawing, and its scale."""
+    """All shapes and texts of an imported drawing, and its scale in metres per drawing unit."""
 
     shapes: list[Shape]
     labels: list[Label]
     metres_per_unit: float | None
-    """As far as the file says."""
+    """Metres in the world for one drawing unit; `None`: the file does not say."""
     paper_m: float | None = None
-    """Metres of paper for one unit, where it says that; a scale such as 1:50 makes metres of the world of them."""
+    """Metres on paper for one drawing unit, if the file says so; a scale such as 1:50 converts them to the world."""
     left_out: Sequence[str] = ()
-    """Elements that could not be read as shapes, in words."""
+    """Descriptions of the elements that could not be read as shapes."""
     is_exact: bool = True
-    """Whether somebody drew it; a door of a map that lies in no wall is noise, and no mistake."""
+    """Whether a person drew it, not a robot's mapping: only then is a door that lies in no wall an error."""
 
 
 def plain_words(text: str) -> list[str]:
@@ -131,7 +131,7 @@ def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
 
 
 def kind_of_words(words: Iterable[str]) -> Kind | None:
-    """Determines what classes, names and layers say that a shape is, other than a room by its name."""
+    """Determines the kind of a shape from classes, names and layers, other than a room by its name."""
     return next((kind for each in words if (kind := _meaning(each)[0])), None)
 
 
@@ -160,7 +160,7 @@ def is_given(name: str) -> bool:
 
 
 def names_one(name: str) -> bool:
-    """Whether a group's name is that of one thing, such as `Room 7`; that of a layer, `Rooms`, is not."""
+    """Whether a group's name is that of a single object, such as `Room 7`, and not of a layer, such as `Rooms`."""
     return is_given(name) and not (_KIND_WORDS.issuperset(plain_words(name)) and name.isalpha())
 
 
@@ -170,7 +170,7 @@ def without_kinds(name: str) -> str:
 
 
 def label_of(shape: Shape, labels: Iterable[Label]) -> str:
-    """Returns a room's label: its own name, else the text drawn inside it; empty if there is none."""
+    """Returns a room's label: its own name, else the text drawn inside it; empty if it has neither."""
     if is_given(shape.name):
         return shape.name
     label = label_in(shape, labels)
@@ -184,7 +184,7 @@ def label_in(shape: Shape, labels: Iterable[Label]) -> Label | None:
 
 
 def counted(sorts: Mapping[str, int]) -> list[str]:
-    """Returns what was left out in lines such as `3 <circle> in "Furniture"`, as many as one reads."""
+    """Lists left-out elements in lines such as `3 <circle> in "Furniture"`, up to a readable number of lines."""
     lines = [f"{count} {sort}" for sort, count in sorts.items()]
     rest = sum(list(sorts.values())[_MOST_SORTS:])
     return [*lines[:_MOST_SORTS], f"{rest} of {len(lines) - _MOST_SORTS} more kinds"] if rest else lines

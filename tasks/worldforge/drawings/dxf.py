@@ -47,7 +47,7 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         name: what errors call it.
 
     Raises:
-        ConfigurationError: it is no DXF, or ezdxf is not installed.
+        ConfigurationError: the file is not a DXF drawing, or ezdxf is not installed.
     """
     try:
         from ezdxf import units
@@ -156,7 +156,7 @@ class _Reader:
             self.shapes.append(_box(parts, kind))
 
     def _doors(self, parts: list[Part], *, one: bool) -> None:
-        """Takes doors of what is drawn of them: with a leaf and its swing, or as a line or shape along the wall.
+        """Recognises doors drawn with a leaf and its swing, or as a line or shape along the wall.
 
         Args:
             parts: what is drawn, of one block or of a layer.
@@ -173,7 +173,7 @@ class _Reader:
             self.shapes += [_shape(line, "door") for line in lines if not belongs(line.points, swings)]
 
     def _parts(self, entity: Entity, words: tuple[str, ...], place: str) -> list[Part]:
-        """An entity as lines and arcs; none of one that has no outline."""
+        """Converts an entity to lines and arcs; empty for an entity without an outline."""
         from ezdxf.path import make_path
 
         if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and kind_of_words(words) == "door":

@@ -85,7 +85,7 @@ def fit_way(
         The way, and how far it is as drawn; no way for a door to the outside.
 
     Raises:
-        ConfigurationError: it lies in no wall, or does not fit there.
+        ConfigurationError: the door or opening lies in no wall, or does not fit there.
     """
     path, what = f"{file}#{drawn.name}", "opening" if drawn.kind == "Opening" else "door"
     inner, outer, width_m = _choose(drawn, walls, moved, file)
@@ -188,13 +188,13 @@ def _places(drawn: Sequence[Line], moved: tuple[Lines, Lines]) -> list[_Place]:
 
 
 def _span(lines: Lines, one: float, other: float) -> tuple[float, float]:
-    """As wide as it is drawn, around where its middle went."""
+    """Returns the span of an opening: its drawn width around its fitted middle, in grid units."""
     middle, half = lines.place((one + other) / 2), abs(one - other) / 2 * UNITS_PER_M
     return middle - half, middle + half
 
 
 def _nearest(places: Sequence[_Place], walls: Sequence[tuple[tuple[bool, int, int, int], Wall]]) -> _Near[Wall] | None:
-    """The wall nearest to where something was drawn, and how far off it lies; None if it lies in none."""
+    """Finds the wall nearest to a drawn door or opening, and its distance; None if it lies in no wall."""
     found: list[tuple[float, int, _Place]] = []
     for index, (line, _) in enumerate(walls):
         for place in places:

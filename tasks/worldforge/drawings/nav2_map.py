@@ -76,7 +76,7 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
         A drawing in metres, and the side of a cell.
 
     Raises:
-        ConfigurationError: it cannot be read, or has no rooms.
+        ConfigurationError: the map cannot be read, or has no rooms.
     """
     read = _read(path)
     _refuse_slanted(read, path.name)
@@ -129,7 +129,7 @@ def _joined(pairs: Sequence[tuple[int, int]], areas: Mapping[int, int]) -> set[i
 def _refuse_apart(
     joined: Collection[int], areas: Mapping[int, int], outlines: Sequence[Corners], read: _Map, name: str
 ) -> None:
-    """Refuses a map of which more is left out than what noise makes."""
+    """Raises an error for a map of which more is left out than noise explains."""
     share = sum(areas[place] for place in joined) / sum(areas.values())
     if share >= _LEAST_JOINED:
         return
@@ -201,7 +201,7 @@ def _read(path: Path) -> _Map:
 
 
 def _without_specks(free: Cells, resolution_m: float) -> Cells:
-    """Frees what is too small for a wall: legs of chairs, people who walked by, a lidar's noise."""
+    """Clears occupied cells in groups too small for a wall: legs of chairs, people who walked by, a lidar's noise."""
     found = ndimage.label(~free, np.ones((3, 3)))[0]  # pyright: ignore[reportIndexIssue]
     parts: NDArray[np.int64] = np.asarray(found).astype(np.int64)
     small = np.bincount(parts.ravel()) * resolution_m**2 < _SPECK_M2
@@ -209,7 +209,7 @@ def _without_specks(free: Cells, resolution_m: float) -> Cells:
 
 
 def _regions(read: _Map, name: str) -> NDArray[np.int64]:
-    """The number of the room that each free cell belongs to, from 1; 0 for none."""
+    """Labels each free cell with the number of its room, from 1; 0: in no room."""
     size = read.resolution_m
     depth = np.asarray(ndimage.distance_transform_edt(read.free)) * size
     found = ndimage.label(depth > _NARROW_M)[0]  # pyright: ignore[reportIndexIssue]

@@ -85,7 +85,7 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
         The plan, and what was taken for none of it.
 
     Raises:
-        ConfigurationError: it has no rooms, or a room that no world can have.
+        ConfigurationError: the drawing has no rooms, or a room that no world can have.
     """
     found: dict[Kind | None, list[Shape]] = {}
     for shape in drawing.shapes:
@@ -138,7 +138,7 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
 
 
 def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> FurnishedRoomType:
-    """The type of a room: by the notes, by what the shape says, by its name, by its classes and layers."""
+    """Determines the type of a room: from notes, the shape's attributes, its name, or its classes and layers."""
     if label in notes.rooms:
         return notes.rooms[label].type
     if stated := shape.facts.get("type"):
@@ -171,7 +171,7 @@ def _ends(shape: Shape) -> Line:
 
 
 def _percent(shape: Shape) -> float | None:
-    """How far a door is drawn open: `data-open` in percent, or a word among its classes, names and layers."""
+    """Returns by how many percent a door is drawn open, from `data-open` or a word in its classes, names and layers."""
     stated = shape.facts.get("open")
     if stated is not None:
         try:

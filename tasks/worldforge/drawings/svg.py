@@ -66,7 +66,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
         name: what errors call it.
 
     Raises:
-        ConfigurationError: it is no SVG, or a shape in it cannot be read.
+        ConfigurationError: the file is not an SVG drawing, or a shape in it cannot be read.
     """
     try:
         root = ET.fromstring(content)  # noqa: S314 (expat bounds entities since 2.4)
@@ -86,7 +86,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
 
 @dataclass(frozen=True)
 class _Around:
-    """All that the groups around an element say about it."""
+    """Properties that an element inherits from the groups around it."""
 
     matrix: Matrix = SAME
     words: tuple[str, ...] = ()
@@ -111,7 +111,7 @@ class _Symbol(NamedTuple):
 
 
 class _Element(NamedTuple):
-    """All that one element says itself, read once however often it is shown."""
+    """Properties of one element itself, read once however often it is shown."""
 
     tag: str
     matrix: Matrix
@@ -152,7 +152,7 @@ class _Reader:
             self._children(self._root, _Around(own.matrix, size=size, is_visible=own.is_visible is not False))
 
     def _walk(self, element: ET.Element, around: _Around, instance: ET.Element | None = None) -> None:
-        """Collects what an element draws, with all that is inside of it; a `<use>` shows it as its instance."""
+        """Collects the shapes of an element and its children; a `<use>` shows it as an instance."""
         self._repeated += bool(around.using)
         if self._repeated > _MOST_REPEATED:
             raise ConfigurationError(f"{self._name}: <use> shows more than {_MOST_REPEATED:,} elements")
@@ -182,7 +182,7 @@ class _Reader:
             self._walk(child, around)
 
     def _group(self, element: ET.Element, own: _Element, inside: _Around, instance: ET.Element | None) -> None:
-        """Collects what is in a group; what a group of a door has becomes one shape a door."""
+        """Collects the shapes of a group; those of a door's group become one shape for each door."""
         before = len(self.shapes)
         # What a `<use>` shows is mostly a group: the shapes in that one are its own.
         symbol = _Symbol(own.kind, inside.depth + (own.tag == "use"), []) if own.kind else None
@@ -209,7 +209,7 @@ class _Reader:
                 self.shapes[-1] = shape._replace(name=name)
 
     def _used(self, element: ET.Element, around: _Around) -> None:
-        """Collects what a `<use>` shows, moved to its place."""
+        """Collects the shapes that a `<use>` shows, moved to its place."""
         link = next((link for key in _HREFS if (link := element.get(key))), "")
         shown = self._by_id.get(link[1:]) if link.startswith("#") else None
         if shown is None:
@@ -224,7 +224,7 @@ class _Reader:
         self._walk(shown, replace(around, matrix=moved_there, using=(*around.using, shown)), element)
 
     def _fitted(self, element: ET.Element, around: _Around, instance: ET.Element | None) -> None:
-        """Collects what is in an `<svg>` or `<symbol>`, fitted into its viewport."""
+        """Collects the shapes of an `<svg>` or `<symbol>`, fitted into its viewport."""
         size = self._of(element, lambda: viewport_size(element, around.size, instance))
         matrix = around.matrix
         if _tag(element) == "svg":
@@ -299,7 +299,7 @@ class _Reader:
             return None
 
     def _of(self, element: ET.Element, read: Callable[[], T]) -> T:
-        """Returns what is read of an element; an error names the element."""
+        """Calls a function that reads an element; its error then names the element."""
         try:
             return read()
         except ValueError as error:
@@ -323,7 +323,7 @@ def _text_of(element: ET.Element) -> tuple[str, str | None, str | None]:
 
 
 def _words(element: ET.Element) -> tuple[str, ...]:
-    """Classes first: they say what something is; then the names that programs show, then ids."""
+    """Returns the words that may name an element's kind: its classes, then names that programs show, then its id."""
     classes = element.get("class")
     if classes and is_ifc_container(classes):  # the name of a house says nothing of its beams
         return (classes,)
@@ -352,7 +352,7 @@ def _name(element: ET.Element) -> str:
 
 
 def _group_name(element: ET.Element, tag: str) -> str:
-    """The name of a group, as that of one thing; an id counts for `<use>` only, others are of layers or made up."""
+    """Returns a group's name as that of a single object; ids count for `<use>` only: others are often generated."""
     if element.get(f"{_INKSCAPE}groupmode") == "layer":
         return ""
     given = (*_shown_names(element), element.get("id") if tag == "use" else None)

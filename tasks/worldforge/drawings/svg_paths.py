@@ -65,9 +65,9 @@ def outlines(element: ET.Element, tag: str) -> list[Outline]:
     """Parses a shape: one outline, of a path one for each of its parts.
 
     Raises:
-        PathError: it is a path that cannot be read.
-        ValueError: it has a member that is no number.
-        TooManyCornersError: it is no part of a floor plan.
+        PathError: the path cannot be read.
+        ValueError: an attribute of the shape is not a number.
+        TooManyCornersError: the shape has more corners than a part of a floor plan.
     """
     if tag == "rect":
         x, y, width, height = (number(element.get(key)) for key in ("x", "y", "width", "height"))
@@ -96,8 +96,8 @@ def path_parts(d: str) -> list[Outline]:
     """Parses an SVG path: its parts, each from one `M` to the next.
 
     Raises:
-        PathError: it is no path.
-        TooManyCornersError: it is no part of a floor plan.
+        PathError: the text is not a path.
+        TooManyCornersError: the path has more corners than a part of a floor plan.
     """
     parts: list[_PathPart] = []
     x = y = 0.0
@@ -179,7 +179,7 @@ def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> 
 
 
 def _centre(numbers: Sequence[float], start: Point, end: Point) -> Point | None:
-    """Centre of an arc of `A`; none of an ellipse's."""
+    """Returns the centre of a circular arc of `A`; None for an ellipse."""
     radius, other, _, large, sweep = (abs(numbers[0]), abs(numbers[1]), *numbers[2:5])
     chord = hypot(end[0] - start[0], end[1] - start[1])
     if not chord or abs(radius - other) > _ROUND * radius:
@@ -228,7 +228,7 @@ def number(text: str | None) -> float:
     """Parses a length in user units; of one in other units, the number.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a length.
     """
     found = re.match(NUMBER, (text or "0").strip())
     if found is None:
@@ -298,7 +298,7 @@ def transform(written: str) -> Matrix:
     """Parses a `transform`.
 
     Raises:
-        ValueError: it cannot be read; the message says what.
+        ValueError: the transform cannot be read; the message says why.
     """
     matrix = SAME
     if len(written) > _LONGEST_TRANSFORM:

@@ -90,7 +90,7 @@ def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
 
 
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
-    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if it has none.
+    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none.
 
     None for a mesh that has none.
     """

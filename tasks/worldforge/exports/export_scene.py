@@ -132,7 +132,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A thing that hangs on another one, or on none, and its pose in the frame of the outermost."""
+    """An object, and its pose in the frame of the outermost object that it hangs on."""
 
     thing: Thing
     above: "Placed | None"
@@ -141,7 +141,7 @@ class Placed:
 
 
 def with_hung(thing: Thing, position: Vector, rotation: Matrix, above: Placed | None = None) -> Iterator[Placed]:
-    """Yields a thing and all that hang on it, each after the one that it hangs on.
+    """Yields an object and all objects that hang on it, parents before children.
 
     Args:
         thing: the thing.
@@ -172,7 +172,7 @@ def read_scene(bundle: Path) -> Scene:
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: one of them is none, or the MJCF has something that exports cannot hold.
+        ValueError: a file is not what its name says, or the MJCF has an element that exports cannot hold.
     """
     world = read_world(bundle)
     path = bundle / MODEL_FILE

@@ -39,7 +39,7 @@ def world_glb(bundle: Path) -> bytes:
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: one of them is none.
+        ValueError: a file of the world is invalid.
     """
     return scene_glb(read_scene(bundle))
 
@@ -98,7 +98,7 @@ class _Writer:
         return export_glb(self._built, include_normals=True, tree_postprocessor=self._finish)
 
     def _finish(self, document: dict[str, Any]) -> None:
-        """Gives back what trimesh changes: names (unique in a file), colours (8 bits), lengths of pictures (padded).
+        """Restores the values that trimesh changes: names (unique in a file), 8-bit colours, padded picture lengths.
 
         trimesh stores equal arrays once, such as places and normals of a ball; glTF then asks for their stride.
         """

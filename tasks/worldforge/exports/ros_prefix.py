@@ -77,7 +77,7 @@ def write_ros_prefix(name: str, bundle: Path, folder: Path) -> None:
 
     Raises:
         ValueError: the bundle holds no world.
-        OSError: it cannot be read, or the folder cannot be written.
+        OSError: the world cannot be read, or the folder cannot be written.
     """
     from .export import TOP, write_export_zip  # brings MuJoCo, which planning a job does without
 

@@ -60,7 +60,7 @@ def _picture(thing: Thing, shape: Shape, scene: Scene) -> str | None:
 
 
 def _parts(thing: Thing) -> list[Placed]:
-    """A thing and what hangs on it, in the frame of the thing."""
+    """Lists an object and the objects that hang on it, with poses in the frame of the object."""
     return list(with_hung(thing, np.zeros(3), np.eye(3)))
 
 

@@ -81,7 +81,7 @@ def _is_permutation(turned: Matrix) -> bool:
 
 
 def _digest(thing: Thing, scene: Scene) -> str:
-    """Tells things apart whose labels are equal: by their parts, and by what made them.
+    """Returns a digest that distinguishes objects with equal labels, by their parts and the generator that made them.
 
     Sizes and places of parts are left out, as rounding differs from piece to piece.
     """
@@ -110,7 +110,7 @@ def _equal(first: Thing, second: Thing) -> bool:
 
 
 def _hang_alike(first: Thing, second: Thing) -> bool:
-    """Whether bodies that hang on equal things are equal and hang there in the same way."""
+    """Whether bodies that hang on equal objects are equal and hang there in the same way."""
     joints = [_joint_values(each.joint) if each.joint else () for each in (first, second)]
     away = max(np.abs(first.position - second.position).max(), np.abs(first.rotation - second.rotation).max())
     alike = len(joints[0]) == len(joints[1]) and np.allclose(*joints, atol=_SAME_M)

@@ -56,7 +56,7 @@ def scene_usd(scene: Scene) -> str:
 
 
 def _thing(scene: Scene, placed: Placed, name: str, looks: Looks, above: str) -> Prim:
-    """A thing beside all others, as rigid bodies do not nest; `above` is the path of the one that it hangs on."""
+    """Makes an object's prim beside all others, as rigid bodies do not nest; `above` is the path of its parent."""
     thing = placed.thing
     prim = Prim("Xform", name, metadata=['kind = "component"', *_called(name, thing.name)])
     prim.metadata.append(f"customData = {{ string label = {quoted(thing.label)} }}")

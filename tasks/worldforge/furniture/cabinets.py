@@ -89,7 +89,7 @@ def media_storage(style: Style) -> list[Part]:
 
 
 def _things(style: Style, top: float) -> list[Part]:
-    """Vase and speaker beside a television; none on a piece narrower than 1.5 m."""
+    """Makes a vase and a speaker beside a television; nothing on a cabinet narrower than 1.5 m."""
     if style.width_m < 1.5:
         return []
     side = style.half_width_m - 0.13

@@ -81,7 +81,7 @@ def _apron(style: Style) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def side_table(style: Style) -> list[Part]:
-    """Builds a side table with something on it from simple shapes."""
+    """Builds a side table with an object on it from simple shapes."""
     top = style.height_m
     if style.form == "round":
         return [*_pedestal(style, foot=0.7), upright("cup", (0.08, 0.06), 0.08, (top, top + 0.1), style.soft)]

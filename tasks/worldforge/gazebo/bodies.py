@@ -80,7 +80,7 @@ def _has_links(joint: Joint, known: dict[str, Link], world: SdfWorld) -> bool:
 
 
 def _tie(joint: Joint, groups: "_Groups", tied: dict[str, tuple[str, Joint, bool]], world: SdfWorld) -> None:
-    """Notes which group hangs on which by a joint; one that would close a loop is left out."""
+    """Records the parent group of a group by a joint; a joint that would close a loop is left out."""
     parent, child, fixed = groups.root(joint.parent), groups.root(joint.child), groups.root(WORLD)
     if parent == child:
         return  # between parts that never move

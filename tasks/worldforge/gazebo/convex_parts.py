@@ -200,7 +200,7 @@ def _prism(outer: Points, normal: Points, depth: float) -> ConvexPart:
 
 
 def _flats(mesh: _Faces, faces: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Faces that share edges and lie in one plane, with what is on the same side outside."""
+    """Groups faces that share edges and lie in one plane with the same side outside."""
     inside = np.sort(mesh.faces[faces][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(inside.T)
     same = np.flatnonzero((inside[order][1:] == inside[order][:-1]).all(axis=1))

@@ -32,7 +32,7 @@ class Rest:
 
 
 def come_to_rest(build: Build) -> Rest:
-    """Lets an imported world settle in simulation, and fixes objects that overlap or do not stay.
+    """Simulates an imported world until it settles, and fixes objects that overlap or do not come to rest.
 
     Args:
         build: compiles the world.
@@ -90,7 +90,7 @@ def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
 
 
 def _overlapping(model: mujoco.MjModel) -> dict[str, float]:
-    """Bodies that can move and overlap something by more than 5 mm, with the depth."""
+    """Returns the movable bodies that overlap another geom by more than 5 mm, with the depth in metres."""
     if model.njnt == 0:
         return {}
     data = mujoco.MjData(model)

@@ -178,7 +178,7 @@ class _Import:
         return self._names_of(body.model if alone else body.name)
 
     def _piece(self, link: Link) -> str:
-        """The name of what never moves: its outermost model's, unless several models are in that."""
+        """Returns the name of a static link's furnishing: its outermost model's, unless that has several models."""
         own = link.path.rpartition("::")[0]
         return self._names_of(own if self._inner[link.model] > 1 else link.model)
 
@@ -196,7 +196,7 @@ class _Import:
         return found
 
     def _hold_first(self) -> Rest:
-        """Holds what has no shape that collides, as it would fall for ever, and everything loose if that is wished."""
+        """Fixes bodies without collision shapes, which would fall for ever, and all loose bodies if requested."""
         rest = Rest()
         for body in self._bodies:
             if not any(each.solids for each in self._bodies if each is body or each.parent is body):

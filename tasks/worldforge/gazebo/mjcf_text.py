@@ -276,7 +276,7 @@ def numbers(*values: float) -> str:
 
 
 def _sizes(values: Iterable[float]) -> str:
-    """Formats sizes, of which MuJoCo accepts none that is 0."""
+    """Formats sizes, above 0 as MuJoCo requires."""
     return numbers(*(max(value, _LEAST_SIZE_M) for value in values))
 
 

@@ -202,7 +202,7 @@ def _ceiling_m(drawn: Drawn) -> float:
 
 
 def _movable(drawn: Drawn) -> NDArray[np.bool_]:
-    """Cells that only things that can move occupy."""
+    """Returns the cells that only movable objects occupy."""
     return on_map(drawn.ground.grid.occupied & ~drawn.ground.blocked, drawn.ground, drawn.grid)
 
 

@@ -41,7 +41,7 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
         folder: a new folder for the bundle.
 
     Raises:
-        ConfigurationError: there is no such piece, it cannot be moved, or nothing differs.
+        ConfigurationError: the world has no such object, the object cannot be moved, or the variation equals the world.
     """
     world = read_world(bundle)
     if wanted.doors:
@@ -125,7 +125,7 @@ class _Model:
         return ET.tostring(self._root, encoding="unicode") + "\n"
 
     def move(self, name: str, by: Move) -> Change:
-        """Moves a loose body; what stands on it stays where it is."""
+        """Moves a loose body; objects on it stay where they are."""
         loose = [each for each, body in self._bodies.items() if body.find("freejoint") is not None]
         if name not in loose:
             raise ConfigurationError(f"{name}: there is no such loose body; {_alternatives(name, loose)}")

@@ -138,7 +138,7 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
     What is flat and round touches a level in one point in MuJoCo before 3.8, and creeps or jumps; a box has four.
 
     Args:
-        name: of the first; the others are numbered.
+        name: name of the first; the others are numbered.
         at: the cylinder's middle.
         diameter: of the cylinder.
         z: from where to where.

@@ -107,7 +107,7 @@ def _upright_cylinders(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArr
 
 
 def _corners(model: mujoco.MjModel, geom: int) -> Points:
-    """Corners of a convex part, or of what stands for its roundness, in its own frame."""
+    """Returns the corners of a convex part, or of a polyhedron in place of a round one, in the part's frame."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])

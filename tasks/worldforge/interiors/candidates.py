@@ -67,7 +67,7 @@ def against_walls(
 
 
 def _wall_score(side: Side, along: float, width_m: float, share: float, prefer: str) -> float:
-    """How well a spot on a wall suits: pieces in the middle of it, or in its corners."""
+    """Scores a spot on a wall for furnishings that belong in the middle of a wall, or in its corners."""
     off_middle = abs(along - (side.low + side.high) / 2) / max(side.high - side.low, 1e-6)
     if prefer == "middle":
         return 1.2 - 2.0 * off_middle - (0.4 if share in (0.0, 1.0) else 0.0)
@@ -177,7 +177,7 @@ def sits_at(chair: Furniture, table: Furniture) -> bool:
 
 
 def _between_legs(table: Furniture, style: Style, *, at_end: bool) -> tuple[float, float]:
-    """How far a chair can be pushed under a table, and how far off the middle of that side it then stands at most."""
+    """Returns how far a chair fits under a table, and its largest offset from the middle of that side then."""
     along, across = (0, 1) if at_end else (1, 0)
     size = (table.depth_m, table.width_m)
     free = size[along] / 2

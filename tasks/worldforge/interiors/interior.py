@@ -128,7 +128,7 @@ def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dic
 
 
 def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) -> None:
-    """Places first what belongs together as a whole, then piece by piece.
+    """Furnishes a room: first groups of furnishings that belong together, then single ones.
 
     Args:
         work: the room.
@@ -148,7 +148,7 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) 
 
 
 def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
-    """Kinds without one of which a room is not what it is called; none when it has one, or none is asked for."""
+    """Returns the kinds of which a room of this type needs one, if it has none of them; empty otherwise."""
     needed = [kind for kind in INDISPENSABLE.get(work.room.type, ()) if kind in kinds]
     return [] if any(work.placed(kind) for kind in needed) else needed
 
@@ -194,7 +194,7 @@ def _preferences(
 def _density_preferences(
     arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]
 ) -> list[Preference]:
-    """The preferred density: satisfied when every room is about as full; nothing where none is wished for any room."""
+    """The preferred density: satisfied when every room is about as full; nothing if no room has a preference."""
     density = arrangement.DesiredSpatialDensity
     short = [work for work in rooms if work.covered_share < work.granted_share]
     found = [

@@ -47,7 +47,7 @@ Placed = list[tuple[Unit, Pose]]
 
 
 class Halves(NamedTuple):
-    """The two halves of a kitchen, each from its outer end to where they meet, and what else it may have."""
+    """The two halves of a kitchen run, each from its outer end to their joint, and optional units."""
 
     cooking: list[Unit]
     """Pieces of the line, the fridge first, up to the worktop beside the stove."""
@@ -200,7 +200,7 @@ def _filled(room_m: float, washing: Sequence[Unit], counters: Sequence[Unit]) ->
 
 
 def _beyond(corner: Unit) -> float:
-    """Distance along a wall from a room's corner to what stands next to the unit there."""
+    """Returns the distance along a wall from a room's corner to the unit next to the corner unit."""
     return WALL_GAP_M + corner.style.depth_m + FLUSH_M
 
 

@@ -178,7 +178,7 @@ def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, f
 
 
 def _sides_of(room: Room, floorplan: Floorplan) -> list[Side]:
-    """All sides of a room that have a wall; the inside of a counter-clockwise polygon lies to their left."""
+    """Returns the sides of a room that have a wall; the inside of a counter-clockwise polygon lies to their left."""
     walls = [wall for wall in floorplan.walls if not wall.lintel and room.name in wall.rooms]
     sides: list[Side] = []
     for start, end in _edges(room):

@@ -73,12 +73,12 @@ _NO_GROUP = Group([])
 
 @cache
 def _schemes() -> tuple[str, ...]:
-    """All colour schemes of the catalogue."""
+    """Returns all colour schemes of the catalogue."""
     return tuple(sorted({style.colors for kind in RULES for style in styles_of(kind)}))
 
 
 def _in_order(kinds: Sequence[str], room_type: RoomType) -> list[str]:
-    """Kinds in the order in which they are placed: what a room of a type is for, then that of the catalogue."""
+    """Sorts kinds in the order of placement: those that define the room's type, then the others as in the catalogue."""
     wanted, first = set(kinds), FIRST.get(room_type, ())
     return [kind for kind in (*first, *(kind for kind in RULES if kind not in first)) if kind in wanted]
 
@@ -180,7 +180,7 @@ class RoomFurnishing:
                     self._place(attendant)
 
     def _most_of(self, kind: str) -> float:
-        """How many of a kind the room may have."""
+        """Returns the largest number of furnishings of a kind in the room."""
         rule = RULES[kind]
         dines = kind != "DiningTables" or self.room.type != "Living"
         return rule.limit * (1.0 if rule.one_a_room or not dines else max(1.0, self.room.floor_m2 / 30.0))
@@ -192,7 +192,7 @@ class RoomFurnishing:
 
     @property
     def granted_share(self) -> float:
-        """Share of the floor with which the wish is granted: what doors and openings need does not count."""
+        """Share of the floor from which the wished density counts as reached; floor that doors need is left out."""
         # A piece more or less is no different density.
         return 0.9 * self.wished_share * max(0.0, 1.0 - self.space.kept_m2 / self.room.floor_m2)
 
@@ -382,7 +382,7 @@ class RoomFurnishing:
             yield Group(self._alone(kind, rule, style))
 
     def _free_partners(self, kind: str, rule: Rule, partners: list[Furniture]) -> list[Furniture]:
-        """Those that lack such a companion still: two lamps are not put at one sofa while another has none.
+        """Returns the furnishings without such a companion: no sofa gets two lamps while another has none.
 
         Tables come with those first that have the fewest chairs.
         """
@@ -442,7 +442,7 @@ class RoomFurnishing:
         return self.room.type == "Living" and self.room.floor_m2 < _LARGE_ROOM_M2
 
     def _run(self, kind: str, rule: Rule, style: Style, run: list[Furniture]) -> Iterator[Group]:
-        """Edge to edge with what is there, else along a wall; never one more counter on its own."""
+        """Yields places edge to edge with units of the run, else along a wall; never a second separate counter."""
         run = [item for item in run if self.room.type == "Kitchen" or item.model_type == kind]
         if run:
             yield Group([pose for item in run for pose in candidates.next_to(item, style)])

@@ -65,7 +65,7 @@ class Ways:
         return self._open is not None
 
     def _nearest_free(self, row: int, column: int) -> tuple[int, int]:
-        """The free cell nearest to a cell, itself if it is free or none is near."""
+        """Returns the free cell nearest to a cell; the cell itself if it is free, or no free one is near."""
         if self._free[row, column]:
             return row, column
         south, west = max(row - _GATE_REACH, 0), max(column - _GATE_REACH, 0)

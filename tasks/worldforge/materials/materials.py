@@ -183,8 +183,7 @@ def finish_named(surface: Surface, material: str, name: str) -> Finish:
     """Returns a finish by surface, material and name; an empty name means the first one.
 
     Raises:
-        ValueError: there is none of this name, which means that the world was written by another version
-            of the generator.
+        ValueError: no finish has this name; the world was written by another generator version or changed by hand.
     """
     known = (FLOORS if surface == "floor" else WALLS)[material].finishes
     for finish in known:
@@ -206,7 +205,7 @@ def surface_finish(name: str) -> Finish:
     """Returns the finish that a material name of the MJCF means.
 
     Raises:
-        ValueError: there is no such finish.
+        ValueError: no finish has this material name.
     """
     if name == "wall_outside":
         return OUTSIDE

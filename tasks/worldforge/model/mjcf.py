@@ -286,7 +286,7 @@ def piece_geoms(
 
 
 def _physics(solid: Solid, mass_kg: float | None, *, hidden: bool = False) -> str:
-    """Attributes of what collides; of a loose object, what is not drawn is inside of what weighs."""
+    """Returns attributes of colliding geoms; a loose object's undrawn geoms lie inside those that have mass."""
     loose = "" if mass_kg is None else f'mass="{mass_kg if solid.drawn else 0:g}" condim="4" friction="0.8 0.02 0.002"'
     return f'{loose} group="3"'.lstrip() if hidden or not solid.drawn else loose
 

@@ -415,7 +415,7 @@ _TURNED = ("bottle", "bowl", "glass", "jar", "kettle", "mug", "plate", "pot", "s
 
 
 def form_of(kind: str, part: Part) -> str:
-    """Returns the name in `FORMS` of the mesh that replaces a furniture part; empty for none."""
+    """Returns the name in `FORMS` of the mesh that replaces a furniture part; empty if it stays as it is."""
     return _form(kind, part.name, part.shape)
 
 
@@ -459,5 +459,5 @@ def _mesh_line(name: str, form: str, size: Vector) -> str:
 
 
 def turned_quat(yaw: float) -> str:
-    """Formats a rotation about z as MJCF attribute; empty for none."""
+    """Formats a rotation about z as an MJCF attribute; empty for no rotation."""
     return f"{cos(yaw / 2):.6f} 0 0 {sin(yaw / 2):.6f}" if yaw else ""

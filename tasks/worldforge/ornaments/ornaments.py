@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 
 
 class _Texts(dict[float, str]):
-    """Texts of numbers; sizes and heights of things come again and again."""
+    """Cache of formatted numbers: sizes and heights of objects recur."""
 
     # `lru_cache` takes four times as long to find one, and a world's file has ten thousand.
     def __missing__(self, value: float) -> str:

@@ -39,7 +39,7 @@ def _one(form: str, size: Vector, *colors: Color) -> tuple[Piece, ...]:
 
 
 def _stack(*thicknesses: float) -> tuple[Piece, ...]:
-    """Books or papers on top of each other, none quite straight."""
+    """Makes a stack of books or papers, each slightly turned."""
     bottoms = [sum(thicknesses[:index]) for index in range(len(thicknesses))]
     return tuple(
         Piece("block", (0.15 + 0.02 * (index % 2), 0.21, thick), SPINES, up, 0.25 * (-1) ** index)
@@ -122,7 +122,7 @@ def book_row(
     """Yields the geoms of a row of books.
 
     Args:
-        name: of the row; books are numbered.
+        name: name of the row; books are numbered.
         foot: middle of the box's lower side.
         yaw: where their backs face.
         size: depth, width and height of the box; all books are as deep.

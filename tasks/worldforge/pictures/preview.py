@@ -84,7 +84,7 @@ def _view(world: World) -> View:
 
 
 def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block]:
-    """Draws floors, walls and windows; returns what of it casts shadows."""
+    """Draws floors, walls and windows; returns the parts that cast shadows."""
     blocks: list[Block] = []
     for room in world.floorplan.rooms:
         floor_color = palette.add_floor(surface_name("floor", room))
@@ -161,7 +161,7 @@ def _draw_box(raster: Raster, palette: Palette, low: Vector, high: Vector, color
 
 
 def _draw_turned_box(solid: Solid, raster: Raster, palette: Palette) -> None:
-    """Draws all upright sides of a box that does not stand square; the depth buffer sorts them."""
+    """Draws the top and all four vertical sides of a turned box (yaw not 0); the depth buffer hides the far sides."""
     c, s = (round(value, 9) for value in turn(solid.yaw))
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     along, across, up = (sx * c, sx * s, 0.0), (-sy * s, sy * c, 0.0), (0.0, 0.0, sz)
@@ -178,7 +178,7 @@ def _draw_turned_box(solid: Solid, raster: Raster, palette: Palette) -> None:
 
 
 def _draw_round_front(solid: Solid, raster: Raster, palette: Palette) -> None:
-    """Draws the end of a lying cylinder that looks at the camera: the door of a washing machine."""
+    """Draws the end face of a lying cylinder that faces the camera, such as the door of a washing machine."""
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     if solid.axis == "y":
         raster.disc((x, y - sy / 2, z), (sx / 2, 0, 0), (0, 0, sz / 2), palette.add_side(solid.color, (0, -1)))
@@ -189,7 +189,7 @@ def _draw_round_front(solid: Solid, raster: Raster, palette: Palette) -> None:
 
 
 def _draw_glass(solid: Solid, raster: Raster, palette: Palette) -> None:
-    """Draws a pane as its rim: one sees through the rest."""
+    """Draws a pane of glass as its rim only: the rest is transparent."""
     (x, y, z), (sx, sy, sz) = solid.center, solid.size
     low, high, rim = (x - sx / 2, y - sy / 2, z - sz / 2), (x + sx / 2, y + sy / 2, z + sz / 2), 0.03
     color = (*solid.color[:3], 1.0)
@@ -248,7 +248,7 @@ def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
 
 
 def _draw_outlines(raster: Raster, colors: Colors) -> None:
-    """Darkens edges where something nearer begins."""
+    """Darkens pixels at the edges of nearer surfaces."""
     depth = np.maximum(raster.depth, np.float32(-1e6))
     limit = np.float32(_EDGE_M * raster.view.scale)
     lines = np.zeros(depth.shape, np.bool_)

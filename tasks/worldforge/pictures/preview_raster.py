@@ -274,7 +274,7 @@ class Palette:
         self._patterns[number] = self.patterned.index(pattern) + 1
 
     def patterns(self) -> NDArray[np.uint8]:
-        """Returns the pattern of each colour number: 0 for none, else an index in `patterned` plus one."""
+        """Returns the pattern of each colour number: 0 for no pattern, else an index in `patterned` plus one."""
         table = np.zeros(len(self._colors), np.uint8)
         table[list(self._patterns)] = list(self._patterns.values())
         return table
@@ -291,7 +291,7 @@ class Palette:
 
 
 def _side_share(normal: tuple[float, float]) -> float:
-    """How bright an upright face is."""
+    """Returns the brightness of a vertical face, from its normal."""
     return 0.8 + 0.16 * (normal[0] * LIGHT[0] + normal[1] * LIGHT[1])
 
 

@@ -117,7 +117,7 @@ class RayPicture:
         self._glass = np.array([0, 0, 0, 0, 0, 1], np.uint8)
 
     def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
-        """Casts rays from one point; returns geom (-1 for none), distance and normal of each hit."""
+        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray."""
         count = len(rays)
         geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
         normals = np.zeros(3 * count)
@@ -291,7 +291,7 @@ def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
 
 
 def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels next to one that sees something else."""
+    """Finds the pixels that show another geom or surface direction than a neighbour."""
     kinds = (hits.geoms.astype(np.int64) * 2 + (glass > 0)).reshape(shape)
     normals = hits.normals.reshape(*shape, 3)
     edge = np.zeros(shape, np.bool_)

@@ -46,7 +46,7 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
         A PNG; the same one for the same world.
 
     Raises:
-        ValueError: there is no room of this name.
+        ValueError: the world has no room of this name.
     """
     found = next((each for each in world.floorplan.rooms if each.name == room), None)
     if found is None:
@@ -107,7 +107,7 @@ def _inward(window: Window, room: Room) -> tuple[float, float]:
 
 
 def _lamps(world: World, room: Room) -> list[list[Lamp]]:
-    """Lamps under the ceiling, windows, and what walls throw back."""
+    """Makes the light sources of a room: ceiling lamps, windows, and light reflected by walls."""
     top = world.floorplan.ceiling_height_m
     x, y = _middle(room)
     rng = np.random.default_rng(5)
@@ -206,7 +206,7 @@ def _surface_colors(name: str, hits: Hits) -> Array:
 
 
 class _Sun:
-    """Sunlight that falls through a room's windows onto what stands inside.
+    """Sunlight that falls through a room's windows onto its furniture.
 
     Args:
         model: the compiled world.

@@ -36,7 +36,7 @@ class _Expected(NamedTuple):
 
     @classmethod
     def of_plan(cls, world: World, scan: Scan, grid: OccupancyGrid) -> "_Expected":
-        """Computes what the map of a generated world has to show, from its model alone."""
+        """Computes the expected occupancy map of a generated world from its model alone."""
         must_occupy, may_occupy, walls, near = (np.zeros_like(grid.known) for _ in range(4))
         for _, outline in scan.slices:
             fill(grid, must_occupy, outline, GRACE_M)
@@ -130,7 +130,7 @@ def _there(scan: Scan, place: Point) -> str:
 
 
 def lidar_faults(world: World, site: Site, read: OccupancyGrid) -> list[Fault]:
-    """Lists where a lidar meets what does not collide, or what the map does not show, or nothing at all.
+    """Lists places where a lidar hits geoms that do not collide or that the map lacks, or hits nothing.
 
     Args:
         world: the world.

@@ -84,7 +84,7 @@ def _pieces(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _name(model: mujoco.MjModel, geom: int) -> str:
-    """A geom's name; `model.geom` is twenty times slower."""
+    """Returns a geom's name from the model's buffer of names; `model.geom(id).name` is twenty times slower."""
     begin = model.name_geomadr[geom]
     return model.names[begin : model.names.index(b"\0", begin)].decode()
 
@@ -129,7 +129,7 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
 
 
 def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> int:
-    """The body that moved so fast that MuJoCo began anew, since when ways mean little; -1: none did."""
+    """Returns the body that was so fast that MuJoCo reset the simulation, which voids distances; -1: no body was."""
     for kind, joints in (
         (mujoco.mjtWarning.mjWARN_BADQPOS, model.jnt_qposadr),
         (mujoco.mjtWarning.mjWARN_BADQVEL, model.jnt_dofadr),
@@ -203,7 +203,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
 
 
 def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s: float) -> None:
-    """Lets physics run with every body awake at first; what has come to rest falls asleep later, which saves time.
+    """Simulates with every body awake at first; bodies at rest fall asleep later, which saves time.
 
     Asleep from the begin, bodies would have no contacts and never move: a floating or half-sunk book would pass.
     """

@@ -56,7 +56,7 @@ Corner = tuple[float, float, float]
 
 
 class Extent(NamedTuple):
-    """The box around something, in metres; plain numbers, as arrays of three take ten times as long."""
+    """Bounding box in metres; plain numbers, as arrays of three take ten times as long."""
 
     low: Corner
     high: Corner
@@ -247,7 +247,7 @@ def room_at(world: World, place: Sequence[float]) -> str | None:
 
 
 def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
-    """Says how a door's hinge differs from its description; empty if it does not."""
+    """Describes how a door's hinge differs from its description; empty if it does not."""
     model, data = scan.model, scan.data
     anchor, axis = data.xanchor[joint], data.xaxis[joint]
     open_rad = float(model.qpos0[model.jnt_qposadr[joint]])
@@ -264,7 +264,7 @@ def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
 
 
 def _resisting(model: mujoco.MjModel, joint: int, door: Door, *, exactly: bool) -> str:
-    """Says how much harder than described a door is to turn; empty if it is not. Earlier generators' doors may be."""
+    """Describes how much harder than described a door is to turn, as earlier generators' may be; empty: it is not."""
     dof = int(model.jnt_dofadr[joint])
     found = {
         "damping": model.dof_damping[dof],

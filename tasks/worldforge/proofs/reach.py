@@ -83,7 +83,7 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
 
 
 def _clear(passage: Passage, scan: Scan, boxes: NDArray[np.float64]) -> tuple[float, int | None]:
-    """The widest gap along a passage's line, and what is at its side or in its middle."""
+    """Returns the widest gap along a passage's line, and the obstacle at its side or in its middle."""
     along = 0 if passage.start[1] == passage.end[1] else 1
     line = passage.start[1 - along]
     first, last = sorted((passage.start[along], passage.end[along]))

@@ -72,7 +72,7 @@ class Scan:
             object.__setattr__(self, name, value)
 
     def called(self, geom: int) -> str:
-        """Returns what a sentence calls a geom: its name, else the piece that it is a part of.
+        """Returns a geom's name for messages: its own, else that of the furnishing that it is a part of.
 
         Args:
             geom: its number.
@@ -91,7 +91,7 @@ class Scan:
 
     @cached_property
     def standing(self) -> Outlines:
-        """All of them but the leaves of doors."""
+        """Outlines of all geoms except the leaves of doors."""
         return [(geom, outline) for geom, outline in self.slices if self.pieces[geom] not in self.doors]
 
     @cached_property
@@ -121,7 +121,7 @@ class Scan:
 
     @cached_property
     def floors(self) -> Outlines:
-        """Outlines of what a robot stands on."""
+        """Outlines of the floor geoms that a robot drives on."""
         level = self.solid & (np.abs(self.high[:, 2]) < GRACE_M)
         return list(solid_outlines(self.model, self.data, *_FLOOR_BAND_M, level))
 

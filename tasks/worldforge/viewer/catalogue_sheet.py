@@ -81,14 +81,14 @@ def style_picture(kind: str, style: Style) -> NDArray[np.uint8]:
 
 
 class _Look:
-    """Colours of a lone piece."""
+    """Colours of a single furnishing on a plain floor."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._colors = model.geom_rgba[:, :3].astype(float)
         self._colors[model.geom("floor").id] = _FLOOR
 
     def colors(self, hits: Hits) -> NDArray[np.floating[Any]]:
-        """Returns the surface colours at ray hits."""
+        """Returns the unlit surface colour at each ray hit: red, green and blue from 0 to 1."""
         return self._colors[np.maximum(hits.geoms, 0)]
 
 

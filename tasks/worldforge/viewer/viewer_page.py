@@ -37,7 +37,7 @@ def viewer_page(bundle: Path, title: str) -> str:
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: one of them is none.
+        ValueError: a file of the world is invalid.
     """
     world = read_world(bundle)
     glb = base64.b64encode(world_glb(bundle)).decode("ascii")

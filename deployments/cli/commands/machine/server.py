@@ -47,7 +47,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _may_stop(settings: "Settings") -> bool:
-    """Whether the server may be stopped: a person at a terminal is asked if it is in use, others are told."""
+    """Whether the server may be stopped; prints who uses it, and then asks if a person is at the terminal."""
     users = _users(settings)
     if not users:
         return True

@@ -66,7 +66,7 @@ def _shares(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
     """Checks the numbers, and returns difference and margin as shares.
 
     Raises:
-        ConfigurationError: one is out of range.
+        ConfigurationError: alpha, difference or margin is out of range, or both difference and margin are given.
     """
     if not 0 < arguments.alpha < 1:
         raise ConfigurationError(f"--alpha is {arguments.alpha:g}; it has to be above 0 and below 1, such as 0.05")

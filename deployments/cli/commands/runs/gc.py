@@ -106,7 +106,7 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
 
 
 def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list[str]:
-    """Says what was left by processes that died or lost their jobs, and collects it, whatever the policy is."""
+    """Describes files of processes that died or lost their jobs, and deletes them if `act`, whatever the policy is."""
     from .....tasks.jobs.job_folders import overtaken_runs, remove_overtaken_runs
     from .....tasks.runtime.process.rehearsal_rooms import left_rooms, remove_left_rooms
     from ....flow_run_history import collect_limits
@@ -121,7 +121,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
 
 
 def _kept_outputs(service: "Service") -> list[str]:
-    """Says that outputs are on this machine only; they are no garbage."""
+    """Describes outputs that are on this machine only; they are not deleted."""
     from .....tasks.jobs.job_folders import find_kept
 
     if not (kept := find_kept(service)):

@@ -43,5 +43,5 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _name_of(run: str) -> str:
-    """The last part of what names the run, as a part of a folder's name."""
+    """Returns the last component of an ARN, job id, `s3://` URL or path, to name a folder after the run."""
     return run.rstrip("/").replace("/", ":").rsplit(":", 1)[-1] or "run"

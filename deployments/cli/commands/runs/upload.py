@@ -38,7 +38,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _seen_to(kept: "KeptOutputs", service: "Service", *, dry_run: bool) -> "KeptRun":
-    """Stores the outputs of one run, unless it is only to look; a problem with one keeps none from the others."""
+    """Uploads the outputs of one run, unless `dry_run` is true; a failure does not end the command."""
     from dataclasses import replace
 
     from .....schemas.reports.retention import KeptRun

@@ -21,12 +21,12 @@ def add_decision(parser: argparse.ArgumentParser) -> None:
 
 
 def decided(decide: "Callable[[str, str, Service], None]", arguments: argparse.Namespace, outcome: str) -> int:
-    """Carries out a person's decision about a deployment, and prints what came of it.
+    """Carries out a person's decision about a deployment, and prints its outcome.
 
     Args:
         decide: the decision: deployment job, person, service.
-        arguments: those of `add_decision`.
-        outcome: what is printed after the deployment's ARN.
+        arguments: parsed arguments of `add_decision`.
+        outcome: text to print after the deployment's ARN.
     """
     from ....cli.inputs.options import open_service, who
 

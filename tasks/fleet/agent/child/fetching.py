@@ -87,14 +87,14 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
     """Downloads a file to the robot, unless it is there; continues an interrupted download.
 
     Args:
-        source: where it comes from.
-        file: its length and hash, as they were signed.
-        path: where it shall be; meanwhile it is at the same path with `.part`.
-        progress: told the bytes that are there and all bytes.
+        source: source that the file is downloaded from.
+        file: signed length and hash of the file.
+        path: path of the complete file; while it is incomplete, its path ends with `.part`.
+        progress: called with the downloaded bytes and all bytes.
 
     Raises:
-        StepFailed: it is not the file that was signed, is not there, or does not fit on the disk.
-        TryLater: the connection was cut; what has come is kept.
+        StepFailed: the file differs from the signed one, does not exist, or does not fit on the disk.
+        TryLater: the connection was cut; the downloaded part is kept.
     """
     part = path.with_name(f"{path.name}.part")
     try:
@@ -110,7 +110,7 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
 
 
 def _complete(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
-    """Fetches what is missing of a file; once more from its beginning where the rest did not fit to what was there."""
+    """Downloads the missing part of a file; all of it once more if the file's hash is wrong then."""
     was_begun = part.exists()
     try:
         _receive(source, file, part, progress)

@@ -54,7 +54,7 @@ class Child:
     """Child process of the robot's agent, which sends messages as lines.
 
     Args:
-        do: what it does; it is given what answers.
+        do: function of the child; it gets the function that sends answers.
     """
 
     def __init__(self, do: Callable[[Callable[..., None]], None]) -> None:
@@ -115,7 +115,7 @@ def _forget_signals() -> None:
 
 
 def _end_with_agent(answers: int) -> None:
-    """Closes what the agent has open, its lock for one; the kernel kills this process when the agent is no more."""
+    """Closes the agent's open files, such as its lock; the kernel kills this process when the agent ends."""
     agent = multiprocessing.parent_process()
     assert agent is not None
     life = agent.sentinel  # a pipe that only the agent could write to

@@ -28,7 +28,7 @@ def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:
 
     Args:
         home: the agent's.
-        state: what the agent remembers.
+        state: state of the agent.
         architecture: the robot's.
         say: answers.
     """
@@ -62,7 +62,7 @@ def _validate(home: Home, state: State, architecture: str, say: Say) -> None:
 
 
 def _repository_class() -> type[Repository]:
-    """Imports TUF, which agent and downloads are spared, without what it fetches by: a third of a validation's time."""
+    """Imports TUF, only for a validation and without its HTTP client: that would take a third of its time."""
     fetcher = "tuf.ngclient.urllib3_fetcher"
     sys.modules[fetcher] = SimpleNamespace(Urllib3Fetcher=object)  # type: ignore[assignment]
     try:
@@ -103,7 +103,7 @@ class Progress:
         self._due_s = 0.0
 
     def __call__(self, done: int, of: int) -> None:
-        """Is told the bytes that are there, and all bytes."""
+        """Reports the download's progress from its downloaded bytes and all bytes."""
         now_s = self._monotonic()
         if now_s >= self._due_s:
             self._due_s = now_s + _PROGRESS_EVERY_S

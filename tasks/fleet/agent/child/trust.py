@@ -60,7 +60,7 @@ class Attested:
         """Reads the attestation rules from a TUF root.
 
         Raises:
-            StepFailed: it has another form, which a newer agent may know.
+            StepFailed: the document has another form, which a newer agent may know.
         """
         content = root.get(_MEMBER, {"keys": {}, "applications": []})
         try:
@@ -77,8 +77,8 @@ class Attested:
         """Raises an error if the version to install is not attested.
 
         Args:
-            document: what is to be installed.
-            sha256: of the bundle that this robot would get.
+            document: deployment document to install.
+            sha256: SHA-256 of the bundle that this robot would get.
             envelopes: the attestations of the deployment, by path.
 
         Raises:
@@ -185,10 +185,10 @@ class Repository:
             floors: versions that roles must not be older than.
             newest_s: the latest time at which the repository was fresh.
             architecture: the robot's.
-            seen: told how new the repository is, before anything of it is used.
+            seen: called with the verified versions and time of the repository, before any of its content is used.
 
         Raises:
-            StepFailed: it is not to be trusted, or has nothing for this robot.
+            StepFailed: the metadata is not trusted, or has nothing for this robot.
             TryLater: the server cannot be reached.
         """
         try:
@@ -255,7 +255,7 @@ class Repository:
         return content
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
-        """Holds the metadata that TUF accepted against what the journal remembers."""
+        """Compares the metadata that TUF accepted with the versions and times in the agent's journal."""
         versions: dict[str, int] = {}
         believed = datetime.fromtimestamp(max(newest_s, self._now_s), timezone.utc)
         for role in roles:

@@ -18,11 +18,11 @@ def unpack(archive: Path, folder: Path, limits: ArchiveLimits | None = None) -> 
 
     Args:
         archive: a .tar, .tar.gz or .zip.
-        folder: where to; the folder beside it with a dot and `.part` is replaced.
-        limits: what it may hold.
+        folder: folder to unpack to; the folder beside it with a dot and `.part` is replaced.
+        limits: limits on files and bytes.
 
     Raises:
-        StepFailed: it is damaged, or has a member that is neither file nor folder or would land elsewhere; or the
+        StepFailed: the archive is damaged, or has a member that is neither file nor folder or leads elsewhere; or the
             disk is full. Nothing is left of it then.
     """
     if folder.exists():

@@ -25,7 +25,7 @@ class Application:
     Args:
         home: the agent's.
         options: how long it may take to stop.
-        sandbox: its rights.
+        sandbox: rights of the application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.
     """
@@ -52,7 +52,7 @@ class Application:
         """Whether it had been up for long when it ended the last time."""
 
         self.due_s: float | None = None
-        """When it is started again, by the monotonic clock."""
+        """Time of its next start, by the monotonic clock."""
 
     @property
     def is_running(self) -> bool:
@@ -63,7 +63,7 @@ class Application:
         """Starts a version of the application.
 
         Raises:
-            StepFailed: it cannot be started.
+            StepFailed: the application cannot be started.
         """
         self.due_s = None
         folder = self._home.folder / version.folder
@@ -99,7 +99,7 @@ class Application:
 
     @property
     def trouble(self) -> str:
-        """Says that the application keeps ending before it was up for long; empty: it does not."""
+        """Error text if the application repeatedly ends soon after its start; empty if not."""
         is_steady = self._process is not None and self._monotonic() - self._since_s >= _STEADY_S
         if self._failures < MAX_ENDS or is_steady or self._version is None:
             return ""

@@ -62,7 +62,7 @@ class Sandbox:
         """Returns the folder of an application's data that outlives its versions.
 
         Raises:
-            OSError: it cannot be made.
+            OSError: the folder cannot be created.
         """
         folder = self.home.folder / "data" / application
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def find_sandbox(home: Home, options: Options) -> Sandbox:
     """Returns the sandbox that the options ask for, after testing it.
 
     Raises:
-        AgentError: there is no such user or sandbox, or it does not work here.
+        AgentError: the user or sandbox does not exist, or the sandbox does not work on this machine.
     """
     rights, user_id = _rights(options.user)
     if options.sandbox != "auto" and options.sandbox not in KINDS:
@@ -163,7 +163,7 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
     file are its arguments.
 
     Args:
-        folder: of the version.
+        folder: folder of the version.
         launch: package and file.
         which: finds installed programs.
 
@@ -228,8 +228,8 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
     """Returns the command line of a pre- or post-launch script.
 
     Args:
-        folder: of the version.
-        file: its path in the bundle.
+        folder: folder of the version.
+        file: path of the script in the bundle.
         code: failure code of its absence.
 
     Raises:
@@ -247,7 +247,7 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
     Args:
         home: the agent's.
         version: whose launch configuration and tags are exported.
-        data: where the application keeps what outlives its versions; programs take it for their home.
+        data: folder of the application's data that outlives its versions; programs have it as `HOME`.
         base: the agent's own.
     """
     passed = {name: value for name, value in base.items() if name not in _NOT_PASSED_ON}

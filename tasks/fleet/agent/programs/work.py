@@ -21,7 +21,7 @@ class ChildWork:
 
     Args:
         child: the child.
-        phase: what it does.
+        phase: phase of the installation that it carries out.
     """
 
     due_s = None  # it says itself when it is done
@@ -33,10 +33,10 @@ class ChildWork:
         self._has_answered = False
         self._is_over = False
         self.percent: int | None = None
-        """How much is done."""
+        """Percentage that is done."""
 
         self.later: str | None = None
-        """Why it has to be tried again later."""
+        """Reason why it has to be tried again later."""
 
     @property
     def pipe(self) -> int | None:
@@ -83,12 +83,12 @@ class ScriptWork:
 
     Args:
         process: started, with its output in a file.
-        phase: what it does.
-        name: what it is called in reasons.
+        phase: phase of the installation that it carries out.
+        name: name of the script in failure reasons.
         code: failure code.
-        log: its output.
+        log: file with the script's output.
         due_s: until when it has to have ended, by the monotonic clock.
-        monotonic: that clock.
+        monotonic: the monotonic clock, in seconds.
     """
 
     percent = None
@@ -113,10 +113,14 @@ class ScriptWork:
         self._monotonic = monotonic
         self._is_over = False
         self.due_s: float | None = due_s
-        """When it has taken too long."""
+        """Time at which it times out, by the monotonic clock; `None`: it is over."""
 
     def poll(self) -> list[Event]:
-        """Returns the script's result once it has ended or timed out."""
+        """Checks, without waiting, whether the script has ended or timed out, and ends one that has timed out.
+
+        Returns:
+            One event, that the script passed or failed, from the first call after its end; otherwise an empty list.
+        """
         if self._is_over:
             return []
         code = self._process.poll()
@@ -147,7 +151,7 @@ class Watch:
 
     Args:
         due_s: when it ends, by the monotonic clock.
-        monotonic: that clock.
+        monotonic: the monotonic clock, in seconds.
         check: starts the health command; `None`: there is none.
     """
 
@@ -164,7 +168,7 @@ class Watch:
 
     @property
     def due_s(self) -> float | None:
-        """Time of the next look, by the monotonic clock in seconds."""
+        """Time of the next poll, by the monotonic clock in seconds."""
         if self._checking is not None:
             return self._checking.due_s
         return None if self._is_over else self._until_s

@@ -121,7 +121,7 @@ def _known_map(world_dir: Path) -> OccupancyMap | None:
 
 
 def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
-    """The limit that was asked for, else about three times what Scout needs, and more for slower robots."""
+    """Returns the requested limit, else about three times the time that Scout needs, and more for slower robots."""
     if text is None:
         rooms = world.floorplan.rooms
         slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)

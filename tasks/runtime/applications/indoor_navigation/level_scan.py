@@ -285,7 +285,7 @@ class LevelScan:
             groups: which geom groups rays can hit.
 
         Raises:
-            ValueError: there is something of which it is not known where it ends.
+            ValueError: A geom has a shape whose extent is unknown.
         """
         if model.nflex:
             raise ValueError("there are soft bodies")
@@ -331,7 +331,7 @@ class LevelScan:
         return distances
 
     def _ask_about(self, geoms: NDArray[np.intp]) -> None:
-        """Notes spheres around what is left to MuJoCo: fixed geoms, and the bodies of others."""
+        """Stores bounding spheres of what MuJoCo's ray casting has to test: fixed geoms, and bodies with others."""
         model = self._model
         if (model.geom_rbound[geoms] <= 0).any():
             raise ValueError("there are geoms without an end")
@@ -358,7 +358,7 @@ class LevelScan:
         self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
-        """Shortens the rays that end at what is left to MuJoCo."""
+        """Shortens the rays that hit geoms which MuJoCo's ray casting tests."""
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
         parts: list[slice] = []
@@ -406,7 +406,7 @@ def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Float
 
 
 def _alpha(model: mujoco.MjModel) -> NDArray[np.float32]:
-    """Opacities; rays go through what is wholly transparent."""
+    """Returns the opacities of the geoms; rays pass through fully transparent ones."""
     own = model.geom_matid < 0
     alpha = model.geom_rgba[:, 3].copy()
     alpha[~own] = model.mat_rgba[model.geom_matid[~own], 3]

@@ -107,7 +107,7 @@ class NavigationTask(Task):
         self._sense()
 
     def before_step(self, action: Action, physics: ScenePhysics) -> None:
-        """Passes a velocity command to the robot's controller, which limits it to what the robot can do.
+        """Passes a velocity command to the robot's controller, which limits it to the robot's largest speeds.
 
         Args:
             action: see `action_spec`.
@@ -338,7 +338,10 @@ def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tupl
 
 
 def _range_specs(model: Lidar) -> dict[str, specs.Array]:
-    """Returns the specs of the range sensors' measurements: proximity and lidar scan."""
+    """Returns the dm_env array specs of the range sensors' observations, by name.
+
+    They are the lidar scan and the proximity ranges, in metres, and the time of both, in seconds.
+    """
     near = specs.BoundedArray(
         lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
     )

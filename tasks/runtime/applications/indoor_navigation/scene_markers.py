@@ -190,7 +190,7 @@ def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def _markers(
     model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_], frame: Pose, pattern: Marker
 ) -> list[Marker]:
-    """Markers of geoms, seen from a frame; `ns` is what a geom's name begins with, so that kinds can be hidden."""
+    """Markers of geoms, seen from a frame; `ns` is the prefix of a geom's name, so that kinds can be hidden."""
     geoms = np.flatnonzero(chosen)
     kinds = [_SHAPES.get(kind, MarkerType.CUBE) for kind in model.geom_type[geoms].tolist()]
     # A box around a geom is as large as the geom; along a capsule it reaches as far as its round ends.

@@ -127,7 +127,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
 
 
 def _let_slide(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
-    """Lets parts of a robot whose own friction counts by priority go before floors whose friction was varied."""
+    """Raises the contact priority of robot parts whose own friction counts above that of floors of varied friction."""
     most = max((geom.priority for geom in world.geoms), default=0)
     for geom in own.geoms:
         if geom.priority > 0:

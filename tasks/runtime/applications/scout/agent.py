@@ -272,7 +272,7 @@ class Scout(KeepsAttributes):
         return False
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
-        """Slows down for unknown things near the path and plans again when one is on it."""
+        """Slows down for unknown obstacles near the path, and plans again when one blocks it."""
         hits = near_hits(self._rays, observation["scan"], observation["proximity"])
         unknown = self._memory.see(pose, hits, now_s)
         self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)

@@ -278,7 +278,7 @@ def _check_shapes(model: mujoco.MjModel, where: str) -> None:
 def _check_sizes(
     mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, builder: ModelBuilder, files: RobotFiles
 ) -> None:
-    """Refuses parts that are in another unit than metres, which would make a robot of a building's size, or of none."""
+    """Raises an error for parts in another unit than metres, which would make the robot far too large or small."""
     radius_m, where = mapping.footprint.radius_m, files.mapping.name
     for geom in range(model.ngeom):
         reach_m = geom_reach_m(model, data, geom)
@@ -307,7 +307,7 @@ def _check_sizes(
 
 
 def _warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
-    """A disc that is too small makes planners drive into things."""
+    """Warns if parts reach beyond the footprint's disc: planners would drive into obstacles."""
     reach_m = solid_reach_m(model, data)
     if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
         _logger.warning(

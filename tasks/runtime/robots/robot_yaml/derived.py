@@ -77,7 +77,7 @@ def _lacks(model: mujoco.MjModel, base: int) -> str | None:
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
-    """The first keyframe by its name, or positions of its joints where it has none."""
+    """Returns the name of the first keyframe, or its joint positions if it has no name."""
     if not model.nkey:
         return {}
     if keyframe := model.key(0).name:
@@ -89,7 +89,7 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
 
 
 def said_of(mapping: RobotModel) -> str:
-    """Returns what was derived, as a line of a log."""
+    """Describes the derived mapping in one log line."""
     return (
         f"there is no {MAPPING_FILE}: the base is {mapping.base!r}, {mapping.spawn.height_m:g} m over the floor, "
         f"{mapping.footprint.radius_m:g} m around, and its actuators are the action; write one for anything else"

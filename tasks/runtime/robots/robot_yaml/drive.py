@@ -53,7 +53,7 @@ def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tup
     """Returns the slide and hinge joints that move a robot's base over the floor.
 
     Raises:
-        LaunchError: they are not two slides and a hinge along the axes.
+        LaunchError: the joints are not two slides and a hinge along the axes.
     """
     drive = mapping.drive
     if drive.kind != "velocity" or drive.frame != "world":
@@ -135,7 +135,7 @@ class _Actuators:
         """Returns an actuator's id by name.
 
         Raises:
-            LaunchError: there is none.
+            LaunchError: the model has no actuator of this name.
         """
         if name in self._names:
             return self._names.index(name)
@@ -158,7 +158,7 @@ class _Actuators:
         """Raises an error for an actuator that is not velocity-controlled.
 
         Raises:
-            LaunchError: it is no velocity actuator.
+            LaunchError: the actuator is not a velocity actuator.
         """
         gain, bias = self.model.actuator_gainprm[actuator], self.model.actuator_biasprm[actuator]
         if bias[1] != 0 or bias[2] >= 0 or not np.isclose(gain[0], -bias[2]):

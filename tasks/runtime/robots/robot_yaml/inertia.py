@@ -83,7 +83,7 @@ class Problem:
     """Inertia that it gets when the setting asks for one; None: it has no shapes to take it from, and has to move."""
 
     def __str__(self) -> str:
-        """The text with what to write."""
+        """Describes the problem, and the values to write instead."""
         name = self.link.get("name")
         setting = ", or set impossible_inertia: from_geometry in robot.yaml" if self.by_setting is not None else ""
         return f"link {name!r}: {self.text}; {self.source} {self.suggestion}: write that or what was measured{setting}"
@@ -128,7 +128,7 @@ def _problem(link: Located, line: int, text: str, make_spec: MakeSpec, *, is_car
 
 
 def _mass_kg(link: Located) -> float:
-    """Mass that a link says, in kg; 0: none, or an impossible one."""
+    """Returns the mass that a link states, in kg; 0: no mass, or an impossible one."""
     mass = link.find("inertial/mass")
     try:
         mass_kg = float(mass.get("value", "")) if mass is not None else 0.0
@@ -158,7 +158,7 @@ def replace_inertial(problem: Problem) -> None:
 
 
 def _impossible(link: Located) -> tuple[int, str] | None:
-    """Line and text of what no body can have; None: nothing, or MuJoCo's importer tells it with its line."""
+    """Returns line and text of an impossible inertia; None: possible, or MuJoCo's importer reports it with its line."""
     mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
     if mass is None or inertia is None:
         return None
@@ -256,7 +256,7 @@ def _shapes(link: Located) -> list[ET.Element]:
 
 
 def _of_shapes(link: Located, make_spec: MakeSpec) -> Inertia | None:
-    """Mass and inertia of a link's shapes at the density that MuJoCo assumes; None: it has none that have any."""
+    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None: no shape has a volume."""
     alone = ET.Element("robot", name="alone")
     body = ET.SubElement(alone, "link", name="link")
     for shape in _shapes(link):

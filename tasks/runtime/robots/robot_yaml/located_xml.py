@@ -25,7 +25,7 @@ def parse_located(path: Path) -> Located:
         path: the file.
 
     Raises:
-        LaunchError: it cannot be read, or is no XML.
+        LaunchError: the file cannot be read, or is not XML.
     """
     builder = ET.TreeBuilder(element_factory=Located)
     # Without namespaces: a prefix that is bound to nothing is no error, and `xacro:` can be told.

@@ -39,7 +39,7 @@ def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFil
         variables: environment variables of the launch configurations, and of the process.
 
     Raises:
-        LaunchError: there is none, or its model has not been fetched.
+        LaunchError: the model or file does not exist, or the model has not been downloaded.
     """
     name, _, file = reference.removeprefix(MENAGERIE).partition("/")
     folder = _folder(name, variables)

@@ -35,7 +35,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
         reading: how it is read if it is a URDF.
 
     Raises:
-        LaunchError: it is no model, or names files outside the folder.
+        LaunchError: the file is not a robot model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
@@ -65,7 +65,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
 
 
 def _meant(element: ET.Element, path: Path, root: Path) -> str:
-    """Says which files are named similarly to those that an MJCF names and that are not there, to end an error with."""
+    """Makes the end of an error message: files with names similar to those of missing files that an MJCF names."""
     hints: list[str] = []
     for name, file in _files_of(element, path, path.parent) if element.tag not in ("robot", "sdf") else ():
         near = None if file.is_file() else similar_file(path.parent, str(file.relative_to(path.parent)), root)
@@ -75,7 +75,7 @@ def _meant(element: ET.Element, path: Path, root: Path) -> str:
 
 
 def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
-    """Every file that an MJCF names, with those of what it includes; relative names are the main file's."""
+    """Yields every file that an MJCF and its includes name; relative names are relative to the main file."""
     compilers = list(element.iter("compiler"))
     meshes, textures = (
         next((each.get(key) or each.get("assetdir") for each in compilers if each.get(key) or each.get("assetdir")), "")
@@ -185,7 +185,7 @@ class ModelBuilder:
         """Finds a part of the model by name.
 
         Raises:
-            LaunchError: there is none; the message has the field and what there is.
+            LaunchError: the model has no such part; the message names the field and the parts that the model has.
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:

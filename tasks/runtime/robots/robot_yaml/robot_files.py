@@ -39,7 +39,7 @@ def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> Non
         name: the file's name as it is written.
 
     Raises:
-        LaunchError: it is elsewhere.
+        LaunchError: the file is outside the robot's folder.
     """
     if not file.resolve().is_relative_to(root.resolve()):
         raise invalid(mentioned_in, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
@@ -57,7 +57,7 @@ def find_file(name: str, where: str, folder: Path, root: Path) -> Path:
         root: folder that all files have to be in.
 
     Raises:
-        LaunchError: it is missing, or outside the folder; a file that is similarly named is suggested.
+        LaunchError: the file does not exist or is outside the folder; the message suggests a file of a similar name.
     """
     bare = name.removeprefix(_FILE)
     if not name.startswith((_PACKAGE, _MODEL)) and Path(bare).is_absolute():

@@ -171,7 +171,7 @@ def check_kinds(kinds: Iterable[type[SensorKind]]) -> None:
         kinds: All there are.
 
     Raises:
-        ConfigurationError: One does.
+        ConfigurationError: Two kinds, or a kind and the simulation, use the same name.
     """
     topics = dict.fromkeys(PUBLISHED, "the simulation")
     for kind in kinds:

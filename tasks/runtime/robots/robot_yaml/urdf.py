@@ -95,7 +95,7 @@ class UrdfReading:
             Whether any is left out from now on.
 
         Raises:
-            LaunchError: one collides.
+            LaunchError: a mesh that MuJoCo cannot use is a collision mesh.
         """
         found = [(mesh, problem) for mesh in self.meshes if (problem := mesh.problem()) is not None]
         for mesh, problem in found:
@@ -216,7 +216,7 @@ def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Locat
 
 
 def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -> Iterator[MeshUse]:
-    """Gives each mesh file at each scale a name of its own, and leaves out what is not to be drawn.
+    """Gives each mesh file at each scale a name of its own, and leaves out meshes that are not drawn.
 
     MuJoCo's importer names meshes after their files without the folders, and takes `visual/base.stl` for
     `collision/base.stl`.
@@ -272,7 +272,7 @@ def _tell_lines(spec: mujoco.MjSpec, robot: Located) -> None:
 
 
 def _only_draw(mesh: mujoco.MjsMesh) -> None:
-    """Lets a mesh have no volume: what is only drawn has no mass."""
+    """Allows a mesh without volume, if it is only drawn and so has no mass."""
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 

@@ -76,7 +76,7 @@ def _check_once(options: str, names: list[str]) -> None:
     """Refuses a thing that is to become two.
 
     Raises:
-        ConfigurationError: a name comes more than once.
+        ConfigurationError: a name is given more than once.
     """
     from ......schemas.wire.errors import ConfigurationError
 

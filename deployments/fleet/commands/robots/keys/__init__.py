@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def add_attested(parser: argparse.ArgumentParser, which: str) -> None:
-    """Adds the options for what agents believe of attestations to a command's parser.
+    """Adds the options for the attestations that agents require to a command's parser.
 
     Args:
         parser: the command's.
