@@ -255,11 +255,12 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
         grid: the map.
         said: what `map.yaml` says of it, as a comment.
     """
-    pixels = np.full(grid.occupied.shape, UNKNOWN_PIXEL, np.uint8)
+    height, width = grid.occupied.shape
+    pixels = np.full((height, width), UNKNOWN_PIXEL, np.uint8)
     pixels[grid.free] = FREE_PIXEL
     pixels[grid.occupied] = OCCUPIED_PIXEL
     # A picture's first row is its top, which is north.
-    picture = b"P5\n%d %d\n255\n" % (pixels.shape[1], pixels.shape[0]) + pixels[::-1].tobytes()
+    picture = b"P5\n%d %d\n255\n" % (width, height) + pixels[::-1].tobytes()
     # An unknown pixel is occupied with probability (255 - 205) / 255 = 0.1961; that must not be below
     # free_thresh, or the map server would read unknown as free.
     lines = [
