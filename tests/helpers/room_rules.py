@@ -40,6 +40,8 @@ DENSE_SHARES = {
     "Hallway": (0.23, 10.0),
     "Kitchen": (0.29, 14.0),
     "Living": (0.31, 24.0),
+    "Office": (0.28, 14.0),
+    "Storage": (0.29, 12.0),
 }
 """Share of the floor under furniture in dense rooms of up to so many square metres; larger ones have less."""
 TOUCHING_M = 0.02
