@@ -19,17 +19,17 @@ TRIALS = Trials.model_validate(
         "design": "latin-hypercube",
         "points": 3,
         "axes": {
-            "ROBOMAKER_SIM_TIME_LIMIT_S": {"kind": "variable", "values": ["3"]},
+            "ROBOMAKER_SIM_TIME_LIMIT_S": {"kind": "variable", "values": ["8"]},
             "mass": {"kind": "robot_mass", "range": [0.8, 1.3]},
             "grip": {"kind": "robot_friction", "range": [0.5, 1.5]},
             "gain": {"kind": "motor_gain", "range": [0.8, 1.2]},
             "delay": {"kind": "motor_delay_s", "range": [0, 0.1]},
             "noise": {"kind": "lidar_noise_std_m", "range": [0.005, 0.03]},
             "bias": {"kind": "lidar_bias_m", "range": [-0.02, 0.02]},
-            "dropout": {"kind": "lidar_dropout", "range": [0, 0.1]},
+            "dropout": {"kind": "lidar_dropout", "range": [0.3, 0.9]},
             "latency": {"kind": "lidar_latency_s", "range": [0, 0.3]},
         },
-        "include": [{"ROBOMAKER_SIM_TIME_LIMIT_S": "3"}],
+        "include": [{"ROBOMAKER_SIM_TIME_LIMIT_S": "8"}],
     }
 )
 
