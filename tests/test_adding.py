@@ -73,7 +73,7 @@ SEEN = """
 import json
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import SpecError
-from prefect_robomaker.tasks.simulations.planning.job_contents import _judging_packages
+from prefect_robomaker.tasks.simulations.planning.job_contents import _axis_packages, _judging_packages
 from tools.reference.pages import with_tables
 
 try:
@@ -83,6 +83,8 @@ except SpecError as error:
 print(json.dumps({
     "refused": refused,
     "made of": list(_judging_packages([{"kind": "reach"}], str)),
+    "varied by": list(_axis_packages({"trials": {"axes": {"spin": {"kind": "robot_inertia"}}}}, str)),
+    "built in": list(_axis_packages({"trials": {"axes": {"mass": {"kind": "robot_mass"}}}}, str)),
     "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
     "axes": with_tables("<!-- made: axis-kinds -->\\n<!-- end -->"),
 }))
@@ -98,6 +100,7 @@ def test_one_file_is_seen_everywhere(example: Path) -> None:
     schema = json.loads(run(example, "-m", "prefect_robomaker", "schema"))
     assert schema["$defs"]["ReachRequirement"]["properties"]["max_m"]["anyOf"][0]["type"] == "number"
     assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
+    assert (seen["varied by"], seen["built in"]) == (["package example"], []), "nor when the axis has"
     assert "| `reach` | its body is farther from the origin than `max_m` |" in seen["page"]
     assert "| `robot_inertia` | inertias of all bodies of the robot | a factor from 0.1 to 10 |" in seen["axes"]
     assert schema["$defs"]["RobotInertiaAxis"]["properties"]["range"]

@@ -113,14 +113,16 @@ class Trials(Shape):
             check_excluded(self._axes, cell, f"exclude[{number}]")
         if self.exclude and not self._kept and not self.include:
             raise ValueError("exclude: it leaves no cell; exclude fewer, or include some")
-        known = (
-            [grid_cell(self._axes, number) for number in self._kept] if self.design == "grid" and self.include else []
-        )
         for number, cell in enumerate(self._included):
-            if cell and dict(cell) in known:
+            if self.design == "grid" and self._has_cell(cell):
                 raise ValueError(f"include[{number}]: the grid has this cell already; leave it out")
             if cell in self._included[:number]:
                 raise ValueError(f"include[{number}]: it is there twice; cells have to differ")
+
+    def _has_cell(self, cell: Cell) -> bool:
+        """Whether a grid has a cell of its own that is the same."""
+        listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self._axes.items())
+        return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
 
     @property
     def cells(self) -> int:

@@ -18,10 +18,12 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
+from ....schemas.runs.axes import AXIS_KINDS
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
 from ....schemas.runs.policies import parse_policy, policy_in
 from ....schemas.runs.provenance import Provenance
 from ....schemas.runs.requirements import REQUIREMENT_KINDS, REQUIREMENTS_VARIABLE
+from ....schemas.runs.trials import TRIALS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
@@ -138,6 +140,7 @@ def _made_of(
         versions={
             **software_versions(),
             **_judging_packages(requirements, _code_of),
+            **_axis_packages(request, _code_of),
             **_installed_policy(request, robot),
             **_network_versions(request),
         },
@@ -159,8 +162,8 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     imports_own = False
     used: set[tuple[str, ApplicationRole, str | None]] = set()
     for request in requests:
-        judging = _judging_packages(_requirements_in(request), package_content)
-        packages |= {name.removeprefix("package "): content for name, content in judging.items()}
+        kinds = _judging_packages(_requirements_in(request), package_content) | _axis_packages(request, package_content)
+        packages |= {name.removeprefix("package "): content for name, content in kinds.items()}
         packages |= _package_of_policy(request)
         for role, config in application_configs(request):
             used.add((config["application"], role, config.get("applicationVersion")))
@@ -215,8 +218,30 @@ def _judging_packages(requirements: Iterable[Any], content_of: Callable[[str], s
     One that lies in an application's archive only is part of the application.
     """
     kinds = ((REQUIREMENT_KINDS.get(str(item.get("kind"))), item) for item in requirements if is_mapping(item))
-    names = {name for kind, item in kinds if kind is not None for name in kind.packages(item)}
+    return _contents({name for kind, item in kinds if kind is not None for name in kind.packages(item)}, content_of)
+
+
+def _axis_packages(request: Mapping[str, Any], content_of: Callable[[str], str]) -> dict[str, str]:
+    """The installed packages that kinds of axes of a request's trials come from, likewise; without this one."""
+    kinds = {str(axis.get("kind")) for axis in _axes_in(request) if is_mapping(axis)}
+    names = {AXIS_KINDS[kind].__module__.partition(".")[0] for kind in kinds if kind in AXIS_KINDS}
+    return _contents(names - {__name__.partition(".")[0]}, content_of)
+
+
+def _contents(names: set[str], content_of: Callable[[str], str]) -> dict[str, str]:
     return {f"package {name}": content for name in sorted(names) if name and (content := content_of(name))}
+
+
+def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
+    """The axes of a request's trials, as they are written there."""
+    orders = [request.get("trials")]
+    for _, config in application_configs(request):
+        text = (config["launchConfig"].get("environmentVariables") or {}).get(TRIALS_VARIABLE)
+        with suppress(ValueError):  # as of requirements
+            orders.append(json.loads(text) if text else None)
+    for order in orders:
+        axes = order.get("axes") if is_mapping(order) else None
+        yield from axes.values() if is_mapping(axes) else ()
 
 
 def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:

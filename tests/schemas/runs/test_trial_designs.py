@@ -27,6 +27,13 @@ def cells(seed: int = 3, **members: Any) -> list[dict[str, Any]]:
     return [dict(trials.trial(number, seed).axes) for number in range(trials.count)]
 
 
+def test_an_excluded_cell_may_be_included_again() -> None:
+    """As the last one, for example."""
+    one = {"SPEED": "slow", "mass": 1}
+    assert cells(axes=GRID, exclude=[one], include=[one])[-1] == one
+    assert len(cells(axes=GRID, exclude=[one], include=[one])) == 6
+
+
 def test_a_grid_leaves_out_and_takes_in_cells() -> None:
     whole = cells(axes=GRID)
     assert whole == [{"SPEED": speed, "mass": mass} for speed in ("slow", "fast") for mass in (0.8, 1.0, 1.2)]

@@ -106,7 +106,9 @@ def test_an_episode_after_another_value_is_that_of_a_fresh_environment(make_robo
     variation = Variation(kinds)
     variation.applied(environment, {"robot_mass": AxisSetting(kind="robot_mass", value=0.3)})
     trace(environment, context)
-    variation.set({kind: AxisSetting(kind=kind, value=1.0) for kind in ("motor_gain", "lidar_latency_s")})
+    variation.set(
+        {kind: AxisSetting(kind=kind, value=1.0) for kind in ("motor_gain", "lidar_latency_s", "lidar_dropout")}
+    )
     trace(environment, context)
     variation.set(wanted)
 
