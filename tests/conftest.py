@@ -54,7 +54,7 @@ hypothesis.settings.load_profile("robomaker")
 if "--hypothesis-profile=search" not in sys.argv:
     # Hypothesis also tries constants of all local modules that were imported so far. The examples of a test would then
     # depend on which other tests its worker ran before: a fault was found on one machine and on no other.
-    providers.is_local_module_file = lambda _path: False
+    setattr(providers, "is_local_module_file", lambda _path: False)  # noqa: B010 - not exported, so for no type checker
 _DEEPER = ("deep", "(deep or hypothesis)")
 """How expressions of markers begin that choose deep tests or those of hypothesis alone."""
 

@@ -12,9 +12,9 @@ from ...flows.pipelines import run_spec
 from ...schemas.reports.forecast import Forecast, Places
 from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ...schemas.reports.run_record import RunRecord
-from ...schemas.runs.parameter_values import set_options
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.parameter_values import set_options
 from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast

@@ -20,12 +20,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic_core import SchemaError
 
-from ..runs.parameter_values import ParameterValue, value_in_words
 from ..runs.variables import secret_names
 from ..wire.base import Model, optional
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, nearest, some
+from .parameter_values import ParameterValue, value_in_words
 from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, Record
 from .references import PARAMETERS
 from .text import ListNode, MappingNode, ScalarNode, plain

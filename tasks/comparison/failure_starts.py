@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from ...schemas.reports.changes import ChangedInput, FailureStart
 from ...schemas.reports.run_record import JobRecord
-from ...schemas.runs.parameter_values import value_in_words
+from ...schemas.specs.parameter_values import value_in_words
 from ..reporting import Outcome
 from .nights import JUDGED, TOLD, CellTable, NightRun, outcome_of
 from .pairing import Pair, pair_jobs

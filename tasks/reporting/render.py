@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
-from ...schemas.runs.parameter_values import value_in_words, values_in_words
+from ...schemas.specs.parameter_values import value_in_words, values_in_words
 from ...schemas.wings import parts_of_wings
 from ..results.table import ResultTable
 from . import outcomes

@@ -57,7 +57,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("floorplanCount: 2", "floorplanCount: 2147483648", ("is 2147483648", "at most 2147483647")),
     ("seed: 7", "seed: -7", ("is -7", "at least 0")),
     ("seed: 7", f"seed: {10**30}", (str(10**30), str(2**63 - 1))),
-    ("Area: 14", "Area: 5", ("5:", "10 or more")),
+    ("Area: 14", "Area: 1", ("1:", "or more would be right")),
     ("Area: 14", "Area: 400", ("400:", "300 or less")),
     ("Height: 2.6", "Height: 10", ("10:", "4 or less")),
     ("{x: 4, y: 3}", "{x: 9, y: 3}", ("9:", "4 or less")),
@@ -66,7 +66,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     # Unknown names
     ("CreateWorldGenerationJob", "CreateWorldGenerationJobs", ("Jobs'", "did you mean 'CreateWorldGenerationJob'")),
     ("Type: Kitchen", "Type: Kichen", ('"Kichen"', '"Kitchen"')),
-    ("Type: Kitchen", "Type: Garage", ('"Garage"', "'Hallway'")),
+    ("Type: Kitchen", "Type: Sauna", ('"Sauna"', "'Hallway'")),
     ("Sofas", "Sofa", ('"Sofa"', '"Sofas"')),
     ("Floorboards", "Lava", ('"Lava"', "Parquetry")),
     ("DesiredSpatialDensity: Sparse", "DesiredSpatialDensity: Full", ('"Full"', "'Dense'")),

@@ -147,7 +147,7 @@ def ended_runs(client: Any, deployment: Any, count: int) -> list[Any]:
         is_over = len(found) >= count and all(run.state is not None and run.state.is_final() for run in found)
         return sorted(found, key=lambda run: run.created) if is_over else None
 
-    return wait_for(look, f"the end of {count} runs", 300)
+    return wait_for(look, f"the end of {count} runs", 300) or []
 
 
 def logged(client: Any, run: Any, text: str) -> list[str]:

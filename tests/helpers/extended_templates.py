@@ -63,8 +63,8 @@ def not_entered(world: World) -> list[str]:
     xs, ys = ([point[axis] for point in plan.footprint] for axis in (0, 1))
     west, south = min(xs) - 0.5, min(ys) - 0.5
     shape = (int((max(ys) + 0.5 - south) / _CELL_M), int((max(xs) + 0.5 - west) / _CELL_M))
-    x = west + (np.arange(shape[1]) + 0.5) * _CELL_M
-    y = south + (np.arange(shape[0]) + 0.5) * _CELL_M
+    x = np.asarray(west + (np.arange(shape[1]) + 0.5) * _CELL_M, np.float64)
+    y = np.asarray(south + (np.arange(shape[0]) + 0.5) * _CELL_M, np.float64)
     free = np.ones(shape, bool)
     for low_x, low_y, high_x, high_y in _standing(world):
         free[np.ix_((y > low_y) & (y < high_y), (x > low_x) & (x < high_x))] = False

@@ -6,7 +6,7 @@ from typing import TextIO
 
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
-from ....schemas.runs.parameter_values import values_in_words
+from ....schemas.specs.parameter_values import values_in_words
 from .answers import Cell, duration, print_lines
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}

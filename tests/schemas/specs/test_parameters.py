@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.runs.parameter_values import param_options, set_options
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.folding import fold_parameters
 from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE
+from prefect_robomaker.schemas.specs.parameter_values import param_options, set_options
 from prefect_robomaker.schemas.specs.parameters import (
     AsText,
     Parameter,

@@ -83,7 +83,7 @@ WAYS = [("Hall", "Living"), ("Hall", "Bed"), ("Hall", "Bath"), ("Hall", "Closet"
 @pytest.mark.parametrize("worlds", SWEEP)
 @pytest.mark.parametrize("area", [4.0, 5.0, 8.0])
 def test_a_small_bathroom_has_a_toilet_a_basin_and_a_shower_or_says_why_not(area: float, worlds: int) -> None:
-    rooms = [(name, kind, area if name == "Bath" else size, ratio) for name, kind, size, ratio in FLAT]
+    rooms: list[Wished] = [(name, kind, area if name == "Bath" else size, ratio) for name, kind, size, ratio in FLAT]
     complete = 0
     for number in range(worlds):
         world = generate_world(template(rooms, WAYS), *seeds_for(5, number, 0), settle=False)
@@ -146,7 +146,7 @@ def test_each_type_can_have_its_least_area(kind: FurnishedRoomType) -> None:
 
 
 def test_compact_pieces_stand_in_small_rooms_only() -> None:
-    large = [(name, kind, max(area, 10.0), ratio) for name, kind, area, ratio in FLAT]
+    large: list[Wished] = [(name, kind, max(area, 10.0), ratio) for name, kind, area, ratio in FLAT]
     for rooms, has_compact in ((FLAT, True), (large, False)):
         styles = {
             item.style

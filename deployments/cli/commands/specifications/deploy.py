@@ -189,7 +189,7 @@ def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]
 
 
 def _lines(registered: "Sequence[Registered]") -> list[str]:
-    from .....schemas.runs.parameter_values import values_in_words
+    from .....schemas.specs.parameter_values import values_in_words
 
     width = max(len(each.name) for each in registered)
     lines: list[str] = []

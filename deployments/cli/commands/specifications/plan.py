@@ -152,7 +152,7 @@ def _lines(
     forecast: "Forecast | None",
     needed: "list[PlannedPairs]",
 ) -> Iterator[str]:
-    from .....schemas.runs.parameter_values import set_options
+    from .....schemas.specs.parameter_values import set_options
     from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
     from ...planning import after, counted
 

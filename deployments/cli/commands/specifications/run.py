@@ -15,9 +15,9 @@ from ...inputs.options import output_file, spec_name
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from .....schemas.runs.parameter_values import ParameterValue
     from .....schemas.settings import Settings
     from .....schemas.specs.model import CheckedSpec
+    from .....schemas.specs.parameter_values import ParameterValue
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +78,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
         arguments: those of the command.
         parameters: all values of the specification's parameters: defaults, and those in a file, may change.
     """
-    from .....schemas.runs.parameter_values import set_options
+    from .....schemas.specs.parameter_values import set_options
 
     command = ["robomaker", "run", arguments.spec, *set_options(parameters)]
     command += given_options(arguments, "name", "seed", "backend", "report")

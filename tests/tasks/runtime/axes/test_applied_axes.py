@@ -143,10 +143,9 @@ def test_errors_of_the_lidar_are_as_large_as_they_say(make_robot: MakeRobot) -> 
         variation.applied(environment, {name: AxisSetting(kind=name, value=value) for name, value in errors.items()})
         environment.renew(replace(context, rng=np.random.default_rng(4)))
         environment.reset()
-        for _ in range(4):  # until the second scan
-            seen = environment.step((0.0, 0.0))
+        steps = [environment.step((0.0, 0.0)) for _ in range(4)]  # until the second scan
         variation.set({})
-        return seen.observation["scan"].astype(np.float64)
+        return steps[-1].observation["scan"].astype(np.float64)
 
     true = scan(lidar_noise_std_m=0)
     seen = np.isfinite(true)

@@ -259,7 +259,7 @@ def windows_lie_on_outer_walls_of_rooms_that_want_light(plan: Floorplan) -> None
     types = {item.name: item.type for item in plan.rooms}
     outer = [wall for wall in plan.walls if wall.exterior]
     for window in plan.windows:
-        assert types[window.room] in {"Bedroom", "Dining", "Kitchen", "Living"}
+        assert types[window.room] in {"Bedroom", "Dining", "Kitchen", "Living", "Office"}
         assert any(
             wall.rooms == [window.room] and covers((wall.start, wall.end), window.start, window.end) for wall in outer
         )
