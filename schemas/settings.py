@@ -207,7 +207,7 @@ class Settings(Model):
 
     console_url: str | None = Field(
         default=None,
-        pattern=r"^https?://[^/\s?#]+(/[^\s?#]*[^\s?#/])?$",
+        pattern=r"^https?://[^/\s?#@]+(/[^\s?#]*[^\s?#/])?$",
         description="Address of the console under which other machines reach it, such as "
         "https://robots.example/console; messages and reports link to its pages. None: that of `robomaker serve`.",
     )

@@ -4,11 +4,12 @@ What reads the steps afterwards sees plain values at the places of their use. A 
 variables stays as it is: its parameters are in scope where it is resolved.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..runs.variables import secret_names
+from ..runs.variables import SECRETS_VARIABLE, secret_names
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location
@@ -19,6 +20,8 @@ from .text import ListNode, MappingNode, Node, ScalarNode, child
 
 _OPENING = "${{"
 _VARIABLES = "environmentVariables"
+_LOGIN = re.compile(r"://[^/\s]*\$\{\{[^}]*\}\}[^/\s]*@")
+"""A reference before the `@` of a URL."""
 
 
 def fold_parameters(
@@ -66,6 +69,7 @@ class _Fold:
     def node(self, node: Node, location: Location) -> Node:
         """Folds a node with everything in it."""
         if isinstance(node, MappingNode):
+            self._refuse_secrets(node, location)
             entries = {key: self.node(value, (*location, key)) for key, value in node.entries.items()}
             return replace(node, entries=entries)
         if isinstance(node, ListNode):
@@ -73,15 +77,25 @@ class _Fold:
             return replace(node, items=tuple(items))
         return self._scalar(node, location)
 
+    def _refuse_secrets(self, node: MappingNode, location: Location) -> None:
+        """Refuses parameters in secret variables, and in axes of trials that are such."""
+        if location[-1:] not in ((_VARIABLES,), ("axes",)):
+            return
+        marked = node.entries.get(SECRETS_VARIABLE)
+        variables = {SECRETS_VARIABLE: str(marked.value)} if isinstance(marked, ScalarNode) else {}
+        for name in sorted(secret_names(variables, node.entries)):
+            if _uses_parameters(node.entries[name]):
+                self.problems.append(ValueProblem((*location, name), f"is a secret; {NO_SECRETS}"))
+
     def _scalar(self, node: ScalarNode, location: Location) -> Node:
         if not isinstance(node.value, str) or _OPENING not in node.value:
             return node
         try:
             template = parse_template(node.value)
+            if _LOGIN.search(node.value) and any(PARAMETERS in each.names() for each in template.references):
+                self.problems.append(ValueProblem(location, f"has a login in a URL; {NO_SECRETS}"))
             if not template.references or any(each.names() != {PARAMETERS} for each in template.references):
                 return node
-            if location[-2:-1] == (_VARIABLES,) and secret_names({}, [str(location[-1])]):
-                self.problems.append(ValueProblem(location, f"is a secret by its name; {NO_SECRETS}"))
             template.kind({PARAMETERS: kind_of_parameters(self.declared)})
         except ReferenceMistake:
             return node  # the check of the input tells it
@@ -92,6 +106,19 @@ class _Fold:
                 self.problems.append(ValueProblem(location, str(mistake)))
             return node
         return _node_of(value, node.place, node.source)
+
+
+def _uses_parameters(node: Node) -> bool:
+    if isinstance(node, MappingNode):
+        return any(map(_uses_parameters, node.entries.values()))
+    if isinstance(node, ListNode):
+        return any(map(_uses_parameters, node.items))
+    if not isinstance(node.value, str) or _OPENING not in node.value:
+        return False
+    try:
+        return any(PARAMETERS in each.names() for each in parse_template(node.value).references)
+    except ReferenceMistake:
+        return False  # the check of the input tells it
 
 
 def _node_of(value: Any, place: Place, source: str) -> Node:

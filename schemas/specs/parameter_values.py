@@ -1,15 +1,11 @@
 """Values of a specification's parameters as text: for people, and as words of a command line that give them again."""
 
 import json
-import re
 import shlex
 from collections.abc import Mapping
 from typing import TypeAlias
 
 ParameterValue: TypeAlias = str | int | float | bool
-
-_JSON = re.compile(r'[-\["{0-9]|true$|false$|null$')
-"""Beginning of a text that JSON reads, or may read, as something else."""
 
 
 def set_options(values: Mapping[str, ParameterValue]) -> list[str]:
@@ -31,9 +27,17 @@ def value_in_words(value: ParameterValue, *, as_json: bool = False) -> str:
     """
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, str) and as_json and _JSON.match(value):
+    if isinstance(value, str) and as_json and _is_read_by_json(value):
         return json.dumps(value)
     return str(value)
+
+
+def _is_read_by_json(text: str) -> bool:
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True
 
 
 def values_in_words(values: Mapping[str, ParameterValue]) -> str:

@@ -10,6 +10,7 @@ parameters:
 The words are those of JSON Schema. `folding.fold_parameters` puts the values in the place of their references.
 """
 
+import keyword
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -41,7 +42,11 @@ MAX_CHARACTERS = 2000
 OWN_NAMES = ("spec", "text", "origin", "reuse", "continues", PARAMETERS)
 """Parameters of the flow `RunPipeline`; in a deployment those of the specification stand beside them."""
 
+# pragma: allowlist nextline secret
 NO_SECRETS = "values of parameters are in records, reports and Prefect, so write it where it is used"
+
+_NOT_OF_FLOWS = ("_", "model_", "wait_for", "return_state")
+"""Beginnings of names that pydantic's models of a flow's parameters, or calls of flows, have for themselves."""
 
 _KINDS: Mapping[ValueType, Kind] = {"string": TEXT, "integer": WHOLE_NUMBER, "number": NUMBER, "boolean": BOOLEAN}
 _WANTED: Mapping[ValueType, str] = {
@@ -148,6 +153,9 @@ def declaration_problems(name: str, declared: Parameter) -> Iterator[ValueProble
     location = (PARAMETERS, name)
     if name in OWN_NAMES:
         words = f"may not be named {name!r}, as a parameter of the flow RunPipeline is; choose another name"
+        yield ValueProblem(location, words, about_key=True)
+    elif keyword.iskeyword(name) or name.startswith(_NOT_OF_FLOWS):
+        words = f"may not be named {name!r}: no flow of Prefect can have a parameter of this name; choose another one"
         yield ValueProblem(location, words, about_key=True)
     if secret_names({}, [name]):
         yield ValueProblem(location, f"is a secret by its name; {NO_SECRETS}", about_key=True)

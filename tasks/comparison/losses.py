@@ -190,7 +190,7 @@ def _asked(job: JobRecord) -> frozenset[str]:
 
 def _listed(job: JobRecord) -> frozenset[str]:
     """The same, with those that do not count, since goals were reached that end the run."""
-    return frozenset(item.name for item in job.requirements if item.kind != HEALTH)
+    return frozenset(item.name for item in job.requirements if item.kind not in (HEALTH, "off"))
 
 
 def _step_of(job: JobRecord) -> str:

@@ -65,15 +65,15 @@ def forget_console(home: Path) -> None:
 
 def _running(home: Path) -> str:
     """Address of the console that `robomaker serve` has noted; empty while no server answers there."""
-    url = _read(home).get("url")
-    place = urlsplit(url) if isinstance(url, str) else None
-    if place is None or place.hostname is None or place.port is None:
-        return ""
+    url = str(_read(home).get("url"))
     try:
-        with socket.create_connection((place.hostname, place.port), _PATIENCE_S):
-            return str(url)
-    except OSError:
-        return ""
+        place = urlsplit(url)
+        if place.hostname is not None and place.port is not None:
+            with socket.create_connection((place.hostname, place.port), _PATIENCE_S):
+                return url
+    except (OSError, ValueError):  # no server listens, or the note is damaged
+        pass
+    return ""
 
 
 def _is_of_this_machine(url: str) -> bool:

@@ -132,7 +132,7 @@ AxisTexts = Annotated[
 ]
 AxisBound = Annotated[float, ShapeName("AxisBound"), Field(allow_inf_nan=False)]
 AxisRange = Annotated[list[AxisBound], ShapeName("AxisRange"), Field(min_length=2, max_length=2)]
-AxisSpread = Annotated[float, ShapeName("AxisSpread"), Field(gt=0, allow_inf_nan=False)]
+AxisSpread = Annotated[float, ShapeName("AxisSpread"), Field(gt=0, le=10_000, allow_inf_nan=False)]
 
 
 class NormalDistribution(Shape):

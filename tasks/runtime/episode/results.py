@@ -16,6 +16,7 @@ from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirement_kinds.kind import NOT_READ
 from ....schemas.runs.requirement_kinds.off import NOT_THERE
 from ....schemas.wire.base import Model
+from ....schemas.wire.request_problems import nearest
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     added = _switched_off([item for finding in findings for item in finding.requirements], report)
     notes = [*report.notes, *(note for finding in findings for note in finding.notes)]
     told = [item for item in added if item.error != NOT_READ]  # the others are judged when the recording is read
-    reached = _ended_at_its_goals(episode, told)
+    reached = _ended_at_its_goals(episode, [item for item in told if item.kind != "off"])
     off = {item.name for item in added if item.kind == "off"}
     judged, own = _without(report, {item.name for item in added}, off)
     own = [item.model_copy(update={"counts": not reached and item.counts}) for item in own]
@@ -317,9 +318,11 @@ def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> li
             found.append(item)
         elif item.name in own:
             detail = f"switched off by the job: {own[item.name].detail}"
-            found.append(Requirement(name=item.name, kind=item.kind, satisfied=True, detail=detail, counts=False))
+            met = own[item.name].satisfied
+            found.append(Requirement(name=item.name, kind=item.kind, satisfied=met, detail=detail, counts=False))
         else:
-            found.append(item.model_copy(update={"error": NOT_THERE + there, "detail": item.detail + there}))
+            more = nearest(item.name, own) + there
+            found.append(item.model_copy(update={"error": NOT_THERE + more, "detail": item.detail + more}))
     return found
 
 
@@ -341,7 +344,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
-    broken = [f"{item.name}: {item.detail}" for item in added if not item.satisfied]
+    broken = [f"{item.name}: {item.detail}" for item in added if item.counts and not item.satisfied]
     off = [item.name for item in added if not item.counts and item.name in missed]
     instead = [item.name for item in added if item.counts and item.satisfied and item.name in missed]
     parts = (

@@ -27,6 +27,7 @@ OF_ALL_TRIALS = "trials"
 _NAMED = 10
 _MAX_NOTES = 5
 _REASON_CHARACTERS = 300
+OFF_BY_JOB = "switched off by the job; "
 _COUNTED: dict[Verdict, str] = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "NONE": "unjudged"}
 
 Cell = tuple[tuple[str, Value], ...]
@@ -173,9 +174,11 @@ class Tally:
     @property
     def _remarks(self) -> list[str]:
         """Lines beside the verdict."""
+        off = [name for name, count in self._requirements.items() if count.kind == "off"]
+        own = [f"the job has switched {', '.join(off)} off", *self._notes] if off else self._notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
         same = f"all {self.rows} trials went through the same states: they count as one trial"
-        return [same, *self._notes] if is_one else self._notes
+        return [same, *own] if is_one else own
 
     @property
     def _in_words(self) -> str:
@@ -246,7 +249,7 @@ class _RequirementCount:
             name=name,
             kind=self.kind,
             satisfied=self.met == self.trials,
-            detail=f"met in {self.met} of {_trials(self.trials)}",
+            detail=f"{OFF_BY_JOB if self.kind == 'off' else ''}met in {self.met} of {_trials(self.trials)}",
             counts=False,
             **worst,
         )

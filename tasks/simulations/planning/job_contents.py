@@ -375,6 +375,10 @@ def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}
+    trials = json.dumps(request.get("trials")) + given.get(TRIALS_VARIABLE, "")
+    for variable in (_ROBOT_VARIABLE, _MENAGERIE_ROOT):
+        if f'"{variable}"' in trials:
+            return f"{variable} differs from trial to trial, and files of robots that it names are not compared"
     named = given.get(_ROBOT_VARIABLE, "")
     brings_its_own = robot not in (None, _BUILT_IN) and named not in BUILTINS
     if (given.get(_MENAGERIE_ROOT) or os.environ.get(_MENAGERIE_ROOT)) and (

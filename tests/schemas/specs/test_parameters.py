@@ -158,7 +158,10 @@ def test_a_declaration_that_makes_no_sense_is_told_at_its_member(declaration: st
     assert told[0].startswith("s.yaml:6:")
 
 
-@pytest.mark.parametrize("name", ["spec", "text", "origin", "reuse", "continues", "parameters"])
+@pytest.mark.parametrize(
+    "name",
+    ["spec", "text", "origin", "reuse", "continues", "parameters", "class", "from", "_x", "model_config", "wait_for"],
+)
 def test_names_of_the_flows_own_parameters_are_taken(name: str) -> None:
     (problem,) = problems(declaring("{default: x}").replace("  more:", f"  {name}:"), arm="a")
     assert problem.startswith(f"s.yaml:6:3: parameters.{name}: may not be named {name!r}")
@@ -168,7 +171,32 @@ def test_a_secret_is_no_parameter_as_its_value_would_be_shown() -> None:
     (problem,) = problems(declaring("{default: x}").replace("  more:", "  api_key:"), arm="a")
     assert problem.startswith("s.yaml:6:3: parameters.api_key: is a secret by its name; values of parameters are in")
 
-    launch = '{application: scout, launchConfig: {environmentVariables: {WIFI_PASSWORD: "${{ parameters.more }}"}}}'
+
+@pytest.mark.parametrize(
+    ("member", "problem"),
+    [
+        ('WIFI_PASSWORD: "${{ parameters.more }}"', "WIFI_PASSWORD: is a secret; "),
+        ('WIFI_PASSWORD: "${{ parameters.more }}${{ one.arn }}"', "WIFI_PASSWORD: is a secret; "),
+        ('ROBOMAKER_SECRETS: "A, PLAIN", PLAIN: "${{ parameters.more }}"', "PLAIN: is a secret; "),
+        ('URL: "http://u:${{ parameters.more }}@h/"', "URL: has a login in a URL; "),
+        ('URL: "http://h/${{ parameters.more }}"', ""),
+    ],
+)
+def test_a_parameter_is_no_value_of_a_secret_variable(member: str, problem: str) -> None:
+    launch = f"{{application: scout, launchConfig: {{environmentVariables: {{{member}}}}}}}"
+    told = problems_of_a_job(f"robotApplications: [{launch}]")
+    assert [each for each in told if " secret" in each or "login" in each] == [
+        each for each in told if problem and problem in each
+    ]
+    assert bool(problem) == any(problem in each for each in told if problem)
+
+
+def test_a_parameter_is_no_value_of_an_axis_that_is_a_secret() -> None:
+    told = problems_of_a_job('trials: {axes: {API_KEY: {kind: variable, values: ["${{ parameters.more }}", "2"]}}}')
+    assert any("trials.axes.API_KEY: is a secret; " in each for each in told)
+
+
+def problems_of_a_job(members: str) -> list[str]:
     text = f"""\
 version: 1
 name: one
@@ -179,10 +207,13 @@ steps:
     input:
       maxJobDurationInSeconds: 60
       iamRole: arn:aws:iam::000000000000:role/test
-      robotApplications: [{launch}]
+      {members}
 """
-    (problem,) = problems(text)
-    assert "WIFI_PASSWORD: is a secret by its name" in problem
+    try:
+        load_spec(text, "s.yaml")
+    except SpecError as error:
+        return [str(each) for each in error.problems]
+    return []
 
 
 def test_the_names_that_are_taken_are_those_of_the_flow() -> None:
@@ -336,7 +367,11 @@ def test_nothing_in_a_value_is_a_reference(first: str, second: str) -> None:
     assert parse_template(request["told"]).value({}) == f"a${{{{ {first}{{{{{second}"
 
 
-@given(st.text("ab $'\"={}[]\\01-.", max_size=12), st.integers(), st.booleans())
+@given(
+    st.sampled_from([" 20", "NaN", "\t1", " true"]) | st.text("ab $'\"={}[]\\01-.", max_size=12),
+    st.integers(),
+    st.booleans(),
+)
 def test_the_words_that_repeat_a_run_give_the_same_values(label: str, count: int, fast: bool) -> None:
     declared = {"label": Parameter(), "count": Parameter(type="integer"), "fast": Parameter(type="boolean")}
     values = {"label": label, "count": count, "fast": fast}

@@ -137,6 +137,18 @@ def test_a_requirement_that_is_not_asked_any_more_is_named() -> None:
     ]
 
 
+def test_a_requirement_that_is_switched_off_is_not_asked_any_more_and_switching_it_on_again_is_no_loss() -> None:
+    jobs_of_nights = [jobs("P", night)[0] for night in range(3)]
+    on = [asked(each, "east", "rooms") for each in jobs_of_nights]
+    rooms_off = Requirement(name="rooms", kind="off", satisfied=True, detail="switched off", counts=False)
+    off = asked(jobs_of_nights[1], "east").model_copy(update={"verdict": "PASS"})
+    off = off.model_copy(update={"requirements": [*off.requirements, rooms_off]})
+    found = losses_in_words(lost([night_of(0, on[0]), night_of(1, off)]))
+    assert len(found) == 1
+    assert "requirement rooms is not asked any more" in found[0]
+    assert losses_in_words(lost([night_of(1, off), night_of(2, on[2])])) == []
+
+
 def test_requirements_that_broke_jobs_do_not_list_are_looked_for_in_the_run_before() -> None:
     (first,), (broken,), (last,) = jobs("P"), jobs("P", 1), jobs("P", 2)
     error = asked(broken, "fast", satisfied=False, error="no").model_copy(update={"verdict": "ERROR"})

@@ -36,7 +36,14 @@ def test_a_console_is_found_while_it_answers(settings: Settings) -> None:
 
 
 def test_a_note_that_is_none_is_no_console(settings: Settings) -> None:
-    for text in ("{", "[]", '{"url": 7}', '{"url": "nowhere"}'):
+    for text in (
+        "{",
+        "[]",
+        '{"url": 7}',
+        '{"url": "nowhere"}',
+        '{"url": "http://[::1"}',
+        '{"url": "http://a:99999999"}',
+    ):
         (settings.home / "console.json").write_text(text)
         assert pages_here(settings) == NO_CONSOLE
     forget_console(settings.home)
@@ -72,7 +79,15 @@ def test_the_address_that_is_given_goes_first(tmp_path: Path, given: str, expect
 
 
 @pytest.mark.parametrize(
-    "given", ["robots.example", "ftp://robots.example", "https://", "https://a/b?c=d", "https://a b"]
+    "given",
+    [
+        "http://u:p@robots.example/console",
+        "robots.example",
+        "ftp://robots.example",
+        "https://",
+        "https://a/b?c=d",
+        "https://a b",
+    ],
 )
 def test_an_address_that_is_none_is_refused(tmp_path: Path, given: str) -> None:
     with pytest.raises(ConfigurationError, match="ROBOMAKER_CONSOLE_URL"):

@@ -139,6 +139,21 @@ def test_the_job_is_judged_by_its_trials(found: tuple[Trials, list[TrialRow]]) -
         assert sum(each.total for each in summary.axes if each.axis == name) == len(rows)
 
 
+def test_what_the_job_switched_off_is_told_beside_its_trials() -> None:
+    tally = Tally(Trials(seeds=2))
+    quick = Requirement(name="quick", kind="time_limit", satisfied=True, detail="in time")
+    rooms = Requirement(
+        name="rooms", kind="off", satisfied=False, detail="switched off by the job: 1 of 2", counts=False
+    )
+    for number in range(2):
+        tally.take(TrialRow(trial=number, seed=number, verdict="PASS", requirements=[quick, rooms]))
+    result = tally.result("environment", 0, {}, [])
+    assert result.verdict == "PASS"
+    assert result.notes == ["the job has switched rooms off"]
+    [off] = [item for item in result.requirements if item.kind == "off"]
+    assert (off.satisfied, off.detail) == (False, "switched off by the job; met in 0 of 2 trials")
+
+
 def test_a_defect_of_a_trial_stays_one_in_the_result_of_its_job() -> None:
     """Nights are compared by what was asked for, and no defect was."""
     fell = Requirement(name="above_floor", kind="health", satisfied=False, detail="it fell")

@@ -117,6 +117,15 @@ def test_robots_from_elsewhere_are_not_compared(
     assert made_of("scout", launchConfig=launch).once_only == told
 
 
+def test_robots_that_trials_name_are_not_compared(service: Service) -> None:
+    def why(name: str, *values: str) -> str:
+        axes = {name: {"kind": "variable", "values": list(values)}}
+        return str(contents_of_request({**request_of("scout"), "trials": {"axes": axes}}, service).once_only)
+
+    assert "ROBOMAKER_ROBOT differs from trial to trial" in why("ROBOMAKER_ROBOT", "scout", "menagerie:unitree_go2")
+    assert why("SPEED", "1", "2") == "None"
+
+
 def test_a_policy_that_is_installed_beside_an_archive_is_an_input(
     swing: Callable[..., dict[str, Any]], service: Service, package: Path
 ) -> None:
