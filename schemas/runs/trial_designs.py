@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TrialDesign = Annotated[Literal["grid", "random", "latin-hypercube", "sobol"], ShapeName("TrialDesign")]
-"""How cells are chosen: all, by chance, by chance with every part of each axis covered, or evenly spread."""
+"""Ways to choose cells: all, by chance, by chance with every part of each axis covered, or evenly spread."""
 
 Cell = Mapping[str, Value]
 """Values of axes by name; an axis that is not in it is as it was built."""

@@ -23,7 +23,7 @@ SUMMARY_NAME = "trials"
 MAX_FAILING = 100
 """How many trials that did not pass a summary names."""
 MAX_CELLS = 200
-"""How many cells of a grid, and how many parts of an axis, a summary counts."""
+"""Largest number of cells of a grid, and of parts of an axis, that a summary counts."""
 
 
 class TrialRow(Model):

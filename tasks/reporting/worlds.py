@@ -115,7 +115,7 @@ def _given_plan(world: ReportedWorld, note: str) -> tuple[str, str]:
 
 
 MOST_SHOWN = 20
-"""How many trials, and how many cells of a grid, a job's card shows."""
+"""Largest number of trials, and of cells of a grid, that a job's card shows."""
 
 
 @dataclass(frozen=True)

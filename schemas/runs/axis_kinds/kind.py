@@ -18,9 +18,9 @@ Value = str | float
 """Value of an axis: text for an environment variable, a number for all others."""
 
 MAX_VALUES = 1000
-"""How many values an axis may list."""
+"""Largest number of values that an axis may list."""
 BINS = 5
-"""How many equally likely parts of a range a report shows: fifths, as quintiles of a sample."""
+"""Number of equally likely parts of a range that a report shows: fifths, as quintiles of a sample."""
 _LEAST_SHARE = 1e-12
 """Shares nearer to 0 or 1 than this are taken for it: a normal distribution has no value for them."""
 

@@ -54,7 +54,7 @@ _STEPS = 1e4
 """Steps of a written number in 1: MJCF has four decimals, a tenth of a millimetre."""
 
 _NEAR_HALF = 1e-6
-"""How near to the middle between two steps a product is unsure: below 10 km its error is a hundredth of that."""
+"""Distance from the middle between two steps below which a product is unsure: a hundred times its error to 10 km."""
 
 _text_of = _Texts().__getitem__
 _text_of_steps = _StepTexts().__getitem__

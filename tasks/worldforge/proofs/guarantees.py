@@ -159,7 +159,7 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
 
 
 def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
-    """How many geoms collide; a proof counts them, and stored worlds have what their generator counted."""
+    """Number of geoms that collide; a proof counts them, and stored worlds have what their generator counted."""
     major = world.generator_version.partition(".")[0]
     counted_all = checks.faults is None and major.isdecimal() and int(major) < _COUNTS_COLLIDING
     more = ", those for the eye among them, which an earlier generator counted as well" if counted_all else ""
