@@ -98,7 +98,7 @@ def test_its_bytes_are_those_of_worlds_that_there_are(form: str) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_mesh_is_the_same_whatever_was_made_before(form: str) -> None:
-    """What meshes of a form share, nobody can change."""
+    """Arrays that meshes of a form share are read-only."""
     first = FORMS[form](SIZES[0])
     text = first.line(form)
     first.vertices[:] = 0.0
