@@ -37,7 +37,8 @@ class SwupdateRobot:
 
     def wait_until_installed(self) -> None:
         """Waits for the marker, and takes it away."""
-        wait_for(self.marker.exists, f"an installation; {self.log}")
+        wait_for(lambda: self.marker.exists() or self.process.poll() is not None, f"an installation; {self.log}")
+        assert self.process.poll() is None, f"swupdate ended with {self.process.poll()}: {self.log.read_text()}"
         self.marker.unlink()
 
     def confirm(self, action_id: int, *, is_healthy: bool = True) -> str:
@@ -80,8 +81,12 @@ def swupdate_robot(
         command = ["swupdate", "-l", "3", "-k", str(folder / "certificate.pem"), "-H", f"demo:{revision}"]
         command += ["-p", str(folder / "installed.sh")]
         command += ["-u", f"-t DEFAULT -u http://127.0.0.1:{port} -i {name} -k {token}"]
+        # As under systemd, whose services ignore SIGPIPE. Where it is not ignored, swupdate dies of it in one of ten cut
+        # downloads, since one of its threads writes to a socket that another one has closed.
         with (
             log.open("w") as output,
-            started(command, {"TMPDIR": short}, stdout=output, stderr=subprocess.STDOUT, cwd=short) as process,
+            started(
+                command, {"TMPDIR": short}, stdout=output, stderr=subprocess.STDOUT, cwd=short, restore_signals=False
+            ) as process,
         ):
             yield SwupdateRobot(process, folder, log)
