@@ -81,8 +81,8 @@ def swupdate_robot(
         command = ["swupdate", "-l", "3", "-k", str(folder / "certificate.pem"), "-H", f"demo:{revision}"]
         command += ["-p", str(folder / "installed.sh")]
         command += ["-u", f"-t DEFAULT -u http://127.0.0.1:{port} -i {name} -k {token}"]
-        # As under systemd, whose services ignore SIGPIPE. Where it is not ignored, swupdate dies of it in one of ten cut
-        # downloads, since one of its threads writes to a socket that another one has closed.
+        # As under systemd, whose services ignore SIGPIPE. Where it is not ignored, swupdate dies of it in one of ten
+        # cut downloads, since one of its threads writes to a socket that another one has closed.
         with (
             log.open("w") as output,
             started(
