@@ -1,4 +1,4 @@
-"""Exit codes of the command line, all in one place; `robomaker --help` and the README list them.
+"""Exit codes of the command line, all in one place; `robomaker --help` and `docs/commands.md` list them.
 
 Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs in `schemas.reports.run_record`, by
 answers of `compare` in `schemas.reports.comparison`, and by those of `verify` in `schemas.runs.verification`.

@@ -21,6 +21,7 @@ from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.cli.inputs.specifications import operation_name, read_request
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
@@ -202,11 +203,25 @@ def ends_of_files() -> set[str]:
     return {"/".join(names[start:]) for names in parts for start in range(len(names))}
 
 
-def test_the_readme_lists_the_commands_there_are() -> None:
-    listed = set(re.findall(r"^\| `robomaker ([a-z-]+)", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
+def test_the_page_of_commands_lists_the_commands_there_are() -> None:
+    listed = set(re.findall(r"^\| \[`robomaker ([a-z-]+)", (DOCS / "commands.md").read_text(), re.MULTILINE))
     help_text = build_parser().format_help()
 
     assert listed == set(re.findall(r"^    ([a-z-]+) {2,}", help_text, re.MULTILINE))
+
+
+def test_the_page_of_settings_lists_the_variables_there_are() -> None:
+    listed = re.findall(r"^\| `ROBOMAKER_([A-Z_]+)`", (DOCS / "settings.md").read_text(), re.MULTILINE)
+    read_as_fields = {name for name in Settings.model_fields if name != "of_wings"}
+
+    assert len(set(listed)) == len(listed)
+    assert read_as_fields < {name.lower() for name in listed}
+
+
+def test_the_readme_is_short() -> None:
+    words = re.sub(r"^```.*?^```$", "", (REPOSITORY / "README.md").read_text(), flags=re.MULTILINE | re.DOTALL).split()
+
+    assert len(words) <= 700
 
 
 def test_the_map_of_the_documentation_names_every_page() -> None:

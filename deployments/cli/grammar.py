@@ -122,7 +122,7 @@ exit codes:
 
 The answer goes to standard output, everything else to standard error. NO_COLOR switches colors
 off, CI=true animation. Settings are environment variables: ROBOMAKER_HOME, ROBOMAKER_OBJECT_STORE,
-ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and more (see the README).
+ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and more (see docs/settings.md).
 
 first steps:
   robomaker doctor                                     what works on this machine
