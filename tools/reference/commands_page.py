@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -78,10 +79,19 @@ def _sections(command: Command, above: str, docs: Path) -> Iterator[str]:
             yield from _sections(each, name, docs)
         return
     parser.declare()
-    usage = re.sub(r"\s+", " ", parser.format_usage().removeprefix("usage: ")).replace(" [-h] [--debug]", "").strip()
+    usage = _usage(parser)
     rows = [f"| {_words(each)} | {_cell(_help(parser, each))} |" for each in _arguments(parser)]
-    table = ["| argument | |", "| --- | --- |", *rows, ""] if rows else []
+    table = ["| argument | meaning |", "| --- | --- |", *rows, ""] if rows else []
     yield "\n".join([*text, *_more(command, above, docs), "", "```text", usage, "```", "", *table])
+
+
+def _usage(parser: argparse.ArgumentParser) -> str:
+    """Writes how a command is called, in lines that a page shows whole."""
+    words = re.sub(r"\s+", " ", parser.format_usage().removeprefix("usage: ")).replace(" [-h] [--debug]", "").strip()
+    # A break within brackets would be hard to read: blanks in them are held together for a moment.
+    held = re.sub(r"\[[^\[\]]*(?:\[[^\[\]]*\][^\[\]]*)*\]", lambda part: part[0].replace(" ", "\0"), words)
+    lines = textwrap.wrap(held, 90, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines).replace("\0", " ")
 
 
 def _more(command: Command, above: str, docs: Path) -> list[str]:

@@ -72,7 +72,7 @@ def settings_page() -> str:
     parts = [_TOP, *_table(Settings.model_fields, _ELSEWHERE)]
     for part in parts_of_wings("schemas", "settings"):
         parts += [f"\n## Settings of {part.WING}s\n", *_table(part.SETTINGS.model_fields, ())]
-    return "\n".join(parts) + _END
+    return "\n".join([*parts, _END])
 
 
 def _table(fields: Mapping[str, FieldInfo], others: tuple[tuple[str, str, str], ...]) -> Iterator[str]:
