@@ -9,10 +9,13 @@ import subprocess
 import sys
 from fnmatch import fnmatch
 from functools import cache
+from importlib import resources
 from pathlib import Path
 
 import boto3
+import jsonschema
 import pytest
+import yaml
 from botocore import xform_name
 from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
@@ -55,8 +58,22 @@ def test_the_first_two_shell_blocks_set_up_and_run_and_set_up_and_test() -> None
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_specifications_in_the_documentation_are_right(page: Path) -> None:
     for text in blocks(page, "yaml"):
-        if "steps:" in text:
+        if re.search("^steps:", text, re.MULTILINE):
             assert load_spec(text, page.name).order
+
+
+@pytest.mark.parametrize("schema", ["github-workflows", "gitlab-ci"])
+def test_recipes_for_ci_are_right(schema: str) -> None:
+    page = DOCS / "ci.md"
+    recipe = next(text for text in blocks(page, "yaml") if ("jobs:" in text) == (schema == "github-workflows"))
+    published = resources.files("check_jsonschema") / "builtin_schemas" / "vendor" / f"{schema}.json"
+
+    # YAML 1.1 takes `on` for true.
+    jsonschema.Draft7Validator(json.loads(published.read_text())).validate(
+        yaml.safe_load(recipe.replace("\non:", '\n"on":'))
+    )
+    for command in re.findall(r"\b(robomaker (?:run|report) .*?)(?: &&|$)", recipe, re.MULTILINE):
+        build_parser().parse_args(shlex.split(command)[1:])
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..comparison.nights import NightRun
 from ..execution.events import tell_of_report
-from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
+from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import ResultTable
@@ -68,13 +68,16 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
     )
 
 
-def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
+def rebuild_report(
+    record: RunRecord, service: Service, *, junit: Path | None = None, markdown: Path | None = None
+) -> ReportSummary:
     """Writes the report of an earlier run again from stored data.
 
     Args:
         record: the run.
         service: where its resources are stored.
         junit: where to write it as JUnit XML besides; None: nowhere.
+        markdown: where to write it as Markdown besides; None: nowhere.
 
     Returns:
         Its numbers, with the paths of what was written.
@@ -89,6 +92,8 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     summary = summarize(report, results, pages.url)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
+    if markdown is not None:
+        markdown.write_text(markdown_report(summary), encoding="utf-8")
     return summary.model_copy(update={"report_path": path, "junit_path": junit})
 
 
