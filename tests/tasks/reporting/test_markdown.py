@@ -76,7 +76,7 @@ def test_messages_of_robots_are_texts(reason: str) -> None:
     (row,) = shown.iterfind(".//tbody/tr")
     assert len(row.findall("td")) == 4
     assert {each.tag for each in shown.iter() if isinstance(each.tag, str)} <= {
-        "div", "body", "h3", "p", "code", "strong", "details", "summary", "table", "thead", "tbody", "tr", "th", "td", "span",
+        "div", "body", "h3", "p", "code", "strong", "details", "summary", "table", "thead", "tbody", "tr", "th", "td",
     }  # fmt: skip
     why = row.findall("td")[2]
     assert (why.text or "").strip() == "", "a text that is not in a code span"
