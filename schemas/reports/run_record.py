@@ -16,7 +16,7 @@ from ..wire.base import Model, optional
 from .forecast import ForecastCheck
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
-"""How a run of a specification ended as a whole."""
+"""End of a run of a specification as a whole."""
 
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
 """The outcome of one job."""

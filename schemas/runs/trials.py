@@ -26,9 +26,9 @@ from .trial_designs import Cell, TrialDesign, check_excluded, grid_cell, grid_si
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """The launch variable."""
 MAX_TRIALS = 1_000_000
-"""How many trials a job may have."""
+"""Limit on the number of trials of a job."""
 MAX_RECORDED = 1000
-"""How many trials of a job may be recorded, each in a folder of its own."""
+"""Limit on the number of trials of a job that are recorded, each in a folder of its own."""
 
 TrialCount = Annotated[int, ShapeName("TrialCount"), Field(ge=1, le=MAX_TRIALS)]
 TrialNumber = Annotated[int, ShapeName("TrialNumber"), Field(ge=0, lt=MAX_TRIALS)]

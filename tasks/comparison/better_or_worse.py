@@ -261,7 +261,7 @@ def _metric(
 
 
 def _why_unpaired(before: NightRun, after: NightRun) -> str:
-    """Why two runs have no job in common."""
+    """Reason why two runs have no job in common."""
     for run in (before, after):
         if not run.jobs:
             return f"{run.run_id} has no simulation jobs"
@@ -286,7 +286,7 @@ def _worlds(run: NightRun) -> set[str]:
 
 
 def _without_verdicts(before: NightRun, after: NightRun) -> str:
-    """How jobs without a verdict ended."""
+    """Ends of jobs without a verdict."""
     told = []
     for run in (before, after):
         outcomes = [outcome_of(job) for job in run.jobs]

@@ -171,7 +171,7 @@ def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
 
 
 def _trials(appearance: Appearance) -> int | None:
-    """How many trials of a job were counted; None: it had none, or has no verdict."""
+    """Number of counted trials of a job; None: it had none, or has no verdict."""
     has_trials = any(item.name == TRIALS for item in appearance.job.requirements)
     counted = appearance.job.metrics.get(TRIALS) if has_trials and _has_verdict(appearance) else None
     return None if counted is None else int(counted)

@@ -45,7 +45,7 @@ class NightRun:
     results_path: Path | None = None
     """The table of its results; None: each job is one trial."""
     interruptions: int = 0
-    """How many of its processes died."""
+    """Number of its processes that died."""
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":

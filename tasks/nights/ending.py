@@ -130,7 +130,7 @@ def is_pinged(facts: RunFacts) -> bool:
 
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
-    """How the run compares to its forecast; one that may run less than was forecast does not."""
+    """Comparison of the run with its forecast; a run that may run less than was forecast has none."""
     from ..inspection.forecasting import check_forecast
 
     if facts.is_probe or facts.rerun_of or service.reuses:

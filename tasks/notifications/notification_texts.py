@@ -18,7 +18,7 @@ from ..reporting.nights.changes import (
 )
 
 WORST = 3
-"""How many failures a message has."""
+"""Number of failures that a message names."""
 
 _MAX_REASON = 300
 _WORDS: Mapping[CaseOutcome, str] = {

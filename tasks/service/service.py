@@ -187,7 +187,7 @@ class Service:
     """Source of ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
-    """How long it waits for what."""
+    """Times that it waits for stores and servers."""
 
     report_progress: Callable[[Progress], None] = _ignore
     """Told of every change while a job operation is performed; called from several threads."""

@@ -31,7 +31,7 @@ from .planning.run_plans import world_arn
 _KIND = "simulation-job"
 _RESULT_FILE = "result.json"
 _LOOKED_AT = 10
-"""How many jobs of the same inputs are looked at, the newest first."""
+"""Number of jobs of the same inputs that are looked at, the newest first."""
 _CUT_SHORT = ("duration limit", "canceled")
 
 
@@ -85,7 +85,7 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
 
 
 def _why_not(job: Resource, key: str, service: Service) -> str | None:
-    """Why the results of a job of this key cannot be taken over; `None`: they can."""
+    """Reason why the results of a job of this key cannot be taken over; `None`: they can."""
     document = SimulationJobDocument.of(job)
     if document.made_of is None or ReuseInputs.of(document, document.made_of).key != key:
         return "was run with other inputs"
@@ -97,7 +97,7 @@ def _why_not(job: Resource, key: str, service: Service) -> str | None:
 
 
 def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str | None:
-    """Why stored outputs cannot be taken over."""
+    """Reason why stored outputs cannot be taken over."""
     if (place := document.outputs) is None:
         return "has no outputs"
     try:

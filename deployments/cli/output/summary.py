@@ -15,7 +15,7 @@ _MAX_JOBS = 40
 _MAX_REASON = 240
 """Characters of a reason; the report has all of it."""
 _END_OF_REASON = 100
-"""How much of it is the end, which says where it happened: the joint, the line, the last words of a log."""
+"""Length of its end, which says where it happened: the joint, the line, the last words of a log."""
 
 
 def print_summary(

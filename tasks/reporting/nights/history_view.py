@@ -28,7 +28,7 @@ class NightView:
     outcome: Outcome
     changed: str
     interrupted: str
-    """How often its processes died; empty: none did."""
+    """Number of its processes that died, in words; empty: none."""
 
 
 @dataclass(frozen=True)
