@@ -44,6 +44,9 @@ class RequestProblem:
     about_key: bool = False
     """Whether it is the member's name or the mapping's key that is wrong, not the value."""
 
+    is_rule: bool = False
+    """Whether a rule about several values found it, so that another one of them may be at fault."""
+
     @property
     def path(self) -> str:
         """The location as text: `simulationApplications[0].launchConfig`."""
@@ -91,7 +94,10 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     found = [_without_tags(details, model) for details in findings[:MAX_PROBLEMS]]
     misspelt = misspelt_members(found)
     problems = [
-        _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
+        problem
+        for details in found
+        if details["type"] != "missing" or details["loc"] not in misspelt
+        for problem in (_rule_problems(details) if details["type"] == "value_error" else [_problem(details, model)])
     ]
     if (more := len(findings) - MAX_PROBLEMS) > 0:
         problems.append(RequestProblem((), f"{more} more problems are not listed"))
@@ -155,12 +161,36 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
         members = _members(_model_at(model, details.get("ctx", {}).get("tagged", location)[:-1]))
         hint = nearest(str(location[-1]), members) or f"; known are {', '.join(members)}"
         return RequestProblem(location, f"is not known{hint}", about_key=True)
-    if kind == "value_error":
-        return RequestProblem(location, str(details.get("ctx", {})["error"]))
     described = f"{_shown(details['input'])}; {_wanted(details)}"
     if location and location[-1] == "[key]":
         return RequestProblem(location[:-1], f"the key is {described}", about_key=True)
     return RequestProblem(location, f"is {described}")
+
+
+_LEADING_PATH = re.compile(r"[A-Za-z_]\w*+(?:\.[A-Za-z_]\w*+|\[\d++\])*+(?=: )")
+_PATH_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+
+
+def _rule_problems(details: ErrorDetails) -> list[RequestProblem]:
+    """The problems that a rule about several values raised an error with.
+
+    Each line of its text is one. One that begins with the path of a member that is there is about that member, or about
+    what the text of a launch variable says below it.
+    """
+    location = details["loc"]
+    if location[-1:] == ("[key]",):
+        return [RequestProblem(location[:-1], str(details.get("ctx", {})["error"]), about_key=True)]
+    lines = str(details.get("ctx", {})["error"]).splitlines() or [""]
+    return [_placed_by_its_path(line, location, details["input"]) for line in lines]
+
+
+def _placed_by_its_path(line: str, location: Location, value: object) -> RequestProblem:
+    found = _LEADING_PATH.match(line)
+    steps = _PATH_STEP.finditer(found[0]) if found else ()
+    inside = tuple(step[1] or int(step[2]) for step in steps)
+    if found is None or not (is_mapping(value) and inside[0] in value):
+        return RequestProblem(location, line, is_rule=True)
+    return RequestProblem((*location, *inside), line[found.end() + 2 :], is_rule=True)
 
 
 def _shown(value: object) -> str:
