@@ -18,6 +18,7 @@ Location = tuple[str | int, ...]
 
 _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that takes two seconds
 _LEAST_LIKENESS = 0.6
+_TAKEN_FOR = 0.8  # what is this near is read as the other name, and not only asked about
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
 """Most problems of a request that are reported: more do not help, and take long to describe."""
@@ -58,9 +59,20 @@ class RequestProblem:
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """Returns `did you mean ...?` with the most similar of some words; empty if none is similar."""
-    scored = [(_likeness(word, each), each) for each in words]
-    likeness, close = max(scored, default=(0.0, ""))
-    return f"; did you mean {close!r}?" if likeness >= _LEAST_LIKENESS else ""
+    near = closest(word, words, _LEAST_LIKENESS)
+    return "" if near is None else f"; did you mean {near!r}?"
+
+
+def closest(word: str, words: Iterable[str], least_likeness: float = _TAKEN_FOR) -> str | None:
+    """Returns the most similar of some words, as which another one may be read; `None` if none is similar enough.
+
+    Args:
+        word: the word, which may be misspelt.
+        words: those that it may be.
+        least_likeness: likeness from which on it may be, 0 to 1.
+    """
+    likeness, near = max(((_likeness(word, each), each) for each in words), default=(0.0, ""))
+    return near if likeness >= least_likeness else None
 
 
 def some(words: Iterable[str]) -> str:
