@@ -14,7 +14,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, model_validator
 
 from ..wire.base import Model, Shape, ShapeName, optional
-from ..wire.common import MAX_SEED
+from ..wire.common import MAX_SEED, raise_all
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping, load_strict
@@ -72,8 +72,7 @@ class Trials(Shape):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if wrong := [*self._wrong_design(), *self._wrong_cells()] or [*self._wrong_count()]:
-            raise ValueError("\n".join(wrong))
+        raise_all([*self._wrong_design(), *self._wrong_cells()] or self._wrong_count())
         return self
 
     def _wrong_design(self) -> Iterator[str]:
@@ -289,20 +288,21 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
                 yield text
 
 
-def check_trials(request: JobRequest) -> None:
-    """Raises an error if a request's launch variable for trials is invalid, or an application is launched as a program.
+def wrong_trials(request: JobRequest) -> Iterator[str]:
+    """Finds what is wrong with a request's launch variable for trials, and programs, which no trials can have.
 
-    Raises:
-        ValueError: it does not, or one is.
+    Args:
+        request: the request, whose member `trials` is right.
     """
     try:
         trials = trials_of(request)
     except InvalidParameterException as error:
-        raise ValueError(str(error)) from None
+        yield from str(error).splitlines()
+        return
     for place, launch in launches(request) if trials else ():
         member = "command" if launch.command else "launchFile"
         if is_program(launch):
-            raise ValueError(
+            yield (
                 f"trials: {place}.{member} launches a program, which cannot be begun anew for each trial; trials need "
                 "applications that are factories (make_environment, make_agent), or a job for each seed"
             )

@@ -5,15 +5,15 @@ what the validator then says about a placeholder itself is left out.
 """
 
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from ..operations.registry import STEPS, check_request
-from ..templates.parsing import parse_template_body
+from ..templates.body import WorldTemplateBody
+from ..templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
 from ..wire.errors import InvalidParameterException, Place, Problem
-from ..wire.json_values import is_object
+from ..wire.json_values import is_object, load_strict
 from ..wire.request_problems import Location, RequestProblem, nearest, path_text
 from .folding import is_folded
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
@@ -33,15 +33,13 @@ from .references import PARAMETERS, ReferenceMistake, parse_template
 from .resolving import parts_of
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
-from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]
 
+_ANY_NAME = ""
+"""Name in a scope that has a variable whose name is not known."""
 TEMPLATE_BODY = "templateBody"
-
-# Quantifiers that give nothing back: a long word could else be split in more ways than can ever be tried.
-_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*+|"(?:[^"\\]|\\.)*+"|\[\d++\]|\.)++): (.*)')
-_PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
 
 
 @dataclass
@@ -71,16 +69,19 @@ class InputCheck:
     def run(self) -> "InputCheck":
         """Collects the input's problems and the earlier steps that it refers to."""
         model = None if self.operation is None else STEPS[self.operation].request
-        self._respelling = respelt(self.node, model or Any)
+        self._respelling = respelt(self.node, model or Any, {TEMPLATE_BODY: WorldTemplateBody})
         self.node = self._respelling.node
         for written in self._respelling.written:
-            self._report_at(written, f"is not known; did you mean {written[-1]!r}?", at_key=True)
+            hint = f"unknown member; did you mean {json.dumps(written[-1])}?"
+            if written[0] != TEMPLATE_BODY or len(written) == 1:
+                hint = f"is not known; did you mean {written[-1]!r}?"
+            self._report_at(written, hint, at_key=True)
         request = self._walk(self.node, (), model or Any, self.scope)
         if model is not None and is_object(request):
             found = Rounds(model, self._checked, request, [*self._references]).run()
             self.problems.extend(map(self._placed, found))
-            if (body := child(self.node, TEMPLATE_BODY)) and TEMPLATE_BODY in model.model_fields:
-                self.problems.extend(self._body_problems(body))
+            if TEMPLATE_BODY in model.model_fields and TEMPLATE_BODY in request:
+                self._check_body(request[TEMPLATE_BODY])
         return self
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
@@ -106,7 +107,7 @@ class InputCheck:
             tag = node.entries.get(KIND)
             annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
             return {
-                key: self._walk(value, (*location, key), inner(annotation, key), scope)
+                key: self._walk(value, (*location, key), _inner(annotation, key, value), scope)
                 for key, value in node.entries.items()
             }
         if isinstance(node, ListNode):
@@ -135,7 +136,8 @@ class InputCheck:
             self._references.append(location)
             for reference in template.references:
                 self.names |= reference.names()
-            return template.kind(scope)
+            names = self.names if _ANY_NAME in scope else set[str]()
+            return template.kind({**dict.fromkeys(names - scope.keys(), ANYTHING), **scope})
         except ReferenceMistake as mistake:
             self._references.append(location)
             if not any(name in text for name in self._wrong_names):
@@ -161,7 +163,7 @@ class InputCheck:
         variable = variable_of(construct)
         if any(problem.location == ("as",) for problem in problems):
             self._wrong_names |= set() if is_step_name(variable) else {variable}
-            return {variable: ANYTHING}
+            return {variable: ANYTHING, _ANY_NAME: ANYTHING}
         unknown = [each for key, each in construct.entries.items() if key not in FOR_EACH_KEYS]
         # One of these may have been meant to name the variable.
         named = {each.value: ANYTHING for each in unknown if isinstance(each, ScalarNode)}
@@ -227,32 +229,44 @@ class InputCheck:
             message += f'; put it in quotes: "{found.source}"'
         return Problem(place_of(problem, self.node, self.place), self._path(written), message)
 
-    def _body_problems(self, body: Node) -> Iterator[Problem]:
-        """The problems of a template body that is written out in the file."""
-        if any(within(at, (TEMPLATE_BODY,)) for at in self._references) or isinstance(body, ListNode):
+    def _check_body(self, body: Any) -> None:
+        """Checks a template body that is written out in the file, as a mapping or as JSON text."""
+        written = child(self.node, TEMPLATE_BODY)
+        if isinstance(body, str):
+            try:
+                body = load_strict(body, TEMPLATE_BODY, MAX_BODY_CHARACTERS)
+            except InvalidParameterException as error:
+                self._report((TEMPLATE_BODY,), str(error))
+                return
+        elif not is_object(body):
             return
-        is_text = isinstance(body, ScalarNode)
-        if is_text and not isinstance(body.value, str):
-            return
-        try:
-            parse_template_body(str(body.value) if is_text else json.dumps(plain(body)))
-        except InvalidParameterException as error:
-            for line in str(error).splitlines():
-                inside, message = _split(line)
-                place = body.place if is_text else _body_place(body, inside, message)
-                yield Problem(place, self._path((TEMPLATE_BODY, *inside)), message)
+        document, wrapper = unwrapped(body)
+        prefix = (TEMPLATE_BODY, TEMPLATE_BODY) if wrapper else (TEMPLATE_BODY,)
+        unknown = [at[len(prefix) :] for at in self._references if within(at, prefix)]
+        for problem in Rounds(WorldTemplateBody, body_problems, document, unknown, follows_from=_is_about_rooms).run():
+            location = (*prefix, *problem.location)
+            if isinstance(written, MappingNode):
+                self._report(location, problem.message, at_key=problem.about_key)
+            else:
+                place = value_place(self.node, (TEMPLATE_BODY,))
+                self.problems.append(Problem(place, self._path(location), problem.message))
 
 
-def _body_place(body: Node, inside: Location, message: str) -> Any:
-    return key_place(body, inside) if "unknown member" in message else value_place(body, inside)
+def _inner(annotation: Any, key: str, value: Node) -> Any:
+    """The annotation of a member; a template body that is a mapping is one, though the wire has its text."""
+    is_body = key == TEMPLATE_BODY and isinstance(value, MappingNode) and kind_of(annotation) != TEXT
+    return WorldTemplateBody if is_body and _has_body(annotation) else inner(annotation, key)
 
 
-def _split(line: str) -> tuple[Location, str]:
-    """A line of `parse_template_body` as location and message."""
-    if not (match := _PATH_AND_MESSAGE.fullmatch(line)) or match[1] in ("body", TEMPLATE_BODY):
-        return (), line
-    steps = _PATH_STEP.finditer(match[1])
-    return tuple(int(step[3]) if step[3] else json.loads(step[2]) if step[2] else step[1] for step in steps), match[2]
+def _has_body(annotation: Any) -> bool:
+    return isinstance(annotation, type) and TEMPLATE_BODY in getattr(annotation, "model_fields", ())
+
+
+def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
+    """Whether a problem of a template body may be due to the wrong name of a room."""
+    if "Rooms" not in blamed or "no such room" not in problem.message:
+        return False
+    return blamed[blamed.index("Rooms") + 2 :] in ((), ("Name",))
 
 
 def _at(node: Node | None, location: Location) -> Node | None:

@@ -30,6 +30,10 @@ FILLINGS = (Filling(_TEXTS, (1, 0, 100)), Filling(_TEXTS[::-1], (100, 1, 0)))
 """Two fillings that have little in common: what is wrong in one of them only is not known to be wrong."""
 
 
+_LIKE_KINDS = 0.7
+"""Likeness of two kinds from which on one is read as the other: kinds have short names, and there are few."""
+
+
 @dataclass(frozen=True)
 class Placeholder:
     """Stands for a value that is not known yet."""
@@ -74,7 +78,7 @@ def meant_kind(annotation: Any, kind: object) -> str | None:
     choices = choices_of(annotation)
     if not isinstance(kind, str) or not choices:
         return None
-    return kind if kind in choices else closest(kind, choices)
+    return kind if kind in choices else closest(kind, choices, _LIKE_KINDS)
 
 
 def annotation_at(annotation: Any, value: Any, location: tuple[str | int, ...]) -> Any:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import Location, RequestProblem
+from ..wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
 from .placeholders import FILLINGS, KIND, Placeholder, annotation_at, filled, meant_kind, value_at
+from .reference_typing import Structure, kind_of
 
 _MOST_ROUNDS = 12
 """Rounds after which no more is looked for: each of them goes one level up from what is wrong, and requests are less
@@ -41,6 +42,9 @@ class Rounds:
 
     unknown: list[Location]
     """Places whose values are not known yet; what is wrong there is left out."""
+
+    follows_from: Callable[[RequestProblem, Location], bool] = lambda _problem, _blamed: False
+    """Whether a problem of a rule may be due to what is wrong at a place, for what its message does not show."""
 
     problems: list[RequestProblem] = field(default_factory=list[RequestProblem])
 
@@ -76,18 +80,35 @@ class Rounds:
             return False
         if problem in self.problems:
             return False
-        return is_first or not problem.is_rule or not any(_is_due(problem, each) for each in self._blamed)
+        return (
+            is_first
+            or not problem.is_rule
+            or not any(_is_due(problem, each) or self.follows_from(problem, each) for each in self._blamed)
+        )
 
     def _put_right(self, problem: RequestProblem) -> None:
         """Puts something right in the place of what is wrong."""
         location = self._deepest(problem.location) if problem.is_rule else problem.location
         self._blamed.add(problem.location)
         if problem.about_key:
-            self.request = _changed(self.request, location, None)
+            self._remove(location)
         elif not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
             self.request = _changed(self.request, location, kind)
         else:
             self._place(location)
+
+    def _remove(self, location: Location) -> None:
+        """Removes a member; the one that it may have been meant to be is unknown then."""
+        self.request = _changed(self.request, location, None)
+        kind = kind_of(annotation_at(self.model, self.request, location[:-1]))
+        parent = value_at(self.request, location[:-1])
+        if not isinstance(kind, Structure) or not is_object(parent):
+            return
+        absent = {name: member for name, member in kind.model.model_fields.items() if name not in parent}
+        if near := closest(str(location[-1]), absent, LEAST_LIKENESS):
+            self._blamed.add((*location[:-1], near))
+            if absent[near].is_required():
+                self._place((*location[:-1], near))
 
     def _place(self, location: Location) -> None:
         annotation = annotation_at(self.model, self.request, location)
@@ -128,10 +149,10 @@ def _is_due(problem: RequestProblem, blamed: Location) -> bool:
     """Whether a rule may have found something only because of what is wrong elsewhere: it names that, or is in it."""
     if within(problem.location, blamed):
         return True
-    if within(blamed, problem.location):
-        entry = blamed[len(problem.location) :]
-        if isinstance(entry[0], int) and entry[1:] in ((), ("name",), (KIND,)):
-            return True  # a rule about entries of a list tells them by their names
+    shared = next((n for n, (a, b) in enumerate(zip(problem.location, blamed, strict=False)) if a != b), None)
+    shared = min(len(problem.location), len(blamed)) if shared is None else shared
+    if isinstance(blamed[shared], int) and blamed[shared + 1 :] in ((), ("name",), (KIND,)):
+        return True  # rules about entries of a list tell them by their names
     ends = [blamed[start:] for start in range(len(blamed))]
     return any(within(end, named) or within(named, end) for named in _named(problem.message) for end in ends)
 

@@ -17,7 +17,8 @@ from .json_values import is_list, is_mapping, is_object
 Location = tuple[str | int, ...]
 
 _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that takes two seconds
-_LEAST_LIKENESS = 0.6
+LEAST_LIKENESS = 0.6
+"""Likeness of two names from which on one is asked about where the other stands."""
 _TAKEN_FOR = 0.8  # what is this near is read as the other name, and not only asked about
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
@@ -59,7 +60,7 @@ class RequestProblem:
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """Returns `did you mean ...?` with the most similar of some words; empty if none is similar."""
-    near = closest(word, words, _LEAST_LIKENESS)
+    near = closest(word, words, LEAST_LIKENESS)
     return "" if near is None else f"; did you mean {near!r}?"
 
 
@@ -179,7 +180,7 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
     return RequestProblem(location, f"is {described}")
 
 
-_LEADING_PATH = re.compile(r"[A-Za-z_]\w*+(?:\.[A-Za-z_]\w*+|\[\d++\])*+(?=: )")
+_LEADING_PATH = re.compile(r"(?:[A-Za-z_]\w*+|\[\d++\])(?:\.[A-Za-z_]\w*+|\[\d++\])*+(?=: )")
 _PATH_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
@@ -200,9 +201,13 @@ def _placed_by_its_path(line: str, location: Location, value: object) -> Request
     found = _LEADING_PATH.match(line)
     steps = _PATH_STEP.finditer(found[0]) if found else ()
     inside = tuple(step[1] or int(step[2]) for step in steps)
-    if found is None or not (is_mapping(value) and inside[0] in value):
+    if found is None or not _has(value, inside[0]):
         return RequestProblem(location, line, is_rule=True)
     return RequestProblem((*location, *inside), line[found.end() + 2 :], is_rule=True)
+
+
+def _has(value: object, step: str | int) -> bool:
+    return step in value if is_mapping(value) else is_list(value) and isinstance(step, int)
 
 
 def _shown(value: object) -> str:

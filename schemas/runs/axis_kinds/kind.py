@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Protocol, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ...wire.base import Shape, ShapeName, optional
+from ...wire.common import raise_all
 from ...wire.errors import LaunchError
 
 Value = str | float
@@ -241,8 +242,7 @@ class NumberAxis(Axis):
                 numbers.append(self.parse(text))
             except ValueError as error:
                 wrong.append(f"values[{place}]: {error}")
-        if wrong:
-            raise ValueError("\n".join(wrong))
+        raise_all(wrong)
         return numbers
 
     def _check_bounds(self, member: str, low: float, high: float) -> None:
