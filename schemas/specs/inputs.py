@@ -5,65 +5,51 @@ what the validator then says about a placeholder itself is left out.
 """
 
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias, get_args, get_origin
-
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from typing import Any, TypeAlias
 
 from ..operations.registry import STEPS, check_request
-from ..templates.parsing import parse_template_body
+from ..templates.body import WorldTemplateBody
+from ..templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
 from ..wire.errors import InvalidParameterException, Place, Problem
-from ..wire.json_values import is_list, is_object
+from ..wire.json_values import is_object, load_strict
 from ..wire.request_problems import Location, RequestProblem, nearest, path_text
 from .folding import is_folded
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from .placeholders import KIND, Placeholder, chosen, inner
 from .reference_typing import (
     ANYTHING,
-    BOOLEAN,
-    NUMBER,
     TEXT,
     WHOLE_NUMBER,
     Anything,
     Kind,
     ListOf,
-    MapOf,
     Scalar,
-    Structure,
     fits,
     kind_of,
-    members_of,
-    without_none,
 )
 from .references import PARAMETERS, ReferenceMistake, parse_template
 from .resolving import parts_of
-from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from .respelling import Respelling, respelt
+from .rounds import Rounds, within
+from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]
 
+_ANY_NAME = ""
+"""Name in a scope that has a variable whose name is not known."""
 TEMPLATE_BODY = "templateBody"
-
-# One of these fits every text that the requests ask for; both ends of the list are tried.
-_TEXTS = ("placeholder", "1", "arn:aws:iam::000000000000:role/placeholder", "placeholder.zip")
-# Quantifiers that give nothing back: a long word could else be split in more ways than can ever be tried.
-_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*+|"(?:[^"\\]|\\.)*+"|\[\d++\]|\.)++): (.*)')
-_PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
-
-
-@dataclass(frozen=True)
-class _Placeholder:
-    """Stands for a value that is not known yet."""
-
-    annotation: Any
 
 
 @dataclass
 class InputCheck:
     """Checks the input of one step of a specification, before anything runs."""
 
-    operation: str
+    operation: str | None
+    """`None`: it is not known, so that only references are checked."""
     node: Node
+    """The input; when it was checked, with misspelt members under the names that they were meant to have."""
     scope: Scope
     location: Location
     """Keys that lead to the input in the file."""
@@ -76,20 +62,40 @@ class InputCheck:
     """Steps it refers to."""
 
     _references: list[Location] = field(default_factory=list[Location])
+    _wrong_names: set[str] = field(default_factory=set[str])
+    """Names that no variable may have, which variables have; what references say of these comes of that."""
+    _respelling: Respelling | None = None
 
     def run(self) -> "InputCheck":
         """Collects the input's problems and the earlier steps that it refers to."""
-        model = STEPS[self.operation].request
-        request = self._walk(self.node, (), model, self.scope)
-        self.problems.extend(self._request_problems(request))
-        if (body := child(self.node, TEMPLATE_BODY)) and TEMPLATE_BODY in model.model_fields:
-            self.problems.extend(self._body_problems(body))
+        model = None if self.operation is None else STEPS[self.operation].request
+        self._respelling = respelt(self.node, model or Any, {TEMPLATE_BODY: WorldTemplateBody})
+        self.node = self._respelling.node
+        for written in self._respelling.written:
+            hint = f"unknown member; did you mean {json.dumps(written[-1])}?"
+            if written[0] != TEMPLATE_BODY or len(written) == 1:
+                hint = f"is not known; did you mean {written[-1]!r}?"
+            self._report_at(written, hint, at_key=True)
+        request = self._walk(self.node, (), model or Any, self.scope)
+        if model is not None and is_object(request):
+            found = Rounds(model, self._checked, request, [*self._references]).run()
+            self.problems.extend(map(self._placed, found))
+            if TEMPLATE_BODY in model.model_fields and TEMPLATE_BODY in request:
+                self._check_body(request[TEMPLATE_BODY])
         return self
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
-        written = as_written(self.node, location)
+        """Tells what is wrong at a location of the request."""
+        self._report_at(as_written(self.node, location), message, at_key=at_key)
+
+    def _report_at(self, written: Location, message: str, *, at_key: bool = False) -> None:
         place = key_place(self.node, written) if at_key else value_place(self.node, written)
-        self.problems.append(Problem(place, path_text((*self.location, *written)), message))
+        self.problems.append(Problem(place, self._path(written), message))
+
+    def _path(self, written: Location) -> str:
+        """The path of a member, by the names that the file has."""
+        inside = written if self._respelling is None else self._respelling.path(written)
+        return path_text((*self.location, *inside))
 
     # References
 
@@ -98,17 +104,15 @@ class InputCheck:
         if construct := for_each_of(node):
             return self._for_each(construct, location, annotation, scope)
         if isinstance(node, MappingNode):
-            annotation = _chosen(annotation, node)
-            if isinstance(kind_of(annotation), ListOf) and (key := _misspelt_for_each(node)):
-                self._report((*location, key), f"is not known; did you mean '{FOR_EACH}'?", at_key=True)
-                return self._unknown(location, annotation)
+            tag = node.entries.get(KIND)
+            annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
             return {
-                key: self._walk(value, (*location, key), _inner(annotation, key), scope)
+                key: self._walk(value, (*location, key), _inner(annotation, key, value), scope)
                 for key, value in node.entries.items()
             }
         if isinstance(node, ListNode):
-            inner = _inner(annotation, 0)
-            return [self._walk(item, (*location, index), inner, scope) for index, item in enumerate(node.items)]
+            entry = inner(annotation, 0)
+            return [self._walk(item, (*location, index), entry, scope) for index, item in enumerate(node.items)]
         return self._scalar(node, location, annotation, scope)
 
     def _scalar(self, node: ScalarNode, location: Location, annotation: Any, scope: Scope) -> Any:
@@ -121,7 +125,7 @@ class InputCheck:
         if not fits(kind, wanted):
             hint = "; to_string(…) makes text of it" if wanted == TEXT and isinstance(kind, Scalar) else ""
             self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}{hint}")
-        return _Placeholder(annotation)
+        return Placeholder(annotation)
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
         """The kind of value that a text with references gives; `None` for one without."""
@@ -132,10 +136,12 @@ class InputCheck:
             self._references.append(location)
             for reference in template.references:
                 self.names |= reference.names()
-            return template.kind(scope)
+            names = self.names if _ANY_NAME in scope else set[str]()
+            return template.kind({**dict.fromkeys(names - scope.keys(), ANYTHING), **scope})
         except ReferenceMistake as mistake:
             self._references.append(location)
-            self._report(location, str(mistake))
+            if not any(name in text for name in self._wrong_names):
+                self._report(location, str(mistake))
             return ANYTHING
 
     def _for_each(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
@@ -147,15 +153,26 @@ class InputCheck:
             self._report((*location, *problem.location), problem.message, at_key=problem.about_key)
         item = self._source_item(construct.entries[FOR_EACH], (*location, FOR_EACH), scope)
         value = construct.entries.get("value")
-        if value is None or any(problem.location == ("as",) for problem in problems):
+        if value is None:
             return self._unknown(location, annotation)
-        inner_scope = {**scope, variable_of(construct): item, INDEX: WHOLE_NUMBER}
-        return [self._walk(value, (*location, 0), _inner(annotation, 0), inner_scope)]
+        inner_scope = {**scope, **self._variables(construct, item, problems), INDEX: WHOLE_NUMBER}
+        return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
 
-    def _unknown(self, location: Location, annotation: Any) -> _Placeholder:
+    def _variables(self, construct: MappingNode, item: Kind, problems: list[RequestProblem]) -> dict[str, Kind]:
+        """The variables that the value of a `forEach` may use; of a wrong one only that it is there."""
+        variable = variable_of(construct)
+        if any(problem.location == ("as",) for problem in problems):
+            self._wrong_names |= set() if is_step_name(variable) else {variable}
+            return {variable: ANYTHING, _ANY_NAME: ANYTHING}
+        unknown = [each for key, each in construct.entries.items() if key not in FOR_EACH_KEYS]
+        # One of these may have been meant to name the variable.
+        named = {each.value: ANYTHING for each in unknown if isinstance(each, ScalarNode)}
+        return {**{name: kind for name, kind in named.items() if isinstance(name, str)}, variable: item}
+
+    def _unknown(self, location: Location, annotation: Any) -> Placeholder:
         """Stands for what cannot be checked before something else is put right."""
         self._references.append(location)
-        return _Placeholder(annotation)
+        return Placeholder(annotation)
 
     def _construct_problems(self, construct: MappingNode, scope: Scope) -> list[RequestProblem]:
         problems = [
@@ -193,19 +210,12 @@ class InputCheck:
 
     # The request
 
-    def _request_problems(self, request: Any) -> Iterator[Problem]:
-        first = self._checked(_fill(request, _TEXTS))
-        again = {problem.location for problem in self._checked(_fill(request, _TEXTS[::-1]))}
-        for problem in first:
-            unknown = not problem.about_key and any(_within(problem.location, at) for at in self._references)
-            if problem.location in again and not unknown:
-                yield self._placed(problem)
-
     def _checked(self, request: Any) -> list[RequestProblem]:
+        operation = self.operation or ""
         return [
             replace(problem, location=part.location(problem.location))
-            for part in parts_of(self.operation, request)
-            for problem in check_request(self.operation, part.request)
+            for part in parts_of(operation, request)
+            for problem in check_request(operation, part.request)
         ]
 
     def _placed(self, problem: RequestProblem) -> Problem:
@@ -217,34 +227,46 @@ class InputCheck:
             message += f"{hint}; the value is that of {found.source}"
         elif isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
             message += f'; put it in quotes: "{found.source}"'
-        return Problem(place_of(problem, self.node, self.place), path_text((*self.location, *written)), message)
+        return Problem(place_of(problem, self.node, self.place), self._path(written), message)
 
-    def _body_problems(self, body: Node) -> Iterator[Problem]:
-        """The problems of a template body that is written out in the file."""
-        if any(_within(at, (TEMPLATE_BODY,)) for at in self._references) or isinstance(body, ListNode):
+    def _check_body(self, body: Any) -> None:
+        """Checks a template body that is written out in the file, as a mapping or as JSON text."""
+        written = child(self.node, TEMPLATE_BODY)
+        if isinstance(body, str):
+            try:
+                body = load_strict(body, TEMPLATE_BODY, MAX_BODY_CHARACTERS)
+            except InvalidParameterException as error:
+                self._report((TEMPLATE_BODY,), str(error))
+                return
+        elif not is_object(body):
             return
-        is_text = isinstance(body, ScalarNode)
-        if is_text and not isinstance(body.value, str):
-            return
-        try:
-            parse_template_body(str(body.value) if is_text else json.dumps(plain(body)))
-        except InvalidParameterException as error:
-            for line in str(error).splitlines():
-                inside, message = _split(line)
-                place = body.place if is_text else _body_place(body, inside, message)
-                yield Problem(place, path_text((*self.location, TEMPLATE_BODY, *inside)), message)
+        document, wrapper = unwrapped(body)
+        prefix = (TEMPLATE_BODY, TEMPLATE_BODY) if wrapper else (TEMPLATE_BODY,)
+        unknown = [at[len(prefix) :] for at in self._references if within(at, prefix)]
+        for problem in Rounds(WorldTemplateBody, body_problems, document, unknown, follows_from=_is_about_rooms).run():
+            location = (*prefix, *problem.location)
+            if isinstance(written, MappingNode):
+                self._report(location, problem.message, at_key=problem.about_key)
+            else:
+                place = value_place(self.node, (TEMPLATE_BODY,))
+                self.problems.append(Problem(place, self._path(location), problem.message))
 
 
-def _body_place(body: Node, inside: Location, message: str) -> Any:
-    return key_place(body, inside) if "unknown member" in message else value_place(body, inside)
+def _inner(annotation: Any, key: str, value: Node) -> Any:
+    """The annotation of a member; a template body that is a mapping is one, though the wire has its text."""
+    is_body = key == TEMPLATE_BODY and isinstance(value, MappingNode) and kind_of(annotation) != TEXT
+    return WorldTemplateBody if is_body and _has_body(annotation) else inner(annotation, key)
 
 
-def _split(line: str) -> tuple[Location, str]:
-    """A line of `parse_template_body` as location and message."""
-    if not (match := _PATH_AND_MESSAGE.fullmatch(line)) or match[1] in ("body", TEMPLATE_BODY):
-        return (), line
-    steps = _PATH_STEP.finditer(match[1])
-    return tuple(int(step[3]) if step[3] else json.loads(step[2]) if step[2] else step[1] for step in steps), match[2]
+def _has_body(annotation: Any) -> bool:
+    return isinstance(annotation, type) and TEMPLATE_BODY in getattr(annotation, "model_fields", ())
+
+
+def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
+    """Whether a problem of a template body may be due to the wrong name of a room."""
+    if "Rooms" not in blamed or "no such room" not in problem.message:
+        return False
+    return blamed[blamed.index("Rooms") + 2 :] in ((), ("Name",))
 
 
 def _at(node: Node | None, location: Location) -> Node | None:
@@ -253,79 +275,5 @@ def _at(node: Node | None, location: Location) -> Node | None:
     return node
 
 
-def _within(location: Location, outer: Location) -> bool:
-    return location[: len(outer)] == outer
-
-
 def _described(kind: Kind) -> str:
     return f"a list of {kind.item}" if isinstance(kind, ListOf) and isinstance(kind.item, Scalar) else str(kind)
-
-
-def _inner(annotation: Any, step: str | int) -> Any:
-    """The annotation of a member or entry of something so annotated."""
-    core = without_none(annotation)
-    if get_origin(core) is (list if isinstance(step, str) else dict):
-        return Any  # the wrong kind of collection; its entries are not at fault
-    if isinstance(core, type) and issubclass(core, BaseModel):
-        member = core.model_fields.get(str(step))
-        return member.rebuild_annotation() if member else Any
-    if get_origin(core) in (list, dict):
-        return get_args(core)[-1]
-    return Any
-
-
-def _chosen(annotation: Any, node: MappingNode) -> Any:
-    """The one of several models that a mapping says it is; what it was, if there is no choice or no such model."""
-    tag = node.entries.get("kind")
-    if isinstance(tag, ScalarNode):
-        for model in get_args(without_none(annotation)):
-            if not (isinstance(model, type) and issubclass(model, BaseModel) and "kind" in model.model_fields):
-                continue
-            if tag.value in get_args(model.model_fields["kind"].annotation):
-                return model
-    return annotation
-
-
-def _misspelt_for_each(node: MappingNode) -> str | None:
-    """The key of a mapping that was meant to be `forEach`."""
-    return next((key for key in node.entries if key not in FOR_EACH_KEYS and nearest(FOR_EACH, [key])), None)
-
-
-def _fill(value: Any, texts: tuple[str, ...]) -> Any:
-    """Puts values in place of placeholders."""
-    if isinstance(value, _Placeholder):
-        return _example(value.annotation, texts)
-    if is_object(value):
-        return {key: _fill(item, texts) for key, item in value.items()}
-    if is_list(value):
-        return [_fill(item, texts) for item in value]
-    return value
-
-
-def _example(annotation: Any, texts: tuple[str, ...]) -> Any:
-    """A value that fits, if one is easily found."""
-    kind = kind_of(annotation)
-    if isinstance(kind, ListOf):
-        return [_example(_inner(annotation, 0), texts)]
-    if isinstance(kind, MapOf):
-        return {}
-    if isinstance(kind, Structure) and members_of(kind):
-        required = (name for name, member in kind.model.model_fields.items() if member.is_required())
-        return {name: _example(_inner(annotation, name), texts) for name in required}
-    if kind == TEXT:
-        return _text_example(annotation, texts)
-    return {WHOLE_NUMBER: 1, NUMBER: 1.0, BOOLEAN: True}.get(kind)  # type: ignore[arg-type] # kinds are hashable
-
-
-def _text_example(annotation: Any, texts: tuple[str, ...]) -> str:
-    core = without_none(annotation)
-    if get_origin(core) is Literal:
-        return get_args(core)[0]
-    adapter = TypeAdapter[Any](annotation)
-    for text in texts:
-        try:
-            adapter.validate_python(text, strict=True)
-        except ValidationError:
-            continue
-        return text
-    return texts[0]

@@ -27,7 +27,7 @@ from ..operations.registry import STEPS
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
-from ..wire.errors import Place
+from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
@@ -134,6 +134,9 @@ class CheckedSpec:
 
     missing: tuple[str, ...] = ()
     """Parameters without a value, which a run needs."""
+
+    notes: tuple[Problem, ...] = ()
+    """What may be a mistake, and may be right: names that only the catalog knows."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

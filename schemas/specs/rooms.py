@@ -20,6 +20,8 @@ from .references import ReferenceMistake, parse_template
 from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
+_FARTHEST_M = 1e9
+"""Numbers beyond this are no places, and are told so elsewhere."""
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
 
 
@@ -37,12 +39,12 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
     """Finds goals in rooms that no world of the template has, or in the room where robots start.
 
     Args:
-        steps: the steps, whose inputs have no other problems.
+        steps: the steps, whose inputs may have other problems.
     """
     for step in steps.values():
         for request in _requests(step):
             asked = dict(_asked(request))
-            rooms = _rooms(request, steps) if asked else None
+            rooms = _rooms(request, steps) if asked and _is_sound(request) else None
             if rooms is None:
                 continue
             names, start = [room.Name for room in rooms], start_room(rooms)
@@ -85,6 +87,21 @@ def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
         room = child(item, "room")
         if isinstance(room, ScalarNode) and isinstance(room.value, str) and "${{" not in room.value:
             yield ("requirements", index, "room"), room
+
+
+def _is_sound(request: _Request) -> bool:
+    """Whether names and numbers of a request's requirements are such; others are told as what they are."""
+    requirements = child(request.node, "requirements")
+    items = requirements.items if isinstance(requirements, ListNode) else ()
+    names = (child(item, member) for item in items for member in ("name", "after"))
+    numbers = (child(item, member) for item in items for member in ("x", "y", "within_m"))
+    return all(
+        each is None or (isinstance(each, ScalarNode) and isinstance(each.value, str)) for each in names
+    ) and all(each is None or (isinstance(each, ScalarNode) and abs(_number(each)) <= _FARTHEST_M) for each in numbers)
+
+
+def _number(node: ScalarNode) -> float:
+    return node.value if isinstance(node.value, int | float) else 0.0
 
 
 def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
@@ -154,9 +171,20 @@ def check_world_counts(spec: CheckedSpec, most: int) -> None:
     Raises:
         SpecError: a job asks for more.
     """
-    problems = [problem for step in spec.steps.values() if (problem := _problem(step, most))]
-    if problems:
+    if problems := [*world_count_problems(spec.steps, most)]:
         raise SpecError(problems)
+
+
+def world_count_problems(steps: Mapping[str, CheckedStep], most: int) -> Iterator[Problem]:
+    """Finds generation steps that ask for more worlds than allowed, as far as known before the run.
+
+    Args:
+        steps: the steps, whose inputs may have other problems.
+        most: worlds that one job may make.
+    """
+    for step in steps.values():
+        if problem := _problem(step, most):
+            yield problem
 
 
 def _problem(step: CheckedStep, most: int) -> Problem | None:

@@ -3,6 +3,7 @@
 Nothing here knows of MuJoCo: an axis changes numbers of a `Rig`.
 """
 
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -12,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Protocol, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ...wire.base import Shape, ShapeName, optional
+from ...wire.common import raise_all
 from ...wire.errors import LaunchError
 
 Value = str | float
@@ -23,6 +25,10 @@ BINS = 5
 """Number of equally likely parts of a range that a report shows: fifths, as quintiles of a sample."""
 _LEAST_SHARE = 1e-12
 """Shares nearer to 0 or 1 than this are taken for it: a normal distribution has no value for them."""
+
+
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+"""Numbers as JSON and YAML write them; Python itself would take `1_0` for ten."""
 
 
 class AxisError(LaunchError):
@@ -216,8 +222,7 @@ class NumberAxis(Axis):
             has = f"{' and '.join(given)} are given" if given else "it has no values"
             raise ValueError(f"{has}; give one of values, range ([least, largest]) and normal (mean and std)")
         if self.values is not None:
-            numbers = [self.parse(text) for text in self.values]
-            differ([f"{number!r}" for number in numbers])
+            differ([f"{number!r}" for number in self._numbers(self.values)])
         elif self.range is not None:
             self._check_bounds("range", *self.range)
         else:
@@ -227,6 +232,18 @@ class NumberAxis(Axis):
             if not low <= self.normal.mean <= high:
                 raise ValueError(f"normal.mean: {self.normal.mean:g} is not between the bounds {low:g} and {high:g}")
         return self
+
+    def _numbers(self, values: Sequence[str]) -> list[float]:
+        """The numbers that values mean; an error tells all that mean none."""
+        numbers: list[float] = []
+        wrong: list[str] = []
+        for place, text in enumerate(values):
+            try:
+                numbers.append(self.parse(text))
+            except ValueError as error:
+                wrong.append(f"values[{place}]: {error}")
+        raise_all(wrong)
+        return numbers
 
     def _check_bounds(self, member: str, low: float, high: float) -> None:
         if low >= high:
@@ -250,11 +267,9 @@ class NumberAxis(Axis):
         Raises:
             ValueError: It is no number, or none that is possible.
         """
-        try:
-            number = float(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is no number; {self.kind} is {self.possible()}") from None
-        return self._check(number)
+        if not _NUMBER.fullmatch(text):
+            raise ValueError(f"{text!r} is no number; {self.kind} is {self.possible()}")
+        return self._check(float(text))
 
     def at(self, share: float) -> float:
         """Returns the value below which a share, 0 to 1, of its values lies."""
