@@ -19,6 +19,11 @@ ANSWER_EXIT_CODES: dict[Answer, int] = {
 """Exit codes of `robomaker compare` and of `robomaker run --against`, by the answer."""
 
 
+FEWEST_WORLDS = 6
+"""Number of worlds from which on whole worlds are compared. Flipping the signs of fewer shows nothing at 5 %: five of
+five that got worse have p = 2 / 2**5 = 0.0625."""
+
+
 class Against(Model):
     """The question with which a run is carried out beside an earlier one: `robomaker run --against`."""
 

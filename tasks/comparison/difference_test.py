@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
-from .e_processes import FEWEST_WORLDS, fewest_worlds
+from .e_processes import fewest_worlds
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
 from .statistics import (
     Interval,

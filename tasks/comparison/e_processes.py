@@ -12,10 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Numbers = NDArray[np.float64]
+from ...schemas.reports.against import FEWEST_WORLDS
 
-FEWEST_WORLDS = 6
-"""Flipping the signs of fewer worlds shows nothing at 5 %: five of five that got worse have p = 2 / 2**5 = 0.0625."""
+Numbers = NDArray[np.float64]
 
 
 def fewest_worlds(alpha: float) -> int:
