@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...schemas.reports.against import Against
 from ...schemas.reports.progress import Note
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
@@ -31,6 +32,7 @@ def carry_out(
     spec_path: str,
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
+    against: Against | None = None,
     open_run: "OpenRun | None" = None,
 ) -> int:
     """Runs a specification, shows its progress, prints the results, and returns the exit code.
@@ -44,6 +46,7 @@ def carry_out(
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
         rerun_of: the run that it repeats; `None`: it is no rerun.
+        against: the earlier run beside which it is carried out; `None`: none.
         open_run: the run, where another process began it.
 
     Returns:
@@ -58,6 +61,10 @@ def carry_out(
     api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
     with Service.opened(settings) as service:  # what is refused starts no server and imports no Prefect
         check_named(spec, service)
+        if against is not None:
+            from ...tasks.inspection.runs_beside import earlier_run
+
+            earlier_run(against, settings.home / "runs", spec)
         if not (reuse or rerun_of or open_run):
             check_templates(spec, service)
     api_url = api_url or use_server(settings, for_runs=True)
@@ -77,7 +84,7 @@ def carry_out(
         try:
             record = run_spec(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-                open_run=open_run,
+                against=against, open_run=open_run,
             )  # fmt: skip
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record

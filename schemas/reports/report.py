@@ -95,6 +95,10 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    against: str = Field(
+        default="",
+        description="Answer of a run that was carried out beside an earlier one, in words; empty: it was not.",
+    )
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")

@@ -89,8 +89,8 @@ def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> li
 
 
 def _has_seen_to(run: NightRun, step: str) -> bool:
-    """Whether a run would have a job of a step; one that broke or was cancelled before it says so itself."""
-    return run.state in _SEEN_TO or any(_step_of(job) == step for job in run.jobs)
+    """Whether a run would have a job of a step; one that broke or ended before it says so itself."""
+    return (run.state in _SEEN_TO and not run.stopped_early) or any(_step_of(job) == step for job in run.jobs)
 
 
 def _new_jobs(night: int, step: str, run: NightRun, cells: Sequence[Sequence[Appearance]]) -> list[str]:

@@ -115,6 +115,11 @@ def write_results(
     return results
 
 
+def results_of(jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service) -> ResultTable:
+    """Makes the table of the results of some jobs, with all of their trials that are stored."""
+    return ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
+
+
 def _has_trials(job: JobRecord) -> bool:
     return any(item.name == TRIALS for item in job.requirements)
 
@@ -174,7 +179,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
     """
     given = request.get("seed", (request.get("tags") or {}).get(SEED_TAG))
     return JobInputs(
-        seed=int(given) if seed is None and str(given or "").isdecimal() else seed,
+        seed=int(given) if seed is None and str(given).isdecimal() else seed,
         seed_given=given is not None,
         requirements_sha256=_requirements_digest(request),
         request_sha256=_digest_of(request),

@@ -11,13 +11,14 @@ from typing import Any
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
+from ...schemas.reports.against import in_words
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
 from ...schemas.reports.run_record import (
-    EXIT_CODES,
     JobRecord,
     RerunOf,
     RunRecord,
     StepRecord,
+    exit_code_of,
     interrupted_in_words,
 )
 from ...schemas.reports.run_states import run_state
@@ -39,7 +40,15 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
-from .job_outputs import inputs_of_request, judged_without_outputs, outputs_of, places_of, with_inputs, write_results
+from .job_outputs import (
+    inputs_of_request,
+    judged_without_outputs,
+    outputs_of,
+    places_of,
+    results_of,
+    with_inputs,
+    write_results,
+)
 from .run_records import is_night, since_last
 
 REPORT_NAME = "report.html"
@@ -61,7 +70,7 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
     """
     report, jobs, results = _gathered(record, service)
     state = state_of(jobs)
-    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": EXIT_CODES[state]})
+    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": exit_code_of(state, record.against)})
     report = _with_changes(report.model_copy(update={"state": state}), record)
     return record.model_copy(
         update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
@@ -129,6 +138,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),
+        against=in_words(record.against) if record.against else "",
         interrupted=interrupted_in_words(record.interruptions),
     )
 
@@ -285,6 +295,21 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
             inputs=inputs_of_request(document.requests[index], None),
         )
     return [jobs[index] for index in sorted(jobs)]
+
+
+def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> tuple[list[JobRecord], ResultTable]:
+    """Returns the short records of some jobs of a step that have ended, with the table of their results.
+
+    Args:
+        step: the step that made them.
+        jobs: the jobs.
+        service: where their outputs are stored.
+    """
+    reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
+    reported = with_inputs(reported, service)
+    places = places_of(reported, service)
+    records = [_job_record(job, job.label, places.get(job.arn or ""), service) for job in reported]
+    return records, results_of(records, places, service)
 
 
 def _rerun_in_words(rerun_of: RerunOf | None) -> str:
