@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from ...sdf.meshes import MeshError, Meshes, Triangles
 from ...sdf.sdf_types import Collision, Geometry, Link, Pose, SdfWorld
 from .convex_parts import BoxPart, ConvexPart, HullPart, Points, convex_parts, voxel_boxes
+from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
 """Shapes that collide in one world: beyond that a step takes milliseconds."""
@@ -20,11 +21,17 @@ _MOST_FACES = 6000
 """Triangles of a mesh whose faces are looked at one by one: some seconds."""
 _MOST_OF_LOOSE = 200
 """Shapes of a mesh of a body that moves: the largest faces, so that it never grows."""
+_MANY = 100
+"""Shapes of one mesh from which on a height field is looked for in their place."""
 _FIRST_PITCH_M = 0.015
 _LAST_PITCH_M = 2.0
 
 _LEAST_TURN_M2 = 1e-6
 """Twice the area of a triangle that is none: its corners lie on a line."""
+
+_UPRIGHT = 1 - 1e-6
+"""Upward part of the vertical axis of what stands upright, within 0.1 degrees."""
+_Part = ConvexPart | Terrain
 
 SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "hull", "hfield"]
 COARSE = "collision meshes that are coarser than drawn"
@@ -44,6 +51,8 @@ class Solid:
     """Corners of a hull, in its own frame."""
     geometry: Geometry | None = None
     """The shape that it was made of, where it is the whole of it."""
+    terrain: Terrain | None = None
+    """Heights of a height field that was made of a mesh."""
 
 
 class _Key(NamedTuple):
@@ -65,6 +74,13 @@ class SolidMaker:
     def __init__(self, world: SdfWorld, meshes: Meshes, loose: Iterable[str]) -> None:
         self._world, self._meshes, self._loose = world, meshes, set(loose)
         self._triangles: dict[Geometry, Triangles | None] = {}
+        # Maps of terrain are drawn for terrain that stands upright.
+        self._tilted = {
+            collision.geometry
+            for link in world.links
+            for collision in link.collisions
+            if collision.pose.rotation[2, 2] < _UPRIGHT
+        }
         self._parts = self._all_parts()
 
     def solids(self, link: Link) -> list[Solid]:
@@ -75,7 +91,10 @@ class SolidMaker:
         geometry, pose, friction = collision.geometry, collision.pose, collision.friction
         if (parts := self._parts.get(_Key(geometry, is_loose))) is not None:
             for part in parts:
-                if isinstance(part, BoxPart):
+                if isinstance(part, Terrain):
+                    placed = pose @ Pose(part.lowest, np.eye(3))
+                    yield Solid("hfield", placed, part.size, friction, terrain=part)
+                elif isinstance(part, BoxPart):
                     yield Solid("box", pose @ Pose(part.center, part.rotation), tuple(part.half.tolist()), friction)
                 else:
                     middle = part.corners.mean(axis=0)
@@ -83,7 +102,7 @@ class SolidMaker:
         elif geometry.kind not in ("mesh", "prism"):
             yield primitive(geometry, pose, friction, is_static=not is_loose)
 
-    def _all_parts(self) -> Mapping[_Key, list[ConvexPart]]:
+    def _all_parts(self) -> Mapping[_Key, list[_Part]]:
         counts = Counter(
             _Key(collision.geometry, link.path in self._loose)
             for link in self._world.links
@@ -104,34 +123,41 @@ class SolidMaker:
             parts[worst] = self._coarser(worst, pitches[worst], parts[worst])
         return parts
 
-    def _first(self, key: _Key) -> list[ConvexPart]:
+    def _first(self, key: _Key) -> list[_Part]:
         if key.geometry.kind == "prism":
-            return _prism_parts(key.geometry)
+            return [*_prism_parts(key.geometry)]
         triangles = self._read(key.geometry)
         if triangles is None:
             return []
         if len(triangles) <= _MOST_FACES:
             parts = convex_parts(triangles)
+            if len(parts) > _MANY and (terrain := self._terrain(key, triangles)) is not None and terrain.is_closed:
+                return [terrain]
             if len(parts) <= (_MOST_OF_LOOSE if key.is_loose else _MOST_OF_ONE):
-                return parts
+                return [*parts]
             if key.is_loose:
                 self._note(key)
-                return parts[:_MOST_OF_LOOSE]
+                return [*parts[:_MOST_OF_LOOSE]]
         elif key.is_loose:
             self._note(key)
             largest = np.argsort(-_areas(triangles), kind="stable")[:_MOST_FACES]
-            return convex_parts(triangles[largest])[:_MOST_OF_LOOSE]
+            return [*convex_parts(triangles[largest])[:_MOST_OF_LOOSE]]
+        if (terrain := self._terrain(key, triangles)) is not None:
+            return [terrain]
         # Cells as large as a hundredth of the mesh, within what is fine for a robot.
         extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
         return self._coarser(key, min(max(extent / 100, _FIRST_PITCH_M), 0.08), None)
 
-    def _coarser(self, key: _Key, pitch_m: float, before: list[ConvexPart] | None) -> list[ConvexPart]:
+    def _terrain(self, key: _Key, triangles: Triangles) -> Terrain | None:
+        return None if key.is_loose or key.geometry in self._tilted else terrain_of(triangles)
+
+    def _coarser(self, key: _Key, pitch_m: float, before: list[_Part] | None) -> list[_Part]:
         """A mesh in fewer parts: of bodies that move the largest half of the faces, else boxes on a grid."""
         self._note(key)
         if before is not None and (key.is_loose or key.geometry.kind == "prism"):
             return before[: max(1, len(before) // 2)]
         triangles = self._read(key.geometry)
-        boxes = voxel_boxes(triangles, pitch_m) if triangles is not None else []
+        boxes: list[_Part] = [*voxel_boxes(triangles, pitch_m)] if triangles is not None else []
         return boxes if before is None or len(boxes) < len(before) else before
 
     def _note(self, key: _Key) -> None:
