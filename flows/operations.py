@@ -7,11 +7,14 @@ checkers read `operations.pyi`, which `python -m tools.reference` writes.
 import inspect
 from typing import Any
 
-from prefect import Flow, flow
+from prefect import Flow
 
 from ..schemas.operations.registry import OPERATIONS
 from ..schemas.wire.operation_shape import READS, OperationShape
 from ..tasks.operations.registry import registry
+from ..tasks.service.service import Service
+from .operation_flow import OperationFlow
+from .request_defaults import default_members, with_defaults_of
 from .steps import carry_out, job_id, order, read, record, validate
 
 
@@ -28,9 +31,11 @@ def __getattr__(name: str) -> Flow[..., Any]:
 
 
 def _operation_flow(shape: OperationShape) -> Flow[..., Any]:
-    members = shape.request.model_fields
+    members, defaults = shape.request.model_fields, default_members(shape)
 
     def call(**given: Any) -> Any:
+        if defaults:
+            given = with_defaults_of(shape, given, Service.current())
         if shape.is_job:
             return order(shape.name, given)
         if shape.name.startswith(READS):
@@ -41,7 +46,7 @@ def _operation_flow(shape: OperationShape) -> Flow[..., Any]:
         inspect.Parameter(
             name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if field.is_required() else None,
+            default=defaults.get(name) if name in defaults or not field.is_required() else inspect.Parameter.empty,
             annotation=field.rebuild_annotation(),
         )
         for name, field in members.items()
@@ -50,9 +55,8 @@ def _operation_flow(shape: OperationShape) -> Flow[..., Any]:
     lines = [f"    {name}: {field.description}" for name, field in members.items()]
     text = "\n".join((shape.description, "", "Args:", *lines)) if lines else shape.description
     # The request model checks more, and says it better, than a generic validation of parameters.
-    return flow(name=shape.name, description=shape.description, validate_parameters=False)(
-        _named(call, shape.name, text, inspect.Signature(parameters))
-    )
+    function = _named(call, shape.name, text, inspect.Signature(parameters))
+    return OperationFlow(function, name=shape.name, description=shape.description, validate_parameters=False)
 
 
 def _perform_flow(name: str, makers: list[str]) -> Flow[..., Any]:
@@ -60,7 +64,7 @@ def _perform_flow(name: str, makers: list[str]) -> Flow[..., Any]:
         return carry_out(makers[0], arn)
 
     text = f"Carries the job of an ARN, made by {' or '.join(makers)}, to its end."
-    return flow(name=name, flow_run_name=job_id)(_named(perform, name, text, inspect.signature(perform)))
+    return OperationFlow(_named(perform, name, text, inspect.signature(perform)), name=name, flow_run_name=job_id)
 
 
 def _named(function: Any, name: str, text: str, signature: inspect.Signature) -> Any:

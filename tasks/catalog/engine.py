@@ -99,8 +99,10 @@ def _checked(url: str) -> URL:
 def _make_file(path: Path) -> None:
     """Makes an empty file that only its user may read, as SQLite does then beside it; one that is there stays."""
     path.parent.mkdir(0o700, parents=True, exist_ok=True)
+    # One that is there is not even opened: to close it would let go of the locks that this process's connections to it
+    # hold, and the next one to close would take itself for the last, and remove what the others write to.
     with suppress(OSError):  # opening it says what is wrong
-        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o600))
 
 
 def _connect(url: URL) -> Engine:

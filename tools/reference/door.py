@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from prefect_robomaker.deployments.deploying.deployables import Deployable, operation_deployables
+from prefect_robomaker.flows.request_defaults import default_members
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.tasks.operations.registry import registry
 
@@ -52,11 +53,13 @@ def flows_stub() -> str:
     models: set[type[BaseModel]] = set()
     flows = [_stub(name, "arn: str") for name in _performing()]
     for name, shape in OPERATIONS.items():
-        members = sorted(shape.request.model_fields.items(), key=lambda item: not item[1].is_required())
-        parameters = [
-            f"{member}: {_type(field.annotation, models)}{'' if field.is_required() else ' = None'}"
-            for member, field in members
-        ]
+        defaults = default_members(shape)
+        ends = {
+            member: " = ..." if member in defaults else "" if field.is_required() else " = None"
+            for member, field in shape.request.model_fields.items()
+        }
+        members = sorted(shape.request.model_fields.items(), key=lambda item: ends[item[0]] != "")
+        parameters = [f"{member}: {_type(field.annotation, models)}{ends[member]}" for member, field in members]
         flows.append(_stub(name, ", ".join(["*", *parameters])))
     package = "prefect_robomaker."
     imports = {f"from ..{each.__module__.removeprefix(package)} import {each.__name__}" for each in models}

@@ -1,0 +1,78 @@
+"""The kind of flow that operations are: a wrong call is answered with one sentence, the command line's.
+
+Prefect's own flows answer a misspelt member with the whole signature, and an error of the service with the tracebacks
+of its engine, of the task and of the flow.
+"""
+
+from typing import Any, Self, cast
+
+from prefect import Flow, State
+from prefect.context import FlowRunContext
+from prefect.exceptions import ParameterBindError
+from prefect.futures import PrefectFuture
+
+from ..schemas.operations.registry import OPERATIONS, parse_request
+from ..schemas.wire.errors import InvalidParameterException, RobomakerError
+from ..schemas.wire.operation_shape import OperationShape
+from .request_defaults import default_members, with_defaults
+
+_LATER = (PrefectFuture, State)
+"""Values that Prefect puts others in place of, once these are known."""
+
+
+class OperationFlow(Flow[..., Any]):
+    """Flow that raises errors of this package without the tracebacks of Prefect's engine.
+
+    The flow of an operation is named after it; a request that is wrong by itself is refused before Prefect makes a run
+    of it, so that nothing is started.
+    """
+
+    def __call__(self, *arguments: Any, return_state: bool = False, wait_for: Any = None, **members: Any) -> Any:
+        """Calls the operation; see Prefect's `Flow`.
+
+        Raises:
+            RobomakerError: the call is wrong, or the operation failed; the message is for people.
+        """
+        try:
+            self._check(arguments, members, is_final=not return_state)
+            call = cast("Any", super().__call__)  # pyright: ignore[reportUnknownMemberType]
+            return call(*arguments, return_state=return_state, wait_for=wait_for, **members)
+        except ParameterBindError as error:
+            problem = InvalidParameterException(f"{self.fn.__name__}: {error.__context__ or error!s}")
+        except RobomakerError as error:
+            problem = error
+        # The traceback leads through Prefect's engine only: the message says what a caller can do.
+        raise problem.with_traceback(None) from None
+
+    def with_options(self, **options: Any) -> Self:
+        """Returns a copy of the flow with other options; see Prefect's `Flow`."""
+        changed = super().with_options(**options)
+        changed.__class__ = type(self)  # Prefect makes a plain one of it
+        return cast("Self", changed)
+
+    def _check(self, arguments: tuple[Any, ...], members: dict[str, Any], *, is_final: bool) -> None:
+        """Refuses a request that is wrong by itself.
+
+        Args:
+            arguments: arguments that have no name.
+            members: members of the request.
+            is_final: whether errors are raised; otherwise the state of a run has them, but for misspelt members.
+        """
+        shape = OPERATIONS.get(self.fn.__name__)
+        if shape is None:
+            return
+        if arguments:
+            raise InvalidParameterException(f"{shape.name}: members are given by name, such as {_example(shape)}")
+        required = {name for name, field in shape.request.model_fields.items() if field.is_required()}
+        given = set(members)
+        is_unbound = not given <= set(shape.request.model_fields) or not required - set(default_members(shape)) <= given
+        # Prefect waits for futures; and says which call was wrong, where an operation is called in a flow.
+        is_later = FlowRunContext.get() is not None or any(isinstance(each, _LATER) for each in members.values())
+        if is_unbound or (is_final and not is_later):
+            parse_request(shape.name, with_defaults(shape, members, bucket="any-bucket", token="any"))  # noqa: S106
+
+
+def _example(shape: OperationShape) -> str:
+    """Writes a call with the names of two members, the required ones first."""
+    members = sorted(shape.request.model_fields.items(), key=lambda item: not item[1].is_required())
+    return f"{shape.name}({', '.join(f'{name}=…' for name, _ in members[:2])})"

@@ -1,0 +1,67 @@
+"""Values of members that the service requires, for callers in Python who leave them out.
+
+The wire is not changed: SDKs, the endpoint and specifications have to name these members, as with the service.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from ..schemas.wire.operation_shape import OperationShape
+from ..tasks.service.service import Service
+
+LOCAL_ROLE = "arn:aws:iam::000000000000:role/local"
+"""Role of jobs whose caller names none; without a roles file it is recorded only, and with one it has to be there."""
+
+_HOUR_S = 3600
+"""Longest time of a job whose caller names none: ten times what the longest built-in mission takes."""
+
+_VALUES: Mapping[str, Any] = MappingProxyType(
+    {
+        "iamRole": LOCAL_ROLE,
+        "maxJobDurationInSeconds": _HOUR_S,
+        "robotSoftwareSuite": {"name": "General"},
+        "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+        "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1},
+    }
+)
+_TOKEN, _PLACE = "clientRequestToken", "outputLocation"
+_TOKEN_BITS = 128
+_CREATE = ("Create", "SyncDeploymentJob")
+"""Beginnings of the operations that have defaults: those that update would change what the caller did not name."""
+
+
+def default_members(shape: OperationShape) -> dict[str, Any]:
+    """Returns the required members of an operation that have a default, with the fixed defaults.
+
+    Args:
+        shape: the operation.
+
+    Returns:
+        Values by member; `None`: it is made anew for each call.
+    """
+    if not shape.name.startswith(_CREATE):
+        return {}
+    required = {name for name, field in shape.request.model_fields.items() if field.is_required()}
+    made = dict.fromkeys((_TOKEN, _PLACE), None)
+    return {name: value for name, value in {**_VALUES, **made}.items() if name in required}
+
+
+def with_defaults(shape: OperationShape, given: Mapping[str, Any], *, bucket: str, token: str) -> dict[str, Any]:
+    """Returns the members of a request with the defaults of those that were left out.
+
+    Args:
+        shape: the operation.
+        given: members by name; those that are `None` count as left out.
+        bucket: the bucket for outputs.
+        token: a client token that no other request has.
+    """
+    present = {name: value for name, value in given.items() if value is not None}
+    defaults = default_members(shape) | {_TOKEN: token, _PLACE: {"s3Bucket": bucket}}
+    return {name: defaults[name] for name in default_members(shape)} | present
+
+
+def with_defaults_of(shape: OperationShape, given: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """Returns the members of a request with its defaults, as a service has them; see `with_defaults`."""
+    token = f"{service.chance.getrandbits(_TOKEN_BITS):032x}"
+    return with_defaults(shape, given, bucket=service.settings.bucket, token=token)
