@@ -41,7 +41,7 @@ def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
 
     Names of variables and of numbers differ by their letters: a column of a table of several jobs has one type.
     """
-    of_kind: dict[str, str] = {}
+    of_subject: dict[str, str] = {}
     for name, axis in axes.items():
         if not axis.is_number:
             if not _VARIABLE.fullmatch(name):
@@ -56,8 +56,13 @@ def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
                 f"{name}: an axis of kind {axis.kind} is named with small letters, digits and _; capital letters are "
                 f"for environment variables, kind: variable"
             )
-        elif (other := of_kind.setdefault(axis.kind, name)) != name:
-            raise ValueError(f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis")
+        elif (other := of_subject.setdefault(subject_of(axis.kind), name)) != name:
+            if axis.kind == axes[other].kind:
+                raise ValueError(f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis")
+            raise ValueError(
+                f"{name} ({axis.kind}) and {other} ({axes[other].kind}) both change the {subject_of(axis.kind)}; "
+                "leave one out"
+            )
     return axes
 
 
@@ -85,6 +90,12 @@ def number_kind(kind: str) -> type[NumberAxis]:
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found
+
+
+def subject_of(kind: str) -> str:
+    """Returns words for what a kind of axis changes; kinds with the same words exclude each other in a job."""
+    found = AXIS_KINDS[kind]
+    return (found.subject if issubclass(found, NumberAxis) else "") or kind
 
 
 def value_text(value: Value) -> str:

@@ -44,6 +44,14 @@ class CommandDelay(Protocol):
     delay_s: float
 
 
+class CommandGains(Protocol):
+    """Interface to the factors on an environment's motor commands, which its next episode begins with."""
+
+    whole: float
+    turn: float | None
+    """Factor on turning rates besides; None: commands have none."""
+
+
 class Rig(Protocol):
     """Interface to a simulated robot with its sensors and its floor, as axes change them.
 
@@ -81,8 +89,18 @@ class Rig(Protocol):
         ...
 
     @property
+    def first_motor(self) -> Any:
+        """Number of the first one of `motors`, as a list, and of the joint of `motor_joints` that it moves, if any."""
+        ...
+
+    @property
     def commands(self) -> CommandDelay:
         """Delay of the robot's commands."""
+        ...
+
+    @property
+    def command_gains(self) -> CommandGains:
+        """Factors on the robot's commands."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
@@ -189,6 +207,8 @@ class NumberAxis(Axis):
     """Largest possible value."""
     neutral: ClassVar[str]
     """The value that changes nothing, in words."""
+    subject: ClassVar[str] = ""
+    """Words for what it changes, if other kinds change the same, so that a job has one of them; empty: none does."""
 
     values: AxisValues | None = optional("Its values, numbers in the unit of the kind; all or some of them are taken.")
     range: AxisRange | None = optional("Least and largest value; all between are equally likely.")
