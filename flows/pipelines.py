@@ -19,6 +19,7 @@ from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
 
+from ..schemas.reports.challenge import Challenge
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
@@ -78,6 +79,7 @@ def run_spec(
     cut: Cut | None = None,
     open_run: OpenRun | None = None,
     permit: Permit | None = None,
+    challenge: Challenge | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
@@ -89,9 +91,10 @@ def run_spec(
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge, whose jobs `cut` makes; `None`: it is none.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -103,7 +106,7 @@ def run_spec(
     await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(
         checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, open_run=open_run,
-        permit=permit,
+        permit=permit, challenge=challenge,
     )  # fmt: skip
     check_preconditions(checked, run.service)
     if not (reuse or rerun_of or cut or run.interruptions):
@@ -191,9 +194,10 @@ class PipelineRun:
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge; `None`: it is none.
     """
 
     def __init__(
@@ -209,6 +213,7 @@ class PipelineRun:
         cut: Cut | None = None,
         open_run: OpenRun | None = None,
         permit: Permit | None = None,
+        challenge: Challenge | None = None,
     ) -> None:
         self._checked = checked
         self._cut = cut
@@ -229,6 +234,7 @@ class PipelineRun:
             rerun_of=rerun_of,
             is_probe=cut is not None,
             folder=service.folder("runs", self.run_id),
+            challenge=challenge,
         )
         self._answers = KeptAnswers(self._facts.folder, permit or permit_all)
         self._steps: list[StepRecord] = []

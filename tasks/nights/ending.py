@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 from uuid import UUID
 
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
@@ -53,6 +54,8 @@ class RunFacts:
     rerun_of: RerunOf | None
     is_probe: bool
     folder: Path
+    challenge: Challenge | None = None
+    """The sabotages of a challenge; None: it is none."""
 
 
 def finish_run(
@@ -104,6 +107,7 @@ def finish_run(
         rerun_of=facts.rerun_of,
         reuse=service.reuses,
         probe=facts.is_probe,
+        challenge=facts.challenge,
         forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
         run_dir=facts.folder,

@@ -3,6 +3,7 @@
 Nothing here knows of MuJoCo: an axis changes numbers of a `Rig`.
 """
 
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -27,6 +28,30 @@ _LEAST_SHARE = 1e-12
 
 class AxisError(LaunchError):
     """Raised when an axis cannot be applied to a job's environment or robot; the request is blamed."""
+
+
+_REFUSED = re.compile(r"trials\.axes\.\w+: \w+ cannot be applied: (.+)")
+
+
+def refusal(name: str, kind: str, why: object) -> str:
+    """Says that an axis cannot be applied.
+
+    Args:
+        name: The axis.
+        kind: Its kind.
+        why: The reason.
+    """
+    return f"trials.axes.{name}: {kind} cannot be applied: {why}"
+
+
+def why_not_applicable(reason: str) -> str:
+    """Returns why an axis cannot be applied, if that is why a job failed; empty: it failed for another reason.
+
+    Args:
+        reason: The job's reason, in words.
+    """
+    found = _REFUSED.search(reason)
+    return found[1] if found else ""
 
 
 class LidarErrors(Protocol):

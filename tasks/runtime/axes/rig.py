@@ -208,6 +208,8 @@ class ModelRig:
 
     def _part(self, name: str, words: str) -> Any:
         part = getattr(self._environment, name, None)
+        if part is None and hasattr(self._environment, name):
+            raise AxisError(f"the robot has no {words}")
         if part is None:
             raise AxisError(f"the environment ({type(self._environment).__name__}) has no {words} that axes can change")
         self._parts[name] = part
