@@ -1,7 +1,7 @@
 """Sabotages: what a challenge does to a robot to see whether requirements catch it; values of axes under a name."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import Field
@@ -50,6 +50,21 @@ BUILT_IN = (
     Sabotage(name="noise ten times as large", axes={"lidar_noise_factor": 10.0}),
 )
 """Sabotages of every challenge."""
+
+
+def distinct(sabotages: Sequence[Sabotage]) -> list[Sabotage]:
+    """Returns some sabotages as they are.
+
+    Args:
+        sabotages: Those of all sources.
+
+    Raises:
+        ConfigurationError: Two have one name.
+    """
+    names = [each.name for each in sabotages]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigurationError(f"--sabotages: the specification has a sabotage {twice[0]!r} too; rename one")
+    return list(sabotages)
 
 
 class _Holder(Model):

@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sabotages",
         metavar="FILE",
-        help="sabotages of your own besides: YAML, such as slippery: {robot_friction: 0.2}",
+        help="sabotages besides those in SPEC: YAML, such as slippery: {robot_friction: 0.2}",
     )
     add_backend(parser)
     add_report(parser)
@@ -47,15 +47,16 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker challenge`: runs sabotaged jobs; the exit code says whether requirements catch all sabotages."""
     from .....schemas.reports.challenge import Challenge, SabotageResult
-    from .....schemas.runs.sabotages import BUILT_IN
+    from .....schemas.runs.sabotages import BUILT_IN, distinct
     from .....schemas.specs.challenge_requests import ChallengeCut, challenged_spec
     from ...inputs.specifications import given_parameters, read_spec
     from ...pipelines import carry_out, settings_of
 
     if arguments.jobs < 1:
         raise ConfigurationError(f"--jobs is {arguments.jobs}; a number from 1 would be right")
-    sabotages = [*BUILT_IN, *_own(arguments.sabotages)]
-    spec = challenged_spec(read_spec(arguments.spec, given_parameters(arguments)), arguments.jobs)
+    given = read_spec(arguments.spec, given_parameters(arguments))
+    sabotages = distinct([*BUILT_IN, *given.sabotages, *_own(arguments.sabotages)])
+    spec = challenged_spec(given, arguments.jobs)
     settings = settings_of(arguments).model_copy(update={"notify": ()})
     report = output_file(arguments.report, "--report")
     return carry_out(
