@@ -20,6 +20,7 @@ from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
 
 from ..schemas.reports.against import Against
+from ..schemas.reports.challenge import Challenge
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
@@ -81,6 +82,7 @@ def run_spec(
     against: Against | None = None,
     open_run: OpenRun | None = None,
     permit: Permit | None = None,
+    challenge: Challenge | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
@@ -92,10 +94,11 @@ def run_spec(
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
         against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge, whose jobs `cut` makes; `None`: it is none.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -107,7 +110,7 @@ def run_spec(
     await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(
         checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, against=against,
-        open_run=open_run, permit=permit,
+        open_run=open_run, permit=permit, challenge=challenge,
     )  # fmt: skip
     check_preconditions(checked, run.service)
     if not (reuse or rerun_of or cut or run.interruptions):
@@ -195,10 +198,11 @@ class PipelineRun:
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
         against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge; `None`: it is none.
     """
 
     def __init__(
@@ -215,6 +219,7 @@ class PipelineRun:
         against: Against | None = None,
         open_run: OpenRun | None = None,
         permit: Permit | None = None,
+        challenge: Challenge | None = None,
     ) -> None:
         self._checked = checked
         self._cut = cut
@@ -236,6 +241,7 @@ class PipelineRun:
             is_probe=cut is not None,
             folder=service.folder("runs", self.run_id),
             against=against,
+            challenge=challenge,
         )
         self._early = EarlyEnd(against, checked, service, listener, open_run) if against is not None else None
         self._answers = KeptAnswers(self._facts.folder, permit or permit_all)

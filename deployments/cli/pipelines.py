@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.reports.against import Against
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.progress import Note
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
@@ -19,6 +20,7 @@ from .output.answers import open_file, wanted
 from .signals import interrupted_by_signals
 
 if TYPE_CHECKING:
+    from ...tasks.inspection.pipeline_parts import Cut
     from ...tasks.nights.open_runs import OpenRun
 
 
@@ -34,6 +36,8 @@ def carry_out(
     rerun_of: RerunOf | None = None,
     against: Against | None = None,
     open_run: "OpenRun | None" = None,
+    cut: "Cut | None" = None,
+    challenge: Challenge | None = None,
 ) -> int:
     """Runs a specification, shows its progress, prints the results, and returns the exit code.
 
@@ -48,6 +52,8 @@ def carry_out(
         rerun_of: the run that it repeats; `None`: it is no rerun.
         against: the earlier run beside which it is carried out; `None`: none.
         open_run: the run, where another process began it.
+        cut: makes other requests, for a challenge, and has what only those needed deleted; `None`: it runs them whole.
+        challenge: the sabotages of a challenge; `None`: it is none.
 
     Returns:
         The exit code, which says how the run ended.
@@ -84,12 +90,17 @@ def carry_out(
         try:
             record = run_spec(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-                against=against, open_run=open_run,
+                against=against, open_run=open_run, cut=cut, challenge=challenge,
             )  # fmt: skip
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record
         else:
             interrupted = None
+        if cut is not None:
+            from .probes import delete_made
+
+            with Service.opened(settings) as service:
+                delete_made(record, record.started_at, service)
         tell_after_outage(outage, settings)
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone

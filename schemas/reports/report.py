@@ -10,6 +10,7 @@ from ..job_owners import JobOwner
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
+from .challenge import Challenge
 from .changes import SinceLastRun
 from .forecast import ForecastCheck
 from .run_record import CaseOutcome as CaseOutcome
@@ -110,6 +111,7 @@ class Report(Model):
     since_last: SinceLastRun | None = optional(
         "Changes since the last run of the specification; absent: it was not looked up."
     )
+    challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
 
 
 class Share(Model):

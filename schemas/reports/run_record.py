@@ -14,6 +14,7 @@ from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
 from .against import ANSWER_EXIT_CODES, Against, AgainstAnswer
+from .challenge import Challenge
 from .forecast import ForecastCheck
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
@@ -195,7 +196,11 @@ class RunRecord(Model):
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
-    probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
+    probe: bool = Field(
+        default=False,
+        description="Whether it was cut down, to forecast the whole run or to challenge its requirements.",
+    )
+    challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
     against: AgainstAnswer | None = optional(
         "Answer of a run that was carried out beside an earlier one; absent: it was not."

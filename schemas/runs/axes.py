@@ -46,7 +46,7 @@ def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
 
 
 def _wrong_names(axes: Mapping[str, Axis]) -> Iterator[str]:
-    of_kind: dict[str, str] = {}
+    of_subject: dict[str, str] = {}
     for name, axis in axes.items():
         if not axis.is_number:
             if not _VARIABLE.fullmatch(name):
@@ -61,8 +61,14 @@ def _wrong_names(axes: Mapping[str, Axis]) -> Iterator[str]:
                 f"{name}: an axis of kind {axis.kind} is named with small letters, digits and _; capital letters are "
                 f"for environment variables, kind: variable"
             )
-        elif (other := of_kind.setdefault(axis.kind, name)) != name:
-            yield f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis"
+        elif (other := of_subject.setdefault(subject_of(axis.kind), name)) != name:
+            if axis.kind == axes[other].kind:
+                yield f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis"
+            else:
+                yield (
+                    f"{name} ({axis.kind}) and {other} ({axes[other].kind}) both change the {subject_of(axis.kind)}; "
+                    "leave one out"
+                )
 
 
 AxisName = Annotated[str, ShapeName("AxisName"), text(1, 64, r"[a-zA-Z_][a-zA-Z0-9_]*")]
@@ -89,6 +95,12 @@ def number_kind(kind: str) -> type[NumberAxis]:
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found
+
+
+def subject_of(kind: str) -> str:
+    """Returns words for what a kind of axis changes; kinds with the same words exclude each other in a job."""
+    found = AXIS_KINDS[kind]
+    return (found.subject if issubclass(found, NumberAxis) else "") or kind
 
 
 def value_text(value: Value) -> str:

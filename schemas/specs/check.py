@@ -10,7 +10,8 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
-from ..wire.errors import Place, Problem, SpecError
+from ..runs.sabotages import Sabotage, parse_sabotages
+from ..wire.errors import ConfigurationError, Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
 from .application_names import application_notes
@@ -181,6 +182,7 @@ class _Check:
         """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
         self._check_document()
         self._settle_parameters()
+        sabotages = self._sabotages()
         nodes = self._step_nodes()
         if len(nodes) > MAX_STEPS:
             raise SpecError(self._problems)
@@ -207,7 +209,19 @@ class _Check:
             parameters=self._settled.values,
             missing=self._settled.missing,
             notes=notes,
+            sabotages=sabotages,
         )
+
+    def _sabotages(self) -> tuple[Sabotage, ...]:
+        """The specification's own sabotages; what is no mapping, the document's check has told."""
+        found = self._root.entries.get("sabotages")
+        if not isinstance(found, MappingNode) or not found.entries or self._problems:
+            return ()
+        try:
+            return tuple(parse_sabotages(plain(found), "sabotages"))
+        except ConfigurationError as error:
+            self._report(("sabotages",), str(error).removeprefix("sabotages: "), at_key=True)
+            return ()
 
     def _settle_parameters(self) -> None:
         """Checks what is declared, gives each parameter its value, and puts the values in place of their references.

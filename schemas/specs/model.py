@@ -24,6 +24,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..operations.registry import STEPS
+from ..runs.sabotages import Sabotage
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
@@ -82,6 +83,11 @@ class Spec(Model):
         description="Values that each run may be given anew, by name; inputs of steps refer to them as "
         "`${{ parameters.name }}`.",
     )
+    sabotages: dict[str, dict[str, Any]] = Field(
+        default={},
+        description="Sabotages that `robomaker challenge` tries besides its own, by name: values of axes, "
+        "`slippery: {robot_friction: 0.2}`. Runs do without them.",
+    )
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
     )
@@ -137,6 +143,8 @@ class CheckedSpec:
 
     notes: tuple[Problem, ...] = ()
     """What may be a mistake, and may be right: names that only the catalog knows."""
+    sabotages: tuple[Sabotage, ...] = ()
+    """Sabotages of its own, which `robomaker challenge` tries."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

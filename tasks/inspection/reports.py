@@ -12,6 +12,7 @@ from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchD
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.against import in_words
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
 from ...schemas.reports.run_record import (
     JobRecord,
@@ -40,6 +41,7 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
+from .challenges import judged_challenge
 from .job_outputs import (
     inputs_of_request,
     judged_without_outputs,
@@ -69,8 +71,9 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
         The record with the run's jobs, its state, and the report's path.
     """
     report, jobs, results = _gathered(record, service)
-    state = state_of(jobs)
-    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": exit_code_of(state, record.against)})
+    state = _state_of_challenge(state_of([]), report.challenge) if report.challenge else state_of(jobs)
+    code = exit_code_of(state, record.against)
+    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge})
     report = _with_changes(report.model_copy(update={"state": state}), record)
     return record.model_copy(
         update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
@@ -111,7 +114,20 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     report = report_of(record, service)
     places = places_of(report.jobs, service)
     jobs = _job_records(report.jobs, places, service)
-    return report, jobs, write_results(jobs, places, service, record.run_dir)
+    results = write_results(jobs, places, service, record.run_dir)
+    if record.challenge is not None:
+        challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
+        report = report.model_copy(update={"challenge": challenge})
+    return report, jobs, results
+
+
+def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
+    """The state of a challenge: its steps come first, and a sabotaged job that fails is no failure of it."""
+    if of_steps != "succeeded":
+        return of_steps
+    if challenge.is_broken:
+        return "broken"
+    return "succeeded" if challenge.is_passed else "failed"
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:

@@ -9,6 +9,7 @@ from typing import Protocol, TypeVar
 from uuid import UUID
 
 from ...schemas.reports.against import Against, AgainstAnswer
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
@@ -55,6 +56,8 @@ class RunFacts:
     is_probe: bool
     folder: Path
     against: Against | None = None
+    challenge: Challenge | None = None
+    """The sabotages of a challenge; None: it is none."""
 
 
 def finish_run(
@@ -110,6 +113,7 @@ def finish_run(
         rerun_of=facts.rerun_of,
         reuse=service.reuses,
         probe=facts.is_probe,
+        challenge=facts.challenge,
         forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
         against=against,

@@ -9,6 +9,7 @@ from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, int
 from ....schemas.reports.run_states import counts_in_words
 from ....schemas.specs.parameter_values import values_in_words
 from .answers import Cell, duration, print_lines
+from .challenge import challenge_lines
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
 _ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "bold red"}
@@ -52,7 +53,9 @@ def summary_lines(
     lines += _origin_lines(record, took)
     if failed := [step for step in record.steps if step.error]:
         lines += [[], *(_step_line(step) for step in failed)]
-    if record.jobs:
+    if record.challenge is not None:
+        lines += [[], *challenge_lines(record.challenge)]
+    elif record.jobs:
         lines += [[], *_job_lines(record.jobs)]
     lines += _changed_lines(lost)
     lines.append([])
@@ -92,7 +95,7 @@ def _changed_lines(lost: Sequence[str]) -> list[list[Cell]]:
 
 
 def _headline(record: RunRecord) -> str:
-    counts = counts_in_words(record.jobs)
+    counts = counts_in_words(record.jobs) if record.challenge is None else f"{len(record.jobs)} jobs"
     return f", {counts}," if counts else ""
 
 

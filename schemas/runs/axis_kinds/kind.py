@@ -35,6 +35,30 @@ class AxisError(LaunchError):
     """Raised when an axis cannot be applied to a job's environment or robot; the request is blamed."""
 
 
+_REFUSED = re.compile(r"trials\.axes\.\w+: \w+ cannot be applied: (.+)")
+
+
+def refusal(name: str, kind: str, why: object) -> str:
+    """Says that an axis cannot be applied.
+
+    Args:
+        name: The axis.
+        kind: Its kind.
+        why: The reason.
+    """
+    return f"trials.axes.{name}: {kind} cannot be applied: {why}"
+
+
+def why_not_applicable(reason: str) -> str:
+    """Returns why an axis cannot be applied, if that is why a job failed; empty: it failed for another reason.
+
+    Args:
+        reason: The job's reason, in words.
+    """
+    found = _REFUSED.search(reason)
+    return found[1] if found else ""
+
+
 class LidarErrors(Protocol):
     """Interface to the errors of an environment's lidar, which its next episode begins with."""
 
@@ -48,6 +72,14 @@ class CommandDelay(Protocol):
     """Interface to the delay of an environment's motor commands, which its next episode begins with."""
 
     delay_s: float
+
+
+class CommandGains(Protocol):
+    """Interface to the factors on an environment's motor commands, which its next episode begins with."""
+
+    whole: float
+    turn: float | None
+    """Factor on turning rates besides; None: commands have none."""
 
 
 class Rig(Protocol):
@@ -87,8 +119,18 @@ class Rig(Protocol):
         ...
 
     @property
+    def first_motor(self) -> Any:
+        """Number of the first one of `motors`, as a list, and of the joint of `motor_joints` that it moves, if any."""
+        ...
+
+    @property
     def commands(self) -> CommandDelay:
         """Delay of the robot's commands."""
+        ...
+
+    @property
+    def command_gains(self) -> CommandGains:
+        """Factors on the robot's commands."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
@@ -195,6 +237,8 @@ class NumberAxis(Axis):
     """Largest possible value."""
     neutral: ClassVar[str]
     """The value that changes nothing, in words."""
+    subject: ClassVar[str] = ""
+    """Words for what it changes, if other kinds change the same, so that a job has one of them; empty: none does."""
 
     values: AxisValues | None = optional("Its values, numbers in the unit of the kind; all or some of them are taken.")
     range: AxisRange | None = optional("Least and largest value; all between are equally likely.")
