@@ -195,3 +195,40 @@ def test_a_submesh_of_a_dae_file_is_the_node_of_that_name(tmp_path: Path) -> Non
     assert submesh_in(tmp_path, "two.dae", both, "box").tolist() == [[0, 0, 0], [1, 1, 1]]
     with pytest.raises(MeshError, match="it has no submesh 'cup'; it has lid, box"):
         submesh_in(tmp_path, "two.dae", both, "cup")
+
+
+ENDS = """<model name="m"><pose>5 0 0 0 0 0</pose><link name="post"/>
+<frame name="edge" attached_to="post"><pose>0.5 0 0 0 0 0</pose></frame>
+<frame name="rim" attached_to="edge"><pose>0 0 1 0 0 0</pose></frame>
+<model name="leaf"><pose>1 0 0 0 0 0</pose><link name="a"/><link name="b"/>
+<joint name="j" type="fixed"><parent>a</parent><child>b</child></joint></model>
+<joint name="hinge" type="revolute"><parent>rim</parent><child>{child}</child><axis><xyz>0 0 1</xyz></axis></joint>
+</model>"""
+
+
+@pytest.mark.parametrize(
+    ("child", "link"), [("leaf", "a"), ("leaf::__model__", "a"), ("leaf::b", "b"), ("leaf::j", "b")]
+)
+def test_a_joint_may_name_its_ends_by_frames(tmp_path: Path, child: str, link: str) -> None:
+    """They were joints without their links, and doors fell out of their frames."""
+    world = read(tmp_path, ENDS.format(child=child), "1.9")
+    [joint] = [each for each in world.joints if each.kind == "hinge"]
+    assert (joint.parent, joint.child) == ("m::post", f"m::leaf::{link}")
+    assert joint.pose.position.tolist() == [6, 0, 0]
+
+
+def test_what_a_file_takes_out_of_the_world_is_listed(tmp_path: Path) -> None:
+    def collision(name: str, contact: str) -> str:
+        return f'<collision name="{name}">{BOX}<surface><contact>{contact}</contact></surface></collision>'
+
+    shapes = collision("a", "<collide_bitmask>0x00</collide_bitmask>") + collision(
+        "b", "<collide_without_contact>true</collide_without_contact>"
+    )
+    solid = collision("c", "<collide_bitmask>0x10</collide_bitmask>") + collision("d", "<ode/>")
+    world = read(tmp_path, f'<gravity>0 0 -1.62</gravity><model name="m"><link name="l">{shapes}{solid}</link></model>')
+    assert [each.name for each in world.links[0].collisions] == ["m::l::c", "m::l::d"]
+    assert [(left.what, left.names) for left in world.left_out.as_list()] == [
+        ("collision shapes that collide with nothing, as the file says", ["m::l::a", "m::l::b"]),
+        ("gravities other than that of the earth", ["0 0 -1.62"]),
+    ]
+    assert read(tmp_path, "<gravity>0 0 -9.80665</gravity>").left_out.as_list() == []
