@@ -164,6 +164,11 @@ class _WorldReader:
             model.is_static = flag_of(include, "static")
         model.is_merged = include.get("merge", "").lower() in ("true", "1")
         self._note_inner(include, name)
+        if any(child.tag.startswith("experimental:") for child in include):
+            self._world.left_out.add("changes of included models (experimental:params)", name)
+        if found.file != found.folder and (others := self._file(found.file).findall("model")[1:]):
+            names = ", ".join(each.get("name", "model") for each in others)
+            self._world.left_out.add("models after the first of a file", f"{found.file.name} of {name}: {names}")
         return model
 
     def _included(self, found: FoundModel) -> ET.Element | None:
