@@ -10,7 +10,7 @@ import numpy as np
 from ...sdf.meshes import MeshError, Meshes, Triangles
 from ...sdf.sdf_types import Collision, Geometry, Link, Pose, SdfWorld
 from .convex_parts import BoxPart, ConvexPart, Points, convex_parts, voxel_boxes
-from .prisms import COMPOSED, prism_parts
+from .prisms import COMPOSED, prism_parts, prism_triangles
 from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
@@ -153,9 +153,9 @@ class SolidMaker:
     def _coarser(self, key: _Key, pitch_m: float, before: list[_Part] | None) -> list[_Part]:
         """A mesh in fewer parts: of bodies that move the largest half of the faces, else boxes on a grid."""
         self._note(key)
-        if before is not None and (key.is_loose or key.geometry.kind != "mesh"):
+        if before is not None and key.is_loose:
             return before[: max(1, len(before) // 2)]
-        triangles = self._read(key.geometry)
+        triangles = self._read(key.geometry) if key.geometry.kind == "mesh" else prism_triangles(key.geometry)
         boxes: list[_Part] = [*voxel_boxes(triangles, pitch_m)] if triangles is not None else []
         return boxes if before is None or len(boxes) < len(before) else before
 

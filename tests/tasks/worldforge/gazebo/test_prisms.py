@@ -59,6 +59,22 @@ def test_a_wall_with_a_yard_in_it_has_the_yard(tmp_path: Path) -> None:
     assert heights == pytest.approx([2, 0, 0, 2, 0, 2], abs=1e-3)
 
 
+def test_a_wall_of_too_many_pieces_has_no_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It became half of its pieces, and robots drove through the rest."""
+    monkeypatch.setattr("prefect_robomaker.tasks.worldforge.gazebo.solids.MOST_SOLIDS", 250)
+    monkeypatch.setattr("prefect_robomaker.tasks.worldforge.gazebo.solids._FIRST_PITCH_M", 0.06)  # is doubled
+    turns = 2 * np.pi * np.arange(150) / 150
+    lines = "".join(
+        f"<polyline>{''.join(f'<point>{6 + far * np.cos(a):.4f} {far * np.sin(a):.4f}</point>' for a in turns)}"
+        "<height>0.5</height></polyline>"
+        for far in (1.2, 0.9)
+    )
+    spots = [(6 + 1.05 * np.cos(a), 1.05 * np.sin(a)) for a in 2 * np.pi * np.arange(40) / 40]
+    heights = solid_at(tmp_path, f'<collision name="c"><geometry>{lines}</geometry></collision>', [*spots, (6.0, 0.0)])
+    assert min(heights[:-1]) > 0.3
+    assert heights[-1] == pytest.approx(0, abs=1e-3)
+
+
 def test_a_cone_is_pointed(tmp_path: Path) -> None:
     cone = "<geometry><cone><radius>1</radius><length>2</length></cone></geometry>"
     body = f'<collision name="c"><pose>4 0 1 0 0 0</pose>{cone}</collision><visual name="v"><pose>4 0 1 0 0 0</pose>{cone}</visual>'  # noqa: E501
