@@ -12,7 +12,8 @@ from PIL import Image
 from ...sdf.meshes import MeshError, Meshes, MeshPart
 from ...sdf.sdf_types import GRAY, Geometry, Link, Material, Omissions, Pose, Rgba, SdfError
 from ...sdf.xml_files import read_bytes
-from .solids import primitive, prism_triangles
+from .prisms import COMPOSED, prism_triangles
+from .solids import primitive
 from .terrain import Terrain
 
 MOST_PIXELS = 512
@@ -69,7 +70,7 @@ class Visuals:
             geometry, pose = visual.geometry, visual.pose
             if visual.material.color[3] <= 0:
                 continue
-            if geometry.kind in ("mesh", "prism"):
+            if geometry.kind in COMPOSED:
                 for name, part in self._parts(geometry):
                     if name is not None:
                         stated = visual.material if visual.material.is_stated else part.material
@@ -91,7 +92,7 @@ class Visuals:
     def _parts(self, geometry: Geometry) -> list[tuple[str | None, MeshPart]]:
         if geometry not in self._drawn:
             try:
-                if geometry.kind == "prism":
+                if geometry.kind != "mesh":
                     parts = (MeshPart(prism_triangles(geometry), None, Material()),)
                 else:
                     parts = self._meshes.parts(geometry)
@@ -106,12 +107,12 @@ class Visuals:
         triangles, places = part.triangles, part.places
         if len(triangles) > _MOST_DRAWN:
             triangles, places = _thinned(triangles, places)
-            name = geometry.file.name if geometry.file else "polyline"
+            name = geometry.file.name if geometry.file else geometry.said
             self._left_out.add(f"visual meshes drawn with fewer than {_MOST_DRAWN:,} triangles", name)
         text = _obj(triangles, places)
         if text is None:
             return None
-        stem = "".join(letter if letter.isalnum() else "_" for letter in geometry.file.stem)[:40] if geometry.file else "polyline"  # fmt: skip # noqa: E501
+        stem = "".join(letter if letter.isalnum() else "_" for letter in geometry.file.stem)[:40] if geometry.file else geometry.said  # fmt: skip # noqa: E501
         name = f"{stem}_{hashlib.sha256(text).hexdigest()[:10]}"
         path = f"meshes/{name}.obj"
         self.files[path] = text
