@@ -39,6 +39,7 @@ Scope: TypeAlias = Mapping[str, Kind]
 
 _ANY_NAME = ""
 """Name in a scope that has a variable whose name is not known."""
+_ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
 TEMPLATE_BODY = "templateBody"
 
 
@@ -263,10 +264,10 @@ def _has_body(annotation: Any) -> bool:
 
 
 def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
-    """Whether a problem of a template body may be due to the wrong name of a room."""
-    if "Rooms" not in blamed or "no such room" not in problem.message:
+    """Whether a problem of a template body may be due to the wrong name of a room, or to rooms that are not known."""
+    if "no such room" not in problem.message:
         return False
-    return blamed[blamed.index("Rooms") + 2 :] in ((), ("Name",))
+    return within(_ROOMS, blamed) or (within(blamed, _ROOMS) and blamed[len(_ROOMS) + 1 :] in ((), ("Name",)))
 
 
 def _at(node: Node | None, location: Location) -> Node | None:
