@@ -35,7 +35,8 @@ def application_notes(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
                 continue
             words = f"there is no built-in {kind} application {name.value!r}, and no step makes one"
             hint = nearest(str(name.value), known[kind])
-            words += f"{hint or ';'} if it is in the catalog, a run finds it"
+            words += f"{hint} If" if hint else "; if"
+            words += " it is in the catalog, a run finds it"
             yield Problem(name.place, path_text((*step.location, *location)), words)
 
 
