@@ -31,7 +31,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("DesiredConnections:", "Connections:", ("Connections", '"DesiredConnections"')),
     ("forEach:", "forEech:", ("forEech", "'forEach'")),
     ("        value:\n", "        valu:\n", ("valu", "'value'")),
-    (EXPORT, f"{EXPORT}    ifExist: reuse\n", ("ifExist", "'ifExists'")),
+    (EXPORT, f"{EXPORT}    ifExist: fail\n", ("ifExist", "'ifExists'")),
     # Missing and empty values
     ("floorplanCount: 2", "floorplanCount: ~", ("floorplanCount", "have to be given", "at least 1")),
     ("version: 1\n", "\n", ("version", "missing", "required")),
