@@ -136,7 +136,7 @@ class CheckedSpec:
     """Parameters without a value, which a run needs."""
 
     notes: tuple[Problem, ...] = ()
-    """What may be a mistake, and may be right: names that only the catalog knows."""
+    """Possible mistakes: names that only the catalog may know."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.specs.application_names import BUILT_IN
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.checking.application_names import BUILT_IN
 from prefect_robomaker.tasks.service.service import BUILTINS
 
 ROLE = "arn:aws:iam::000000000000:role/x"

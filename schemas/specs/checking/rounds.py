@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
+from ..reference_typing import Scalar, Structure, kind_of
 from .placeholders import FILLINGS, KIND, MOST_ATTEMPTS, Placeholder, annotation_at, filled, meant_kind, value_at
-from .reference_typing import Scalar, Structure, kind_of
 
 _MOST_ROUNDS = 40
 """Rounds after which no more is looked for. Each tries another value or goes one level up from what is wrong; requests

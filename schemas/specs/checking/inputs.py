@@ -9,16 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from ..operations.registry import STEPS, check_request
-from ..templates.body import WorldTemplateBody
-from ..templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
-from ..wire.errors import InvalidParameterException, Place, Problem
-from ..wire.json_values import is_object, load_strict
-from ..wire.request_problems import Location, RequestProblem, nearest, path_text
-from .folding import is_folded
-from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
-from .placeholders import KIND, Placeholder, chosen, inner
-from .reference_typing import (
+from ...operations.registry import STEPS, check_request
+from ...templates.body import WorldTemplateBody
+from ...templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
+from ...wire.errors import InvalidParameterException, Place, Problem
+from ...wire.json_values import is_object, load_strict
+from ...wire.request_problems import Location, RequestProblem, nearest, path_text
+from ..folding import is_folded
+from ..model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..reference_typing import (
     ANYTHING,
     TEXT,
     WHOLE_NUMBER,
@@ -29,11 +28,12 @@ from .reference_typing import (
     fits,
     kind_of,
 )
-from .references import PARAMETERS, ReferenceMistake, parse_template
-from .resolving import parts_of
+from ..references import PARAMETERS, ReferenceMistake, parse_template
+from ..resolving import parts_of
+from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
-from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]
 

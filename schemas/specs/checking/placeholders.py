@@ -7,9 +7,20 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import closest
-from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, ListOf, MapOf, Structure, kind_of, without_none
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import closest
+from ..reference_typing import (
+    BOOLEAN,
+    NUMBER,
+    TEXT,
+    WHOLE_NUMBER,
+    Kind,
+    ListOf,
+    MapOf,
+    Structure,
+    kind_of,
+    without_none,
+)
 
 KIND = "kind"
 """Member that says which of several models a mapping is."""
@@ -46,7 +57,7 @@ class Placeholder:
 
     annotation: Any
     attempt: int = 0
-    """How many other values were refused before."""
+    """Number of other values that were refused before."""
 
 
 def inner(annotation: Any, step: str | int) -> Any:
