@@ -14,9 +14,11 @@ from ..runs.sabotages import Sabotage, parse_sabotages
 from ..wire.errors import ConfigurationError, Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
-from .application_names import application_notes
+from .checking.application_names import application_notes
+from .checking.inputs import InputCheck
+from .checking.respelling import respelt
+from .checking.step_order import circles, in_order
 from .folding import fold_parameters
-from .inputs import InputCheck
 from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, is_step_name, output_model
 from .parameters import (
     PARAMETERS,
@@ -28,9 +30,7 @@ from .parameters import (
     settle,
 )
 from .reference_typing import ANYTHING, Kind, Structure
-from .respelling import respelt
 from .rooms import room_problems, world_count_problems
-from .step_order import circles, in_order
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9
@@ -131,7 +131,7 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
 
 @dataclass(frozen=True)
 class _Given:
-    """What a specification is checked with: values that parameters were given, and limits."""
+    """Values that parameters were given, and limits, for the check of a specification."""
 
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
     is_complete: bool = True
@@ -194,7 +194,9 @@ class _Check:
         order = self._order(steps)
         self._problems.extend(room_problems(steps))
         if (most := self._given.most_worlds) is not None:
-            self._problems.extend(world_count_problems(steps, most))
+            told = [each.path for each in self._problems]
+            too_many = world_count_problems(steps, most)
+            self._problems.extend(each for each in too_many if not any(path.startswith(each.path) for path in told))
         notes = tuple(application_notes(steps))
         if self._problems:
             raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)), notes)

@@ -142,7 +142,7 @@ class CheckedSpec:
     """Parameters without a value, which a run needs."""
 
     notes: tuple[Problem, ...] = ()
-    """What may be a mistake, and may be right: names that only the catalog knows."""
+    """Possible mistakes: names that only the catalog may know."""
     sabotages: tuple[Sabotage, ...] = ()
     """Sabotages of its own, which `robomaker challenge` tries."""
 

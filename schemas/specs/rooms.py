@@ -35,6 +35,15 @@ class _Request:
     """Source of the values of each variable, as written in the file."""
 
 
+@dataclass(frozen=True)
+class _Rooms:
+    """The rooms of each world of a template."""
+
+    names: Sequence[str]
+    start: str | None = None
+    """The room in which robots start; `None`: that is not known."""
+
+
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
     """Finds goals in rooms that no world of the template has, or in the room where robots start.
 
@@ -47,7 +56,7 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
             rooms = _rooms(request, steps) if asked and _is_sound(request) else None
             if rooms is None:
                 continue
-            names, start = [room.Name for room in rooms], start_room(rooms)
+            names, start = rooms.names, rooms.start
             wrong = {at: no_such_room(str(node.value), names) for at, node in asked.items() if node.value not in names}
             if start is not None:
                 wrong |= _reached_at_start(request, start)
@@ -113,7 +122,7 @@ def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
     return {("requirements", index, member): words for index, member, words in found if member == "room"}
 
 
-def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[TemplateRoom] | None:
+def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> _Rooms | None:
     """The rooms of the world that a request names; `None` if the file does not say."""
     world = _below(request.node, _WORLD)
     name = _referred(world) or ""
@@ -130,14 +139,26 @@ def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[Template
     return _rooms_of_body(child(template.input, "templateBody"))
 
 
-def _rooms_of_body(body: Node | None) -> list[TemplateRoom] | None:
+def _rooms_of_body(body: Node | None) -> _Rooms | None:
     if body is None:
         return None
     text = str(body.value) if isinstance(body, ScalarNode) else json.dumps(plain(body))
-    try:
-        return None if "${{" in text else list(parse_template_body(text).floorplan.Rooms)
-    except InvalidParameterException:
+    if "${{" in text:
         return None
+    try:
+        rooms = parse_template_body(text).floorplan.Rooms
+        return _Rooms([room.Name for room in rooms], start_room(rooms))
+    except InvalidParameterException:
+        return _rooms_as_written(body)
+
+
+def _rooms_as_written(body: Node) -> _Rooms | None:
+    """The rooms of a body that has other problems; `None` if they are not all named."""
+    rooms = _below(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
+    names = [child(room, "Name") for room in rooms.items] if isinstance(rooms, ListNode) else []
+    if not names or not all(isinstance(name, ScalarNode) and isinstance(name.value, str) for name in names):
+        return None
+    return _Rooms([str(name.value) for name in names if isinstance(name, ScalarNode)])
 
 
 def _referred(node: Node | None) -> str | None:

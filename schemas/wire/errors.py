@@ -133,7 +133,7 @@ class SpecError(RobomakerError):
     def __init__(self, problems: list[Problem], notes: Sequence[Problem] = ()) -> None:
         self.problems = problems
         self.notes = tuple(notes)
-        """What may be a mistake as well, and may be right."""
+        """Possible mistakes beside them."""
         super().__init__("\n".join(str(problem) for problem in problems))
 
 

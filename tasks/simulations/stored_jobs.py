@@ -187,7 +187,7 @@ def reuse_job(
 
 
 def draws_its_seed(request: SimulationJobRequestMembers) -> bool:
-    """Whether each job of a request gets a seed that nobody knows before: none is given, and there are no trials."""
+    """Whether each job of a request draws a seed of its own: none is given, and there are no trials."""
     return seed_of(request) is None and trials_of(request) is None
 
 

@@ -97,7 +97,7 @@ def test_names_differ_and_goals_stand_below_those_they_come_after() -> None:
     assert "'quick' appears more than once" in problems([LIMIT, LIMIT])[0]
     assert problems([{**goal, "name": "a"}, {**goal, "name": "b", "after": "a"}]) == []
     (problem,) = problems([{**goal, "name": "b", "after": "a"}, {**goal, "name": "a"}])
-    assert problem == "requirements: b: after is 'a', no goal further up; there is none before it"
+    assert problem == "requirements[0]: b: after is 'a', no goal further up; there is none before it"
 
 
 def test_the_variable_says_the_same_as_the_member() -> None:

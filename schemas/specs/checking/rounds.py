@@ -7,17 +7,17 @@ until nothing more is found. What only comes of a placeholder is no problem of t
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
-from .placeholders import FILLINGS, KIND, Placeholder, annotation_at, filled, meant_kind, value_at
-from .reference_typing import Structure, kind_of
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
+from ..reference_typing import Scalar, Structure, kind_of
+from .placeholders import FILLINGS, KIND, MOST_ATTEMPTS, Placeholder, annotation_at, filled, meant_kind, value_at
 
-_MOST_ROUNDS = 12
-"""Rounds after which no more is looked for: each of them goes one level up from what is wrong, and requests are less
-deep."""
+_MOST_ROUNDS = 40
+"""Rounds after which no more is looked for. Each tries another value or goes one level up from what is wrong; requests
+are some 10 levels deep, and each round but the first costs what the first one did."""
 
 Validate = Callable[[Any], Sequence[RequestProblem]]
 
@@ -54,31 +54,24 @@ class Rounds:
     def run(self) -> list[RequestProblem]:
         """Returns everything that is wrong with the request."""
         for number in range(_MOST_ROUNDS):
-            certain = self._certain()
-            if not certain:
-                break
+            first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
+            if not first or not second:
+                break  # all rules were asked
+            certain = _in_both(first, second)
             fresh = [each for each in certain if self._is_fresh(each, is_first=number == 0)]
             self.problems.extend(fresh)
-            if fresh:
-                for each in fresh:
-                    self._put_right(each)
-            elif not self._widen(certain):
+            for each in fresh:
+                self._put_right(each)
+            if not fresh and not self._widen([*certain, *filter(self._is_unknown, (*first, *second))]):
                 break
         return self.problems
 
-    def _certain(self) -> list[RequestProblem]:
-        """Problems of the request with either filling."""
-        first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
-        if not first or not second:
-            return []
-        again = {_identity(each) for each in second}
-        return [each for each in first if _identity(each) in again]
+    def _is_unknown(self, problem: RequestProblem) -> bool:
+        return any(within(problem.location, each) for each in self.unknown)
 
     def _is_fresh(self, problem: RequestProblem, *, is_first: bool) -> bool:
         """Whether a problem is one of the request itself, and not of what stands in for something."""
-        if any(within(problem.location, each) for each in self.unknown) and not problem.about_key:
-            return False
-        if problem in self.problems:
+        if (self._is_unknown(problem) and not problem.about_key) or problem in self.problems:
             return False
         return (
             is_first
@@ -89,11 +82,12 @@ class Rounds:
     def _put_right(self, problem: RequestProblem) -> None:
         """Puts something right in the place of what is wrong."""
         location = self._deepest(problem.location) if problem.is_rule else problem.location
+        if not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
+            self.request = _changed(self.request, location, kind)
+            return
         self._blamed.add(problem.location)
         if problem.about_key:
             self._remove(location)
-        elif not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
-            self.request = _changed(self.request, location, kind)
         else:
             self._place(location)
 
@@ -113,7 +107,7 @@ class Rounds:
     def _place(self, location: Location) -> None:
         annotation = annotation_at(self.model, self.request, location)
         self.request = _changed(self.request, location, Placeholder(annotation))
-        self.unknown.append(location)
+        self.unknown = [*(each for each in self.unknown if not within(each, location)), location]
         self._blamed.add(location)
 
     def _meant_kind(self, location: Location) -> str | None:
@@ -124,13 +118,28 @@ class Rounds:
 
     def _widen(self, standing: Sequence[RequestProblem]) -> bool:
         """Takes back what stands in one level above, where no value was found that fits; whether that was possible."""
-        places: set[Location] = set()
-        for each in standing:
-            around = [place for place in self.unknown if within(each.location, place)]
-            places.add(max(around, key=len)[:-1] if around else self._deepest(each.location))
-        for place in sorted(places - {()}, key=len, reverse=True):
+        stuck = {self._stand_in_of(each.location) for each in standing} - {()}
+        tried = {place for place in stuck if self._has_more(place)}
+        for place in tried:
+            stand_in = value_at(self.request, place)
+            self.request = _changed(self.request, place, replace(stand_in, attempt=stand_in.attempt + 1))
+        if tried:
+            return True
+        wider = {place[:-1] if place in self.unknown else place for place in stuck} - {()}
+        for place in sorted(wider, key=len, reverse=True):
             self._place(place)
-        return bool(places - {()})
+        return bool(wider)
+
+    def _stand_in_of(self, location: Location) -> Location:
+        """The place of what stands in where a problem is; the place of the problem itself, if that is as written."""
+        around = [place for place in self.unknown if within(location, place)]
+        return max(around, key=len) if around else self._deepest(location)
+
+    def _has_more(self, place: Location) -> bool:
+        """Whether there are values for a place that were not tried."""
+        found = value_at(self.request, place)
+        is_single = isinstance(found, Placeholder) and isinstance(kind_of(found.annotation), Scalar)
+        return is_single and found.attempt + 1 < MOST_ATTEMPTS
 
     def _deepest(self, location: Location) -> Location:
         """The part of a location that the request has: what follows is inside of a text."""
@@ -138,6 +147,12 @@ class Rounds:
             if value_at(self.request, location[:length]) is not None:
                 return location[:length]
         return location[:1]
+
+
+def _in_both(first: Sequence[RequestProblem], second: Sequence[RequestProblem]) -> list[RequestProblem]:
+    """The problems that a request has with either filling."""
+    again = {_identity(each) for each in second}
+    return [each for each in first if _identity(each) in again]
 
 
 def _identity(problem: RequestProblem) -> object:

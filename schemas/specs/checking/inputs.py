@@ -9,16 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from ..operations.registry import STEPS, check_request
-from ..templates.body import WorldTemplateBody
-from ..templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
-from ..wire.errors import InvalidParameterException, Place, Problem
-from ..wire.json_values import is_object, load_strict
-from ..wire.request_problems import Location, RequestProblem, nearest, path_text
-from .folding import is_folded
-from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
-from .placeholders import KIND, Placeholder, chosen, inner
-from .reference_typing import (
+from ...operations.registry import STEPS, check_request
+from ...templates.body import WorldTemplateBody
+from ...templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
+from ...wire.errors import InvalidParameterException, Place, Problem
+from ...wire.json_values import is_object, load_strict
+from ...wire.request_problems import Location, RequestProblem, nearest, path_text
+from ..folding import is_folded
+from ..model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..reference_typing import (
     ANYTHING,
     TEXT,
     WHOLE_NUMBER,
@@ -29,16 +28,18 @@ from .reference_typing import (
     fits,
     kind_of,
 )
-from .references import PARAMETERS, ReferenceMistake, parse_template
-from .resolving import parts_of
+from ..references import PARAMETERS, ReferenceMistake, parse_template
+from ..resolving import parts_of
+from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
-from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]
 
 _ANY_NAME = ""
 """Name in a scope that has a variable whose name is not known."""
+_ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
 TEMPLATE_BODY = "templateBody"
 
 
@@ -263,10 +264,10 @@ def _has_body(annotation: Any) -> bool:
 
 
 def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
-    """Whether a problem of a template body may be due to the wrong name of a room."""
-    if "Rooms" not in blamed or "no such room" not in problem.message:
+    """Whether a problem of a template body may be due to the wrong name of a room, or to rooms that are not known."""
+    if "no such room" not in problem.message:
         return False
-    return blamed[blamed.index("Rooms") + 2 :] in ((), ("Name",))
+    return within(_ROOMS, blamed) or (within(blamed, _ROOMS) and blamed[len(_ROOMS) + 1 :] in ((), ("Name",)))
 
 
 def _at(node: Node | None, location: Location) -> Node | None:

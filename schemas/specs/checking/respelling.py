@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..wire.request_problems import Location, closest
-from .model import FOR_EACH, FOR_EACH_KEYS
+from ...wire.request_problems import Location, closest
+from ..model import FOR_EACH, FOR_EACH_KEYS
+from ..reference_typing import ListOf, Structure, kind_of
+from ..text import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
-from .reference_typing import ListOf, Structure, kind_of
-from .text import ListNode, MappingNode, Node, ScalarNode
 
 
 @dataclass

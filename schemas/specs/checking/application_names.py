@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 
-from ..runs.recording_sources import RECORDED_RUN
-from ..wire.errors import Problem
-from ..wire.request_problems import Location, nearest, path_text
-from .model import CheckedStep, for_each_of
-from .text import ListNode, MappingNode, Node, ScalarNode, child
+from ...runs.recording_sources import RECORDED_RUN
+from ...wire.errors import Problem
+from ...wire.request_problems import Location, nearest, path_text
+from ..model import CheckedStep, for_each_of
+from ..text import ListNode, MappingNode, Node, ScalarNode, child
 
 BUILT_IN: Mapping[str, tuple[str, ...]] = {
     "robot": ("scout", "walker"),
@@ -35,7 +35,8 @@ def application_notes(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
                 continue
             words = f"there is no built-in {kind} application {name.value!r}, and no step makes one"
             hint = nearest(str(name.value), known[kind])
-            words += f"{hint or ';'} if it is in the catalog, a run finds it"
+            words += f"{hint} If" if hint else "; if"
+            words += " it is in the catalog, a run finds it"
             yield Problem(name.place, path_text((*step.location, *location)), words)
 
 

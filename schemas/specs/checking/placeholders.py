@@ -1,14 +1,26 @@
 """Placeholders: what stands for values that are not known yet, and values that fit in their place."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
 
-from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import closest
-from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, ListOf, MapOf, Structure, kind_of, without_none
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import closest
+from ..reference_typing import (
+    BOOLEAN,
+    NUMBER,
+    TEXT,
+    WHOLE_NUMBER,
+    Kind,
+    ListOf,
+    MapOf,
+    Structure,
+    kind_of,
+    without_none,
+)
 
 KIND = "kind"
 """Member that says which of several models a mapping is."""
@@ -24,10 +36,15 @@ class Filling(NamedTuple):
     """The first one that fits is taken."""
 
 
-# One of these fits every text that the requests ask for; both ends of the list are tried.
-_TEXTS = ("placeholder", "1", "arn:aws:iam::000000000000:role/placeholder", "placeholder.zip")
-FILLINGS = (Filling(_TEXTS, (1, 0, 100)), Filling(_TEXTS[::-1], (100, 1, 0)))
+# One of these fits every text that the requests ask for: words, files, numbers of axes, versions, roles.
+FILLINGS = (
+    Filling(("placeholder", "0.75", "1", "arn:aws:iam::000000000000:role/placeholder", "a.zip"), (1, 0, 100)),
+    Filling(("placeholder.zip", "0.875", "2", "arn:aws:iam::000000000000:role/other", "other"), (100, 1, 0)),
+)
 """Two fillings that have little in common: what is wrong in one of them only is not known to be wrong."""
+
+MOST_ATTEMPTS = max(len(filling.texts) for filling in FILLINGS)
+"""Values that may be tried in a place: rules may refuse what its type allows."""
 
 
 _LIKE_KINDS = 0.7
@@ -39,6 +56,8 @@ class Placeholder:
     """Stands for a value that is not known yet."""
 
     annotation: Any
+    attempt: int = 0
+    """Number of other values that were refused before."""
 
 
 def inner(annotation: Any, step: str | int) -> Any:
@@ -110,7 +129,7 @@ def value_at(value: Any, location: tuple[str | int, ...]) -> Any:
 def filled(value: Any, filling: Filling) -> Any:
     """Returns plain data with values that fit in place of placeholders."""
     if isinstance(value, Placeholder):
-        return _example(value.annotation, filling)
+        return _example(value.annotation, filling, value.attempt)
     if is_object(value):
         return {key: filled(item, filling) for key, item in value.items()}
     if is_list(value):
@@ -118,8 +137,8 @@ def filled(value: Any, filling: Filling) -> Any:
     return value
 
 
-def _example(annotation: Any, filling: Filling) -> Any:
-    """A value that fits, if one is easily found."""
+def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
+    """A value that fits, if one is easily found; another one for each attempt, if there is another."""
     if choices := choices_of(annotation):
         return _example_of_choice(choices, filling)
     kind = kind_of(annotation)
@@ -132,11 +151,20 @@ def _example(annotation: Any, filling: Filling) -> Any:
         return {name: _example(inner(annotation, name), filling) for name in required}
     if kind == BOOLEAN:
         return True
-    core = without_none(annotation)
-    if get_origin(core) is Literal:
-        return get_args(core)[0 if filling == FILLINGS[0] else -1]
+    if listed := _listed(annotation):
+        return listed[0 if filling == FILLINGS[0] else -1]
     candidates = _candidates(kind, filling)
-    return next((each for each in candidates if _fits(each, annotation)), candidates[0] if candidates else None)
+    fitting = [each for each in candidates if _fits(each, annotation)] or [*candidates, None]
+    return fitting[attempt % len(fitting)]
+
+
+def _listed(annotation: Any) -> Sequence[Any]:
+    """The values that an annotation lists, if it lists all that are right."""
+    metadata = getattr(annotation, "__metadata__", ())
+    extras = (each.json_schema_extra for each in metadata if isinstance(each, FieldInfo))
+    listed = next((extra["enum"] for extra in extras if is_object(extra) and "enum" in extra), ())
+    core = without_none(annotation)
+    return get_args(core) if get_origin(core) is Literal else listed
 
 
 def _candidates(kind: Kind, filling: Filling) -> tuple[str | float, ...]:
