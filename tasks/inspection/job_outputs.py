@@ -115,6 +115,19 @@ def write_results(
     return results
 
 
+def results_of(jobs: Sequence[JobRecord], service: Service) -> ResultTable:
+    """Makes the table of some jobs' results, with all trials that are stored.
+
+    Args:
+        jobs: the jobs, which may still run.
+        service: where they are stored.
+    """
+    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+    found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
+    places = {arn: place for arn, place in found.items() if place is not None}
+    return ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
+
+
 def _has_trials(job: JobRecord) -> bool:
     return any(item.name == TRIALS for item in job.requirements)
 

@@ -96,7 +96,7 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     """The report of a run as far as stored data has it, its jobs in short, and the table of results, written."""
     report = report_of(record, service)
     places = places_of(report.jobs, service)
-    jobs = _job_records(report.jobs, places, service)
+    jobs = job_records(report.jobs, places, service)
     return report, jobs, write_results(jobs, places, service, record.run_dir)
 
 
@@ -339,7 +339,14 @@ def _application(request: Mapping[str, Any]) -> str | None:
         return said or None
 
 
-def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
+def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
+    """Makes the short records of reported jobs.
+
+    Args:
+        jobs: the jobs of a run.
+        places: where their outputs are, by ARN.
+        service: where they are stored.
+    """
     return [
         _job_record(job, name, places.get(job.arn or ""), service)
         for job, name in zip(jobs, case_names(jobs), strict=True)
