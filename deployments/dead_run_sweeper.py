@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
+from contextvars import copy_context
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -198,7 +199,8 @@ def close_dead_runs_once(settings: Settings) -> None:
     Args:
         settings: settings of the data home that knows how its runs ended.
     """
-    threading.Thread(target=_sweep_once, args=(settings,), name="dead runs").start()
+    # Prefect's settings of this block, which may name its server, are not those of a new thread.
+    threading.Thread(target=copy_context().run, args=(_sweep_once, settings), name="dead runs").start()
 
 
 class _Pace:

@@ -2,6 +2,7 @@
 
 ```python
 from prefect_robomaker import CreateWorldGenerationJob, Service, call
+from prefect_robomaker import results, run
 ```
 
 Importing this package imports neither Prefect nor MuJoCo nor pydantic. All 57 operations are here under their own
@@ -14,6 +15,13 @@ from typing import TYPE_CHECKING, Any
 from . import operation_flows
 
 if TYPE_CHECKING:
+    from .deployments.in_python.jobs import Job as Job
+    from .deployments.in_python.opening import results as results
+    from .deployments.in_python.rows import ResultRow as ResultRow
+    from .deployments.in_python.running import RunOptions as RunOptions
+    from .deployments.in_python.running import run as run
+    from .deployments.in_python.runs import Run as Run
+    from .deployments.in_python.worlds import World as World
     from .flows.pipelines import RunPipeline as RunPipeline
     from .flows.pipelines import run_spec as run_spec
     from .operation_flows import *  # noqa: F403 - the flows of all operations
@@ -37,35 +45,49 @@ if TYPE_CHECKING:
 __all__ = [
     "ConfigurationError",
     "InvalidParameterException",
+    "Job",
     "MapTaskRunner",
     "ResourceNotFoundException",
+    "ResultRow",
     "RobomakerError",
+    "Run",
     "RunInterrupted",
+    "RunOptions",
     "RunPipeline",
     "Service",
     "ServiceError",
     "Settings",
     "SpecError",
     "StorageError",
+    "World",
     "__version__",
     "call",
     "load_spec",
+    "results",
     "robot_env",
+    "run",
     "run_spec",
 ]
 __all__ += operation_flows.__all__
 
 _ERRORS = "ConfigurationError InvalidParameterException ResourceNotFoundException RobomakerError ServiceError SpecError"
 _MODULES = {
+    "Job": "deployments.in_python.jobs",
     "MapTaskRunner": "tasks.execution.mapped_runs",
+    "ResultRow": "deployments.in_python.rows",
+    "Run": "deployments.in_python.runs",
     "RunInterrupted": "tasks.inspection.pipeline_parts",
+    "RunOptions": "deployments.in_python.running",
     "RunPipeline": "flows.pipelines",
     "Service": "tasks.service.service",
     "Settings": "schemas.settings",
     "StorageError": "schemas.wire.errors",
+    "World": "deployments.in_python.worlds",
     "call": "tasks.operations.registry",
     "load_spec": "schemas.specs.check",
+    "results": "deployments.in_python.opening",
     "robot_env": "tasks.worlds.training",
+    "run": "deployments.in_python.running",
     "run_spec": "flows.pipelines",
     **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
     **dict.fromkeys(operation_flows.__all__, "flows.operations"),

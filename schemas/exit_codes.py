@@ -4,6 +4,9 @@ Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs 
 answers of `compare` in `schemas.reports.comparison`, and by those of `verify` in `schemas.runs.verification`.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 OK = 0
 """All well; of `verify`: bit-identical; of `compare`: better."""
 
@@ -30,3 +33,15 @@ INTERRUPTED = 130
 
 PIPE_CLOSED = 141
 """The program that read the output went away; what a shell says of SIGPIPE."""
+
+IN_WORDS: Mapping[int, str] = MappingProxyType(
+    {
+        OK: "all well",
+        VERDICT_FAILED: "a simulation's verdict is fail",
+        BAD_USAGE: "bad usage, specification or settings",
+        BROKE: "something broke",
+        CANCELED: "canceled",
+        TIMED_OUT: "timed out",
+    }
+)
+"""Meanings of the exit codes of runs."""

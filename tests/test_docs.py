@@ -31,6 +31,8 @@ from prefect_robomaker.tasks.service.service import Service
 DOCS = REPOSITORY / "docs"
 PAGES = [REPOSITORY / "README.md", *sorted((*DOCS.glob("*.md"), *DOCS.glob("fleet/*.md")))]
 GUIDE = DOCS / "coming-from-robomaker.md"
+NOTEBOOK = DOCS / "notebooks.md"
+"""Its blocks are cells of one notebook, and run by `journeys/test_notebooks_page.py`."""
 SHOWN_ENDPOINT = "http://127.0.0.1:8057"
 FOR_SDKS = "boto3.client("
 FOLDERS = ("schemas", "tasks", "flows", "deployments", "tests", "tools", "docs", "prefect_robomaker")
@@ -83,7 +85,7 @@ def test_the_example_specifications_are_right(path: Path) -> None:
     assert load_spec(path.read_text(), str(path)).order
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [page for page in PAGES if page != NOTEBOOK], ids=lambda page: page.name)
 def test_python_in_the_documentation_runs(
     page: Path, service: Service, prefect_server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ...schemas.reports.against import Against
 from ...schemas.reports.challenge import Challenge
-from ...schemas.reports.progress import Note
+from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
@@ -58,37 +58,20 @@ def carry_out(
     Returns:
         The exit code, which says how the run ended.
     """
-    from ...tasks.inspection.preflight import check_named, check_templates
-    from ...tasks.service.service import Service
     from .output.progress import watcher
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
     # A server that somebody else keeps is asked first: without it nothing is made here, not even the home.
     api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
-    with Service.opened(settings) as service:  # what is refused starts no server and imports no Prefect
-        check_named(spec, service)
-        if against is not None:
-            from ...tasks.inspection.runs_beside import earlier_run
-
-            earlier_run(against, settings.home / "runs", spec)
-        if not (reuse or rerun_of or open_run):
-            check_templates(spec, service)
+    check_before_start(spec, settings, checks_templates=not (reuse or rerun_of or open_run), against=against)
     api_url = api_url or use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
-        from ...flows.pipelines import run_spec
-        from ...tasks.inspection.pipeline_parts import RunInterrupted
-        from ...tasks.nights.run_orders import tell_of_left
-        from ...tasks.nights.taking_up import TakingUp
-        from ..dead_run_sweeper import close_dead_runs_once
-        from ..missed_nights import look_for_missed_nights
-
         outage = wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
-        close_dead_runs_once(settings)
-        look_for_missed = partial(look_for_missed_nights, settings)
-        TakingUp(settings, tell=tell_of_left, look_for_missed=look_for_missed).start()
+        from ...tasks.inspection.pipeline_parts import RunInterrupted
+
         try:
-            record = run_spec(
+            record = run_beside_others(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
                 against=against, open_run=open_run, cut=cut, challenge=challenge,
             )  # fmt: skip
@@ -97,6 +80,7 @@ def carry_out(
         else:
             interrupted = None
         if cut is not None:
+            from ...tasks.service.service import Service
             from .probes import delete_made
 
             with Service.opened(settings) as service:
@@ -111,6 +95,63 @@ def carry_out(
     if record.report_path and wanted(arguments.open):
         open_file(record.report_path)
     return record.exit_code
+
+
+def check_before_start(
+    spec: CheckedSpec, settings: Settings, *, checks_templates: bool, against: Against | None = None
+) -> None:
+    """Refuses what cannot run before a server is started and Prefect is imported.
+
+    Args:
+        spec: the specification.
+        settings: settings of the run.
+        checks_templates: whether the templates that it names are looked at, too.
+        against: the earlier run beside which it is carried out; `None`: none.
+
+    Raises:
+        RobomakerError: what is wrong.
+    """
+    from ...tasks.inspection.preflight import check_named, check_templates
+    from ...tasks.service.service import Service
+
+    with Service.opened(settings) as service:
+        check_named(spec, service)
+        if against is not None:
+            from ...tasks.inspection.runs_beside import earlier_run
+
+            earlier_run(against, settings.home / "runs", spec)
+        if checks_templates:
+            check_templates(spec, service)
+
+
+def run_beside_others(
+    spec: CheckedSpec,
+    settings: Settings,
+    listener: ProgressListener,
+    *,
+    spec_path: str,
+    command: Sequence[str],
+    reuse: bool = False,
+    rerun_of: RerunOf | None = None,
+    against: Against | None = None,
+    open_run: "OpenRun | None" = None,
+    cut: "Cut | None" = None,
+    challenge: Challenge | None = None,
+) -> RunRecord:
+    """Runs a specification, and meanwhile sees to runs whose processes died; see `run_spec`."""
+    from ...flows.pipelines import run_spec
+    from ...tasks.nights.run_orders import tell_of_left
+    from ...tasks.nights.taking_up import TakingUp
+    from ..dead_run_sweeper import close_dead_runs_once
+    from ..missed_nights import look_for_missed_nights
+
+    close_dead_runs_once(settings)
+    look_for_missed = partial(look_for_missed_nights, settings)
+    TakingUp(settings, tell=tell_of_left, look_for_missed=look_for_missed).start()
+    return run_spec(
+        spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
+        against=against, open_run=open_run, cut=cut, challenge=challenge,
+    )  # fmt: skip
 
 
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:

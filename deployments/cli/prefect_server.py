@@ -3,7 +3,8 @@
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from ...schemas.settings import Settings
@@ -79,16 +80,32 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
     Returns:
         What knows whether the server is away.
     """
+    patience = waiting_for_server(api_url, settings, tell)
+    _FOR_EVER.append(patience)  # Prefect still empties its queues after all else has ended
+    return patience.__enter__()
+
+
+@contextmanager
+def waiting_for_server(api_url: str, settings: Settings, tell: Callable[[str], None]) -> Generator["Outage"]:
+    """Makes all requests to the Prefect server wait together while it is unreachable, inside the `with` block.
+
+    Args:
+        api_url: what `use_server` returned.
+        settings: the data home's.
+        tell: tells the user at once that the server is away, and when it is back; called from any thread.
+    """
     from ...tasks.execution.run_watch import WATCH
     from ..prefect_server.outage import Outage
     from ..prefect_server.patient_requests import patient_requests
 
     outage = Outage(api_url, lambda: health_of(api_url), tell, is_own_server(api_url, settings))
-    patience = patient_requests(outage, api_url)
-    patience.__enter__()
-    _FOR_EVER.append(patience)  # Prefect still empties its queues after all else has ended
-    WATCH.tells_of_silence = False
-    return outage
+    told_before = WATCH.tells_of_silence
+    with patient_requests(outage, api_url):
+        WATCH.tells_of_silence = False
+        try:
+            yield outage
+        finally:
+            WATCH.tells_of_silence = told_before
 
 
 def tell_after_outage(outage: "Outage", settings: Settings) -> None:

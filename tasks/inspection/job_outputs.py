@@ -115,8 +115,20 @@ def write_results(
     return results
 
 
-def results_of(jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service) -> ResultTable:
-    """Makes the table of the results of some jobs, with all of their trials that are stored."""
+def results_of(
+    jobs: Sequence[JobRecord], service: Service, places: Mapping[str, StoredPlace] | None = None
+) -> ResultTable:
+    """Makes the table of some jobs' results, with all trials that are stored.
+
+    Args:
+        jobs: the jobs, which may still run.
+        service: where they are stored.
+        places: places of their outputs, by ARN; None: those that the catalog has.
+    """
+    if places is None:
+        stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+        found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
+        places = {arn: place for arn, place in found.items() if place is not None}
     return ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
 
 

@@ -113,7 +113,7 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     """The report of a run as far as stored data has it, its jobs in short, and the table of results, written."""
     report = report_of(record, service)
     places = places_of(report.jobs, service)
-    jobs = _job_records(report.jobs, places, service)
+    jobs = job_records(report.jobs, places, service)
     results = write_results(jobs, places, service, record.run_dir)
     if record.challenge is not None:
         challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
@@ -325,7 +325,7 @@ def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> t
     reported = with_inputs(reported, service)
     places = places_of(reported, service)
     records = [_job_record(job, job.label, places.get(job.arn or ""), service) for job in reported]
-    return records, results_of(records, places, service)
+    return records, results_of(records, service, places)
 
 
 def _rerun_in_words(rerun_of: RerunOf | None) -> str:
@@ -385,7 +385,14 @@ def _application(request: Mapping[str, Any]) -> str | None:
         return said or None
 
 
-def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
+def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
+    """Makes the short records of reported jobs.
+
+    Args:
+        jobs: the jobs of a run.
+        places: where their outputs are, by ARN.
+        service: where they are stored.
+    """
     return [
         _job_record(job, name, places.get(job.arn or ""), service)
         for job, name in zip(jobs, case_names(jobs), strict=True)

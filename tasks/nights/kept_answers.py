@@ -30,12 +30,8 @@ class KeptAnswers:
     def __init__(self, folder: Path, permit: Permit) -> None:
         self._path = folder / ANSWERS
         self._permit = permit
-        self._kept: dict[str, dict[str, Any]] = {}
+        self._kept = _read(self._path)
         self._answered = Counter[str]()
-        with suppress(OSError):
-            for line in self._path.read_text(encoding="utf-8").splitlines():
-                with suppress(ValueError):  # the last one may be torn
-                    self._kept |= json.loads(line)
 
     def has(self, step: str) -> bool:
         """Whether the next request of a step has a stored response."""
@@ -66,3 +62,24 @@ class KeptAnswers:
             file.write(b"\n" * is_torn + json.dumps({place: answer}, default=str).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
+
+
+def answered_requests(folder: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Returns the answers of a run that has not ended, in the order in which they came.
+
+    Args:
+        folder: the run's.
+
+    Returns:
+        For each request the step and the answer; of a job its ARN alone.
+    """
+    return [(place.rpartition(" ")[0], answer) for place, answer in _read(folder / ANSWERS).items()]
+
+
+def _read(path: Path) -> dict[str, dict[str, Any]]:
+    kept: dict[str, dict[str, Any]] = {}
+    with suppress(OSError):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            with suppress(ValueError):  # the last one may be torn
+                kept |= json.loads(line)
+    return kept

@@ -1,6 +1,5 @@
 """The table of results of a run, `results.parquet` in its folder: one row a trial; a job without trials is one."""
 
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
@@ -17,6 +16,7 @@ from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement
 from ...schemas.runs.trial_rows import TrialRow, trial_folder
 from .columns import Names, columns_of, schema_of
+from .exports import export_table
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -122,16 +122,19 @@ class ResultTable:
         Raises:
             OSError: It cannot be written.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        export_table(self.to_arrow(), path)
 
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            table = pa.table({name: self._column(name) for name in self._all_names})
-            pq.write_table(table, part, compression="zstd")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+    def to_arrow(self) -> "pa.Table":
+        """Returns the results as an Arrow table; its texts are plain texts, however they are kept."""
+        import pyarrow as pa
+
+        found = {name: self._column(name) for name in self._all_names}
+        return pa.table(
+            {
+                name: column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
+                for name, column in found.items()
+            }
+        )
 
     def __len__(self) -> int:
         return self._rows

@@ -142,6 +142,37 @@ def find_record(runs: Path, run: str) -> Path:
     raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")
 
 
+def find_run(runs: Path, run: str) -> Path:
+    """Finds the folder of a run, which may not have ended.
+
+    Args:
+        runs: folder of all runs.
+        run: a run's id, its folder, or `latest`: the run that `find_record` finds, or one that began later and has no
+            record yet.
+
+    Raises:
+        ConfigurationError: the run does not exist.
+    """
+    if "/" in run and (Path(run) / "order.json").is_file():
+        return Path(run)
+    unfinished = {path.parent.name: path.parent for path in runs.glob("*/order.json")}
+    if run in unfinished:
+        return unfinished[run]
+    newest = max(unfinished, key=_began, default="")
+    try:
+        ended = find_record(runs, run).parent
+    except ConfigurationError:
+        if run == "latest" and newest:
+            return unfinished[newest]
+        raise
+    return unfinished[newest] if run == "latest" and _began(newest) > _began(ended.name) else ended
+
+
+def _began(run_id: str) -> str:
+    """When a run began, as its id says it."""
+    return run_id.rpartition("-")[2]
+
+
 def _is_probe(record: Path) -> bool:
     try:
         return bool(json.loads(record.read_bytes()).get("probe"))

@@ -11,7 +11,8 @@ def test_optional_choices_are_shown_at_once_with_their_default_chosen() -> None:
     assert (video["type"], video["enum"], video["default"]) == ("string", ["none", "on-failure", "always"], "none")
     assert video["description"].startswith("Extension: whether a video is made")
     assert schema["properties"]["failureBehavior"]["default"] == "Fail"
-    assert schema["required"] == ["maxJobDurationInSeconds", "iamRole"]
+    assert "required" not in schema, "what the service requires has a default"
+    assert schema["properties"]["maxJobDurationInSeconds"]["default"] == 3600
 
 
 def test_optional_numbers_texts_and_lists_are_shown_at_once_and_are_empty() -> None:

@@ -4,7 +4,10 @@ import json
 import os
 from pathlib import Path
 
-from prefect_robomaker.deployments.cli.inputs.options import find_record
+import pytest
+
+from prefect_robomaker.deployments.cli.inputs.options import find_record, find_run
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 
 def record(runs: Path, name: str, text: str) -> Path:
@@ -32,3 +35,29 @@ def test_a_damaged_record_is_not_passed_over(tmp_path: Path) -> None:
     record(tmp_path, "a-1", json.dumps({}))
     damaged = record(tmp_path, "a-2", "{")
     assert find_record(tmp_path, "latest") == damaged
+
+
+def begun(runs: Path, name: str) -> Path:
+    order = runs / name / "order.json"
+    order.parent.mkdir(parents=True)
+    order.touch()
+    return order.parent
+
+
+def test_the_latest_run_may_still_go_on(tmp_path: Path) -> None:
+    """Else the results of the night before would be taken for those of this night."""
+    before = record(tmp_path, "a-20260301T020000000", "{}").parent
+    assert find_run(tmp_path, "latest") == before
+    goes_on = begun(tmp_path, "b-20260302T020000000")
+    assert find_run(tmp_path, "latest") == goes_on
+    assert find_run(tmp_path, goes_on.name) == find_run(tmp_path, str(goes_on)) == goes_on
+    after = record(tmp_path, "a-20260303T020000000", "{}").parent
+    assert find_run(tmp_path, "latest") == after
+    assert find_run(tmp_path, before.name) == before
+
+
+def test_a_first_run_that_goes_on_is_found_and_others_are_not(tmp_path: Path) -> None:
+    goes_on = begun(tmp_path, "b-20260302T020000000")
+    assert find_run(tmp_path, "latest") == goes_on
+    with pytest.raises(ConfigurationError, match="there are no runs"):
+        find_run(tmp_path, "other")

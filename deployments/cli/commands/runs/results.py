@@ -1,0 +1,57 @@
+"""Write the table of a run's results to a file: a row for each trial, and for each job without trials.
+
+Rows of jobs that broke, were canceled or never came of their requests are there, too; the column `outcome` says so.
+"""
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from ...inputs.options import find_run, output_file
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments of `robomaker results` to its parser."""
+    text = "id or folder of a run, or latest (the default), which may still run"
+    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help=text)
+    parser.add_argument("--to", metavar="FILE", help="put it there: FILE.parquet or FILE.csv; else CSV is printed")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Runs `robomaker results`: writes the table of a run's results; how the run stands goes to standard error."""
+    from .....schemas.settings import Settings
+    from .....tasks.results.exports import check_extension, export_table
+
+    path = output_file(arguments.to, "--to")
+    if path is not None:
+        check_extension(path, "--to")
+    settings = Settings.from_environment(os.environ)
+    folder = find_run(settings.home / "runs", arguments.run)
+
+    from .....tasks.nights.run_standings import stand_of, table_of
+    from .....tasks.service.service import Service
+
+    with Service.opened(settings) as service:
+        run = stand_of(folder, service)
+        table = table_of(run, service).to_arrow()
+    if path is None:
+        _print_csv(table)
+    else:
+        export_table(table, path)
+        sys.stdout.write(f"{path}\n")
+    rows = f"{table.num_rows} {'row' if table.num_rows == 1 else 'rows'}"
+    sys.stderr.write(f"{run.run_id}: {run.in_words()}; {rows}\n")
+    return 0
+
+
+def _print_csv(table: "pa.Table") -> None:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    text = pa.BufferOutputStream()
+    csv.write_csv(table, text)
+    sys.stdout.write(text.getvalue().to_pybytes().decode())

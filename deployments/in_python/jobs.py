@@ -1,0 +1,162 @@
+"""Simulation jobs of a run: how they ended, and what they stored."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO, cast
+
+from markupsafe import Markup
+
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace
+from ...schemas.reports.run_record import CaseOutcome, JobRecord
+from ...schemas.reports.run_states import case_outcome
+from ...schemas.runs.plan import Requirement, RunResult, Verdict
+from ...schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException, RobomakerError
+from ...schemas.wire.request_problems import nearest, some
+from ...tasks.runtime.episode.results import RESULT_FILE
+from ...tasks.service.service import Service
+from ...tasks.storage import read_manifest
+from ...tasks.storage.base import join_key
+from .html import badge, card, line, table
+from .worlds import World
+
+
+@dataclass(frozen=True)
+class Job:
+    """A simulation job of a run, or a request of which no job came."""
+
+    record: JobRecord
+    """The record of it: requirements, metrics, inputs and more."""
+    world: World | None
+    """The world that it drove in; None: none."""
+    _service: Service = field(repr=False, compare=False)
+
+    @property
+    def id(self) -> str:
+        """Id of the job, or `request 3` when no job came of it."""
+        return self.record.label
+
+    @property
+    def name(self) -> str:
+        """Name of the job in every run of the specification."""
+        return self.record.test or self.record.label
+
+    @property
+    def status(self) -> str:
+        """Status in the service, or `NotCreated`."""
+        return self.record.status
+
+    @property
+    def outcome(self) -> CaseOutcome:
+        """Outcome; only `passed` means that it was judged and met all its requirements."""
+        return case_outcome(self.record.status, self.record.verdict, self.record.failure_code)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The verdict; None: it did not end by itself, or has not ended."""
+        return self.record.verdict if self.record.status == "Completed" else None
+
+    @property
+    def reason(self) -> str:
+        """Reason why it did not pass, in words; empty: nothing is known, or it passed."""
+        return self.record.failure_reason or self.record.verdict_reason or self.record.failure_code or ""
+
+    @cached_property
+    def outputs(self) -> dict[str, str]:
+        """Addresses of its output files by name, `file:///…` or `s3://…`; none, while it has stored nothing.
+
+        Raises:
+            ResourceNotFoundException: the job was deleted.
+            StorageError: the object store does not answer.
+        """
+        place = self._place
+        if place is None:
+            return {}
+        store = self._service.store
+        return {name: store.uri(place.bucket, join_key(place.prefix, name)) for name in self._names(place)}
+
+    def result(self) -> RunResult:
+        """Reads the job's `result.json`: verdict, requirements, metrics, rooms, collisions and path.
+
+        Raises:
+            ResourceNotFoundException: no job came of the request, or it was deleted.
+            ObjectNotFoundError: it has stored no result.
+            StorageError: the object store does not answer.
+        """
+        with self.open(RESULT_FILE) as file:
+            result = RunResult.model_validate_json(file.read())
+        return result.unjudged() if self.status == "Canceled" else result
+
+    def open(self, name: str) -> BinaryIO:
+        """Opens one of the job's outputs for reading: a binary file, which can be wound.
+
+        Args:
+            name: name of the output, such as `recording.mcap`; `outputs` has all names.
+
+        Raises:
+            ResourceNotFoundException: no job came of the request, or it was deleted.
+            ObjectNotFoundError: it has no output of that name; the message says which there are.
+            StorageError: the object store does not answer.
+        """
+        if self.record.arn is None:
+            raise ResourceNotFoundException(f"{self.id} of step {self.record.step} never became a job: {self.reason}")
+        place = self._place
+        if place is None or name not in self.outputs:
+            raise ObjectNotFoundError(self._nothing(name))
+        key = join_key(place.prefix, name)
+        path = self._service.store.local_path(place.bucket, key)
+        if path is not None and path.is_file() and not path.is_symlink():
+            return path.open("rb")
+        with TemporaryDirectory(dir=self._service.folder("scratch")) as folder:
+            copy = Path(folder, "output")
+            self._service.store.get_file(place.bucket, key, copy)
+            return cast("BinaryIO", copy.open("rb"))  # an open file stays readable when its folder is gone
+
+    def _nothing(self, name: str) -> str:
+        if not self.outputs:
+            why = f": {self.reason}" if self.reason else ""
+            return f"{self.id} has no output {name!r}: it is {self.status} and has stored nothing{why}"
+        return f"{self.id} has no output {name!r}{nearest(name, self.outputs)}; there are {some(sorted(self.outputs))}"
+
+    @property
+    def _place(self) -> StoredPlace | None:
+        if self.record.arn is None:
+            return None
+        return SimulationJobDocument.of(self._service.catalog.get(self.record.arn)).outputs
+
+    def _names(self, place: StoredPlace) -> list[str]:
+        store = self._service.store
+        try:
+            return [file.path for file in read_manifest(store, place.bucket, place.prefix).files]
+        except ObjectNotFoundError:  # it crashed or was killed, or still runs: its logs may be there
+            prefix = f"{place.prefix}/"
+            return [item.key.removeprefix(prefix) for item in store.list(place.bucket, prefix)]
+
+    def _repr_html_(self) -> str:
+        requirements = [
+            (each.name, badge(_standing_of(each)), each.detail, "" if each.counts else "does not count")
+            for each in self.record.requirements
+        ]
+        try:
+            names = ", ".join(sorted(self.outputs))
+        except RobomakerError as error:
+            names = f"not known: {error}"
+        facts = [("job", self.id), ("world", self.world.name if self.world else ""), ("outputs", names)]
+        return str(
+            card(
+                self.name,
+                self.outcome,
+                line(self.reason),
+                table((), [fact for fact in facts if fact[1]]),
+                table(("requirement", "outcome", "detail", ""), requirements),
+                self.world.drawing() if self.world else Markup(""),
+            )
+        )
+
+
+def _standing_of(requirement: Requirement) -> str:
+    if requirement.error is not None:
+        return "broken"
+    return "passed" if requirement.satisfied else "failed"

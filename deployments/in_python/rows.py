@@ -1,0 +1,96 @@
+"""Rows of the table of results as typed values."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pydantic import TypeAdapter
+
+from ...schemas.reports.run_record import CaseOutcome
+from ...schemas.runs.axis_kinds.kind import Value
+from ...schemas.runs.plan import Requirement, Verdict
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_REQUIREMENTS = TypeAdapter(list[Requirement])
+
+
+@dataclass(frozen=True, slots=True)
+class ResultRow:
+    """A row of the table of results: a trial, or a job without trials, or a request of which no job came."""
+
+    step: str
+    """The step that ordered it; empty: it is not known."""
+    test: str
+    """Name of the job in every run of the specification."""
+    job: str
+    """Id of the job, or `request 3` when no job came of it."""
+    outcome: CaseOutcome
+    """Outcome; only `passed` means that it was judged and met all its requirements."""
+    verdict: Verdict
+    """The verdict; `NONE` when nothing was judged."""
+    reason: str
+    """Reason why the verdict is not PASS, or why it broke; empty: nothing is known."""
+    failure_code: str | None
+    """The service's failure code; None: it did not fail."""
+    world: str | None
+    """The world by its content, the same for the same world of every night; None: it has none."""
+    world_name: str | None
+    """The world by its name in this run; None: it has none."""
+    trial: int | None
+    """Number of the trial, from 0; None: the job has no trials."""
+    seed: int | None
+    """Its seed; None: it never began."""
+    ended_by: str
+    """End, such as `environment` or `duration limit`; empty: it is not known."""
+    sim_time_s: float | None
+    """Simulated time at its end; None: it is not known."""
+    wall_time_s: float
+    """Time that it took."""
+    output: str | None
+    """Address of its outputs, `file:///…` or `s3://…`; None: it has none of its own."""
+    axes: Mapping[str, Value]
+    """Values of the axes of the trials, by name."""
+    metrics: Mapping[str, float]
+    """Numbers by name with unit, such as `distance_m`."""
+    requirements: list[Requirement]
+    """Requirements that it was judged by, with limits, values and margins."""
+
+
+def rows_of(table: "pa.Table") -> list[ResultRow]:
+    """Returns the rows of a table of results, in its order."""
+    return [_row_of(found) for found in table.to_pylist()]
+
+
+def _row_of(found: Mapping[str, Any]) -> ResultRow:
+    metrics = dict(_named(found, "metric."))
+    return ResultRow(
+        step=found["step"] or "",
+        test=found["test"] or "",
+        job=found["job"] or "",
+        outcome=found["outcome"],
+        verdict=found["verdict"] or "NONE",
+        reason=found["reason"] or "",
+        failure_code=found["failure_code"],
+        world=found["world"],
+        world_name=found["world_name"],
+        trial=found["trial"],
+        seed=found["seed"],
+        ended_by=found["ended_by"] or "",
+        # Of a job without trials its metrics alone say it.
+        sim_time_s=metrics.get("sim_time_s") if found["trial"] is None else found["sim_time_s"],
+        wall_time_s=found["wall_time_s"] or 0.0,
+        output=found["output"],
+        axes=dict(_named(found, "axis.")),
+        metrics=metrics,
+        requirements=_REQUIREMENTS.validate_json(found["requirements"] or "[]"),
+    )
+
+
+def _named(found: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    return (
+        (name.removeprefix(prefix), value)
+        for name, value in found.items()
+        if name.startswith(prefix) and value is not None
+    )

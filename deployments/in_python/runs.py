@@ -1,0 +1,201 @@
+"""A run of a specification, which has ended or not, with its jobs, worlds and rows of results."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from ...schemas import exit_codes
+from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
+from ...schemas.reports.run_states import counts_in_words
+from ...schemas.specs.parameter_values import values_in_words
+from ...tasks.inspection.reports import short_name
+from ...tasks.nights.run_standings import RunOutcome, StandingRun, table_of
+from ...tasks.service.service import Service
+from .html import badge, card, line, table
+from .jobs import Job
+from .rows import ResultRow, rows_of
+from .worlds import World
+
+if TYPE_CHECKING:
+    import pandas as pd  # pyright: ignore[reportMissingImports] - only who calls `to_pandas` needs it
+    import pyarrow as pa
+
+
+_MOST_SHOWN = 40
+"""Jobs in the table of a notebook, as in the summary on a terminal."""
+_MOST_OF_REASON = 240
+"""Characters of a reason there; the job's own card has all of it."""
+
+_RANKS = {outcome: rank for rank, outcome in enumerate(get_args(CaseOutcome))}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of a specification.
+
+    `passed` says whether all of it is well; a run is neither true nor false by itself.
+    """
+
+    _standing: StandingRun = field(repr=False)
+    _service: Service = field(repr=False, compare=False)
+
+    @property
+    def id(self) -> str:
+        """Id of the run."""
+        return self._standing.run_id
+
+    @property
+    def name(self) -> str:
+        """Name of the specification."""
+        return self._standing.name
+
+    @property
+    def outcome(self) -> RunOutcome:
+        """Outcome as a whole; or `running`, or `broken off` when its process died before it had ended."""
+        return self._standing.outcome
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has ended; `results` reads anew how it stands."""
+        return self._standing.has_ended
+
+    @property
+    def passed(self) -> bool:
+        """Whether it succeeded and has jobs, each of which was judged and passed."""
+        return self._standing.passed
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of the command line for it; None: it has not ended."""
+        return self.record.exit_code if self.record else None
+
+    @property
+    def meaning(self) -> str:
+        """Meaning of the exit code in words; of a run that has not ended, that it has not."""
+        if self.record is not None:
+            return exit_codes.IN_WORDS.get(self.record.exit_code, "")
+        return "it has not ended" if self.outcome == "running" else "its process died before it had ended"
+
+    @property
+    def record(self) -> RunRecord | None:
+        """The record: steps, versions, commit, times and more; None: it has not ended."""
+        return self._standing.record
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Values of the specification's parameters."""
+        told = self.record or self._standing.order
+        return dict(told.parameters) if told else {}
+
+    @property
+    def started_at(self) -> datetime | None:
+        """Start, UTC; None: it is not known yet."""
+        told = self.record or self._standing.order
+        return told.started_at if told else None
+
+    @property
+    def folder(self) -> Path:
+        """Folder with its record, specification, report and table of results."""
+        return self._standing.folder
+
+    @property
+    def report(self) -> Path | None:
+        """The HTML report; None: there is none, or none yet."""
+        path = self.folder / "report.html"
+        return path if path.is_file() else None
+
+    @property
+    def problems(self) -> dict[str, str]:
+        """Reasons why steps failed, by step."""
+        return {step.name: step.error for step in self._standing.steps if step.error}
+
+    @cached_property
+    def jobs(self) -> list[Job]:
+        """Simulation jobs, and requests of which none came, in the order of the requests."""
+        return [Job(job, self._world_of(job), self._service) for job in self._standing.jobs]
+
+    @cached_property
+    def worlds(self) -> list[World]:
+        """Worlds that it made or drove in, each once."""
+        made = [
+            arn
+            for step in self._standing.steps
+            if step.operation == "CreateWorldGenerationJob"
+            for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
+        ]
+        driven = [job.world.arn for job in self.jobs if job.world]
+        return [World(arn, short_name(arn), self._service) for arn in dict.fromkeys([*made, *driven])]
+
+    @cached_property
+    def rows(self) -> list[ResultRow]:
+        """Rows of the table of results: one for each trial, and for each job without trials.
+
+        Jobs that broke, were canceled or never came of their requests have rows, too.
+        """
+        return rows_of(self.to_arrow())
+
+    def to_arrow(self) -> "pa.Table":
+        """Returns the table of results as an Arrow table; docs/notebooks.md has its columns."""
+        return self._table
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Returns the table of results as a data frame of pandas.
+
+        Raises:
+            ImportError: pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: F401 # pyright: ignore[reportMissingImports, reportUnusedImport]
+        except ImportError:
+            message = "to_pandas() needs pandas, which is not installed: `pip install pandas`, or use to_arrow()"
+            raise ImportError(message, name="pandas") from None
+        return self._table.to_pandas()
+
+    @cached_property
+    def _table(self) -> "pa.Table":
+        return table_of(self._standing, self._service).to_arrow()
+
+    def _world_of(self, job: JobRecord) -> World | None:
+        if job.world is None:
+            return None
+        arn = job.world if job.world.startswith("arn:") else self._service.arn("world", job.world)
+        return World(arn, short_name(arn), self._service)
+
+    def __bool__(self) -> bool:
+        """Refuses to be taken for true: a run that failed would be, too.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"{self.id} is neither true nor false; ask whether it .passed, or for its .outcome")
+
+    def __repr__(self) -> str:
+        """Says how it stands, in a line."""
+        return f"<Run {self.id}: {self._standing.in_words()}>"
+
+    def _repr_html_(self) -> str:
+        worst_first = sorted(self.jobs, key=lambda job: _RANKS[job.outcome])
+        rows = [
+            (job.name, badge(job.outcome), job.world.name if job.world else "", _in_a_line(job.reason))
+            for job in worst_first[:_MOST_SHOWN]
+        ]
+        more = f"and {len(worst_first) - len(rows)} more; .jobs has all" if len(worst_first) > len(rows) else ""
+        return str(
+            card(
+                self.id,
+                self.outcome,
+                line(f"{counts_in_words(self._standing.jobs) or 'no simulation jobs'}; {self.meaning}"),
+                line(f"with {values_in_words(self.parameters)}" if self.parameters else ""),
+                table((), list(self.problems.items())),
+                table(("job", "outcome", "world", "reason"), rows, more),
+            )
+        )
+
+
+def _in_a_line(reason: str) -> str:
+    """The first line of a reason, whose others may be the end of a log."""
+    first = next(iter(reason.strip().splitlines()), "")
+    return first if len(first) <= _MOST_OF_REASON else f"{first[: _MOST_OF_REASON - 1]}…"

@@ -1,0 +1,120 @@
+"""Runs as they stand: ended, still running, or broken off, with their jobs and the table of their results so far."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ...schemas.reports.run_record import JobRecord, Order, RunRecord, RunState, StepRecord
+from ...schemas.reports.run_states import counts_in_words
+from ...schemas.wire.errors import ConfigurationError
+from ..inspection.job_outputs import places_of, results_of
+from ..inspection.reports import job_records, jobs_of
+from ..inspection.run_records import RECORD_NAME, read_record
+from ..results.table import RESULTS_FILE, ResultTable
+from ..service.service import Service
+from .kept_answers import answered_requests
+from .open_runs import is_going, read_order
+from .run_orders import ordered_spec
+
+RunOutcome = RunState | Literal["running", "broken off"]
+"""Outcome of a run as a whole; or that it has not, because it goes on, or because its process died."""
+
+
+@dataclass(frozen=True)
+class StandingRun:
+    """A run as it stands, with its record once it has ended, and its order until then."""
+
+    run_id: str
+    name: str
+    """Name of the specification."""
+    folder: Path
+    outcome: RunOutcome
+    steps: Sequence[StepRecord]
+    """Steps that were ordered so far, in their order."""
+    jobs: Sequence[JobRecord]
+    """Simulation jobs that are known so far, and requests of which none came."""
+    record: RunRecord | None = None
+    order: Order | None = None
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the run has ended."""
+        return self.record is not None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run succeeded, and has jobs, each of which was judged and passed."""
+        verdicts = {job.verdict if job.status == "Completed" else None for job in self.jobs}
+        return self.outcome == "succeeded" and verdicts == {"PASS"}
+
+    def in_words(self) -> str:
+        """Returns how it stands in a line: `failed: 3 of 4 verdicts pass`."""
+        return ": ".join(filter(None, (self.outcome, counts_in_words(self.jobs))))
+
+
+def stand_of(folder: Path, service: Service) -> StandingRun:
+    """Returns how a run stands.
+
+    Args:
+        folder: the run's.
+        service: where its jobs are stored.
+
+    Raises:
+        ConfigurationError: the folder is no run's, or its record cannot be read.
+    """
+    if (found := _ended(folder)) is not None:
+        return found
+    goes_on, order = is_going(folder), read_order(folder)
+    if (found := _ended(folder)) is not None:  # just now
+        return found
+    if order is None:
+        raise ConfigurationError(f"{folder} is no run's folder: it has neither {RECORD_NAME} nor an order")
+    steps = _steps_so_far(folder, order)
+    reported = jobs_of(steps, service)
+    return StandingRun(
+        run_id=order.run_id,
+        name=order.name or order.run_id.rpartition("-")[0],
+        folder=folder,
+        outcome="running" if goes_on else "broken off",
+        steps=steps,
+        jobs=job_records(reported, places_of(reported, service), service),
+        order=order,
+    )
+
+
+def table_of(run: StandingRun, service: Service) -> ResultTable:
+    """Returns the table of a run's results: that of its folder, or one made of its jobs anew.
+
+    Args:
+        run: the run.
+        service: where its jobs are stored.
+
+    Raises:
+        CatalogAwayError: the catalog does not answer.
+    """
+    if run.has_ended:
+        try:
+            return ResultTable.read(run.folder / RESULTS_FILE)
+        except (OSError, ValueError):
+            pass  # earlier releases wrote none, and a damaged one can be made again
+    return results_of(run.jobs, service)
+
+
+def _ended(folder: Path) -> StandingRun | None:
+    if not (folder / RECORD_NAME).is_file():
+        return None
+    record = read_record(folder / RECORD_NAME)
+    return StandingRun(
+        record.run_id, record.name, folder, record.state, steps=record.steps, jobs=record.jobs, record=record
+    )
+
+
+def _steps_so_far(folder: Path, order: Order) -> list[StepRecord]:
+    """The steps that were answered, without the states of what they made."""
+    operations = {name: step.operation for name, step in ordered_spec(order).steps.items()}
+    return [
+        StepRecord(name=step, operation=operations[step], status="InProgress", arn=answer.get("arn"), output=answer)
+        for step, answer in answered_requests(folder)
+        if step in operations
+    ]

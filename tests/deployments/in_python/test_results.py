@@ -1,0 +1,133 @@
+"""Results of earlier runs in Python."""
+
+import builtins
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker import Run, results
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.reports.run_record import JobRecord
+from prefect_robomaker.schemas.wire.errors import (
+    ConfigurationError,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    StorageUnavailableError,
+)
+from prefect_robomaker.tasks.nights.run_standings import StandingRun
+from prefect_robomaker.tasks.service.service import Service
+
+
+def stored(service: Service, letters: Any, night: int = 0) -> Run:
+    record = make_night(letters, night, runs=service.settings.home / "runs")
+    store_night(record)
+    with service.activated():
+        return results(record.run_id)
+
+
+def test_a_run_is_named_by_id_folder_or_latest(service: Service) -> None:
+    stored(service, "P")
+    run = stored(service, "PF", night=1)
+    with service.activated():
+        same = [results(), results("latest"), results(run.id), results(run.folder), results(str(run.folder))]
+        with pytest.raises(ConfigurationError, match="there is no run 'nightly-1'"):
+            results("nightly-1")
+
+    assert {each.id for each in same} == {run.id}
+
+
+def test_a_run_that_lost_jobs_does_not_look_green(service: Service) -> None:
+    lost = JobRecord(label="request 3", status="NotCreated", failure_code="LimitExceeded", failure_reason="too many")
+    run = stored(service, [*make_night("PFE").jobs, lost])
+
+    assert (run.outcome, run.passed, len(run.jobs), len(run.rows)) == ("succeeded", False, 4, 4)
+    assert [row.outcome for row in run.rows] == ["passed", "failed", "broken", "broken"]
+    assert [job.outcome for job in run.jobs] == [row.outcome for row in run.rows]
+    assert "2 broke" in repr(run)
+    assert run.rows[3].job == "request 3"
+    with pytest.raises(TypeError, match=r"neither true nor false; ask whether it \.passed"):
+        bool(run)
+    with pytest.raises(ResourceNotFoundException, match="request 3 of step None never became a job: too many"):
+        run.jobs[3].open("result.json")
+
+
+def test_each_outcome_has_its_exit_code_and_meaning(service: Service) -> None:
+    assert (stored(service, "PF").exit_code, stored(service, "PF", 1).meaning) == (1, "a simulation's verdict is fail")
+    assert (stored(service, "PE", 2).exit_code, stored(service, "P", 3).exit_code) == (3, 0)
+
+
+def test_rows_are_typed_and_the_same_as_those_of_the_table(service: Service) -> None:
+    run = stored(service, [make_job(0, "F", metrics={"distance_m": 3.5, "sim_time_s": 8.0})])
+    (row,) = run.rows
+    (cells,) = run.to_arrow().to_pylist()
+
+    assert (row.metrics["distance_m"], row.sim_time_s, row.seed, row.trial) == (3.5, 8.0, 7, None)
+    assert (row.requirements[0].name, row.requirements[0].margin) == ("gentle", -4.0)
+    assert cells["metric.distance_m"] == 3.5
+    assert cells["requirement.gentle"] is False
+
+
+def test_without_pandas_one_is_told_what_to_do(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = builtins.__import__
+
+    def without_pandas(name: str, *rest: Any) -> Any:
+        if name == "pandas":
+            raise ModuleNotFoundError(name)
+        return load(name, *rest)
+
+    run = stored(service, "P")
+    monkeypatch.setattr(builtins, "__import__", without_pandas)
+    with pytest.raises(ImportError, match=r"^to_pandas\(\) needs pandas, which is not installed: `pip install pandas`"):
+        run.to_pandas()
+
+
+@pytest.fixture
+def slept(service: Service, order: Callable[..., dict[str, Any]], simulate: Callable[..., dict[str, Any]]) -> Run:
+    """A run of one job that has outputs."""
+    job = simulate(order({"SLEEP_S": "0.1"}))
+    record = make_job(0, "P").model_copy(update={"arn": job["arn"], "label": job["arn"].rpartition("/")[2]})
+    return stored(service, [record])
+
+
+def test_outputs_of_a_job_are_read_where_they_are(
+    slept: Run, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (job,) = slept.jobs
+    with job.open("result.json") as file:
+        local = file.read()
+    assert {"result.json", "provenance.json"} <= set(job.outputs)
+    assert Path(job.outputs["result.json"].removeprefix("file://")).read_bytes() == local
+    assert job.result().seed == SimulationJobDocument.of(service.catalog.get(str(job.record.arn))).seed
+    # As a store does whose objects are no files here.
+    monkeypatch.setattr(type(service.store), "local_path", lambda *_: None)
+    with job.open("result.json") as file:
+        assert (file.read(), file.seek(0), file.read()) == (local, 0, local)
+    assert list(service.folder("scratch").iterdir()) == []
+
+
+def test_an_unknown_output_says_which_there_are_and_a_silent_store_is_no_lack_of_outputs(
+    slept: Run, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (job,) = slept.jobs
+    with pytest.raises(ObjectNotFoundError, match=r"has no output 'resul\.json'; did you mean 'result\.json'\?; there"):
+        job.open("resul.json")
+    with pytest.raises(ObjectNotFoundError, match=r"has no output '\.\./manifest\.json'"):
+        job.open("../manifest.json")
+
+    def silent(*_: Any) -> bytes:
+        raise StorageUnavailableError("it does not answer")
+
+    monkeypatch.setattr(type(service.store), "get_bytes", silent)
+    with service.activated(), pytest.raises(StorageUnavailableError):
+        results().jobs[0].open("result.json")
+
+
+def test_a_job_that_was_cancelled_has_no_verdict_whatever_it_had_stored(slept: Run, service: Service) -> None:
+    (job,) = slept.jobs
+    canceled = job.record.model_copy(update={"status": "Canceled"})
+    run = Run(StandingRun("r", "r", slept.folder, "canceled", steps=[], jobs=[canceled]), service)
+
+    assert (run.jobs[0].result().verdict, run.jobs[0].verdict, run.passed) == ("NONE", None, False)
