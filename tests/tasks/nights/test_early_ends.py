@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 from helpers.cartpole_spec import poles
 from helpers.night_records import make_job, make_night, store_night
+from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.reports.against import Against, AgainstAnswer
 from prefect_robomaker.schemas.reports.run_record import Interruption, Order, StepRecord
@@ -76,18 +77,13 @@ def early(catalog: Catalog, run: OpenRun | None, told: list[Any], home: Path) ->
     return EarlyEnd(Against(run_id="old", alpha=0.05), SPEC, service, told.append, run)
 
 
-def wait_for(catalog: Catalog) -> None:
-    while not catalog.cancelled:
-        pass
-
-
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("outages", [0, 2])
 def test_the_answer_is_kept_before_jobs_are_cancelled(tmp_path: Path, outages: int) -> None:
     run, catalog, told = begun(tmp_path / "new"), Catalog(tmp_path / "new", outages), list[Any]()
     end = early(catalog, None, told, tmp_path)
     with end.watching([], STEP, run):
-        wait_for(catalog)
+        wait_for(lambda: catalog.cancelled, "jobs to be cancelled", 20)
     assert end.is_decided
     assert catalog.cancelled == ["batch"]
     assert Order.model_validate_json(catalog.kept[0]).decided == ANSWER
@@ -104,7 +100,7 @@ def test_another_process_goes_on_with_the_answer_of_the_one_that_died(tmp_path: 
     end = early(catalog, run, [], tmp_path)
     assert end.is_decided
     with end.watching([], STEP, run):
-        wait_for(catalog)
+        wait_for(lambda: catalog.cancelled, "jobs to be cancelled", 20)
     assert end.answer([STEP]).saved == 5
     run.end()
 

@@ -1,22 +1,19 @@
 """A run that is carried out beside an earlier one, as users see it: it stops when it is decided."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.cartpole_spec import PACKAGE, poles
+from helpers.cartpole_spec import PACKAGE
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.reports.comparison import Comparison
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 JOBS = 30
-
-
-def pushed(gain: str) -> str:
-    """A specification of poles of as many seeds, which fall where the robot pushes the other way."""
-    text = poles(*(f"seed: {seed}" for seed in range(JOBS)))
-    return text.replace('TIME_LIMIT_S: "0.5"', 'TIME_LIMIT_S: "3"').replace('GAIN: "1"', f'GAIN: "{gain}"')
+"""Jobs of the example in `docs/comparison.md`, with as many seeds; poles fall where the robot pushes the wrong way."""
 
 
 @pytest.mark.deep
@@ -27,11 +24,12 @@ def test_a_run_that_is_clearly_better_stops_early(
     monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
     monkeypatch.syspath_prepend(str(PACKAGE))
     spec = tmp_path / "poles.yaml"
-    spec.write_text(pushed("-1"))
-    first = RunRecord.model_validate_json(robomaker_at_server("run", spec, "-o", "json").out)
+    page = (REPOSITORY / "docs" / "comparison.md").read_text()
+    [text] = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "\nsteps:" in block]
+    spec.write_text(text)
+    first = RunRecord.model_validate_json(robomaker_at_server("run", spec, "--set", "gain=-1", "-o", "json").out)
     assert {job.verdict for job in first.jobs} == {"FAIL"}
 
-    spec.write_text(pushed("1"))
     ended = robomaker_at_server("run", spec, "--against", first.run_id)
     assert ended.code == 0, ended.err
     record = RunRecord.model_validate_json(
