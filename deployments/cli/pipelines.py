@@ -90,7 +90,7 @@ def carry_out(
         else:
             interrupted = None
         if cut is not None:
-            from .probes import delete_made
+            from ...tasks.nights.cut_runs import delete_made
 
             with Service.opened(settings) as service:
                 delete_made(record, record.started_at, service)

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..operations.registry import seed_of
 from ..operations.simulation_jobs import SimulationJobRequest
-from ..runs.sabotages import Sabotage, challenged_trials
 from ..runs.trials import trials_of
 from ..wire.common import MAX_DURATION_S
 from ..wire.errors import Place, Problem, SpecError
@@ -18,6 +17,7 @@ from ..wire.request_problems import path_text
 from .model import CheckedSpec, CheckedStep, for_each_of
 from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
 from .references import parse_template
+from .sabotages import Sabotage, challenged_trials
 from .text import ListNode, MappingNode, Node, child
 
 SABOTAGE_TAG = "sabotage"
