@@ -136,6 +136,11 @@ def test_only_steps_that_simulation_needs_run() -> None:
             {"drive": single(), "again": single(tags={"after": "${{ drive.arn }}"})},
             "steps.again.input: uses what drive gives; a challenge runs other jobs there",
         ),
+        ({"drive": batch(job(), job(launch={"command": ["./drive"]}))}, "steps.drive.input: a job launches a program"),
+        (
+            {"drive": single(launch={"packageName": "p", "launchFile": "run.py"})},
+            "a job launches a program, whose robot",
+        ),
     ],
 )
 def test_specifications_that_cannot_be_challenged_are_refused(steps: Any, said: str) -> None:
