@@ -80,8 +80,8 @@ def carry_out(
         else:
             interrupted = None
         if cut is not None:
+            from ...tasks.nights.cut_runs import delete_made
             from ...tasks.service.service import Service
-            from .probes import delete_made
 
             with Service.opened(settings) as service:
                 delete_made(record, record.started_at, service)

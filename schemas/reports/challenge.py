@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..runs.sabotages import Sabotage
+from ..runs.axis_kinds.kind import Value
 from ..wire.base import Model, optional
 
 CellResult = Literal["caught", "missed", "no effect", "not applicable", "not tried"]
@@ -35,9 +35,11 @@ class ChallengedJob(Model):
                 return f"{self.name}: the real robot {self.control} here too{reason}, so this job shows nothing"
 
 
-class SabotageResult(Sabotage):
+class SabotageResult(Model):
     """Result of one sabotage in the jobs that pass without it."""
 
+    name: str = Field(description="Name of the sabotage.")
+    axes: dict[str, Value] = Field(description="Values of axes, by kind; texts by name of the environment variable.")
     caught: int = Field(default=0, description="Jobs that did not pass with it.")
     missed: int = Field(default=0, description="Jobs that passed with it, though it changed what happened.")
     no_effect: int = Field(default=0, description="Jobs that went through the same states to the bit.")

@@ -3,22 +3,23 @@
 All jobs of a step are one batch, so that a job that cannot be sabotaged stops no other. What each job is, its tags say.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..operations.registry import seed_of
 from ..operations.simulation_jobs import SimulationJobRequest
-from ..runs.sabotages import Sabotage, challenged_trials
 from ..runs.trials import trials_of
 from ..wire.common import MAX_DURATION_S
 from ..wire.errors import Place, Problem, SpecError
+from ..wire.job_configs import LaunchConfig, is_program
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import path_text
 from .model import CheckedSpec, CheckedStep, for_each_of
 from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
 from .references import parse_template
-from .text import ListNode, MappingNode, Node, child
+from .sabotages import Sabotage, challenged_trials
+from .text import ListNode, MappingNode, Node, child, plain
 
 SABOTAGE_TAG = "sabotage"
 """Tag of a job that says its sabotage; absent: its robot is as it is."""
@@ -37,13 +38,15 @@ def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
         jobs: How many jobs are challenged, at most; of more steps than that the first ones are.
 
     Raises:
-        SpecError: It runs no simulation jobs, changes what is there already, or uses what simulation steps give.
+        SpecError: It runs no simulation jobs, or programs in them, changes what is there already, or uses what
+            simulation steps give.
     """
     check_probed(spec, "a challenge")
     simulating = [name for name in spec.order if spec.steps[name].operation in (JOB, BATCH)][:jobs]
     if not simulating:
         words = f"no step runs simulation jobs, so that there is no robot to sabotage; add one of {JOB} or {BATCH}"
         raise SpecError([Problem(Place(spec.filename, 1, 1), "steps", words)])
+    _check_factories(spec.steps[name] for name in simulating)
     kept = _with_needed(spec, simulating)
     _check_unused(spec, kept, simulating)
     steps = {name: _as_batch(step) for name, step in spec.steps.items() if name in kept}
@@ -142,6 +145,35 @@ def _check_unused(spec: CheckedSpec, kept: set[str], simulating: Sequence[str]) 
     ]
     if problems:
         raise SpecError(problems)
+
+
+def _check_factories(steps: Iterable[CheckedStep]) -> None:
+    """Refuses steps whose jobs launch programs, as far as the specification says it; else the jobs' requests are."""
+    problems = [
+        Problem(
+            step.place,
+            path_text(step.location),
+            "a job launches a program, whose robot no axis reaches; challenges need applications that are factories",
+        )
+        for step in steps
+        if any(is_program(each) for each in _launches_in(plain(step.input)))
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def _launches_in(value: object) -> Iterator[LaunchConfig]:
+    """Launch configurations anywhere in an input, with nothing but what says whether they launch a program."""
+    if is_list(value):
+        for item in value:
+            yield from _launches_in(item)
+    elif is_mapping(value):
+        for key, item in value.items():
+            if key == "launchConfig" and is_mapping(item):
+                command, file = item.get("command"), item.get("launchFile")
+                yield LaunchConfig.model_construct(command=command, launchFile=file if isinstance(file, str) else None)
+            else:
+                yield from _launches_in(item)
 
 
 def _names_in(node: Node) -> set[str]:

@@ -10,7 +10,6 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
-from ..runs.sabotages import Sabotage, parse_sabotages
 from ..wire.errors import ConfigurationError, Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
@@ -31,6 +30,7 @@ from .parameters import (
 )
 from .reference_typing import ANYTHING, Kind, Structure
 from .rooms import room_problems, world_count_problems
+from .sabotages import Sabotage, parse_sabotages
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9

@@ -24,13 +24,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..operations.registry import STEPS
-from ..runs.sabotages import Sabotage
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
 from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
+from .sabotages import Sabotage
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"

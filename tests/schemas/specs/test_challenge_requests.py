@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.simulation_job_batches import StartSimulationJobBatchRequest
-from prefect_robomaker.schemas.runs.sabotages import BUILT_IN
 from prefect_robomaker.schemas.specs.challenge_requests import ChallengeCut, challenged_spec
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.model import CheckedSpec
 from prefect_robomaker.schemas.specs.resolving import resolve_input
+from prefect_robomaker.schemas.specs.sabotages import BUILT_IN
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 ROLE = "arn:aws:iam::000000000000:role/test"
@@ -135,6 +135,11 @@ def test_only_steps_that_simulation_needs_run() -> None:
         (
             {"drive": single(), "again": single(tags={"after": "${{ drive.arn }}"})},
             "steps.again.input: uses what drive gives; a challenge runs other jobs there",
+        ),
+        ({"drive": batch(job(), job(launch={"command": ["./drive"]}))}, "steps.drive.input: a job launches a program"),
+        (
+            {"drive": single(launch={"packageName": "p", "launchFile": "run.py"})},
+            "a job launches a program, whose robot",
         ),
     ],
 )

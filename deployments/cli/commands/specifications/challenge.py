@@ -18,8 +18,8 @@ from ...inputs.options import output_file
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from .....schemas.runs.sabotages import Sabotage
     from .....schemas.specs.parameter_values import ParameterValue
+    from .....schemas.specs.sabotages import Sabotage
 
 _JOBS = 3
 _LONGEST_NAME = 90
@@ -47,8 +47,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker challenge`: runs sabotaged jobs; the exit code says whether requirements catch all sabotages."""
     from .....schemas.reports.challenge import Challenge, SabotageResult
-    from .....schemas.runs.sabotages import BUILT_IN, distinct
     from .....schemas.specs.challenge_requests import ChallengeCut, challenged_spec
+    from .....schemas.specs.sabotages import BUILT_IN, distinct
     from ...inputs.specifications import given_parameters, read_spec
     from ...pipelines import carry_out, settings_of
 
@@ -80,7 +80,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
 
 
 def _own(path: str | None) -> "list[Sabotage]":
-    from .....schemas.runs.sabotages import parse_sabotages
+    from .....schemas.specs.sabotages import parse_sabotages
     from .....schemas.specs.text import parse, plain
     from ...inputs.specifications import read_text
 

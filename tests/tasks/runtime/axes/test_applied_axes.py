@@ -12,7 +12,7 @@ import pytest
 from helpers.robot_stands import CART_MAPPING, PLANAR, PLANAR_MAPPING, write_robot
 
 from prefect_robomaker.schemas.runs.axes import AXIS_KINDS, AxisSetting, subject_of
-from prefect_robomaker.schemas.runs.axis_kinds.kind import AxisError
+from prefect_robomaker.schemas.runs.axis_kinds.kind import AxisError, why_not_applicable
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.axes.variation import Variation
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
@@ -141,8 +141,11 @@ def test_a_robot_without_a_lidar_has_no_axes_of_one(make_context: Any, tmp_path:
     plan = context.plan.model_copy(update={"robot_application": write_robot(tmp_path / "blind", blind)})
     environment = make_environment(replace(context, plan=plan))
     for kind in (name for name in NEUTRAL_AND_OTHER if name.startswith("lidar")):
-        with pytest.raises(AxisError, match=f"trials.axes.eye: {kind} cannot be applied: .*has no lidar"):
+        with pytest.raises(AxisError) as raised:
             Variation({"eye": kind}).applied(environment, {})
+        assert str(raised.value) == f"trials.axes.eye: {kind} cannot be applied: the robot has no lidar"
+        assert why_not_applicable(str(raised.value)) == "the robot has no lidar"
+    assert why_not_applicable("trials.axes: eye (lidar_dropout) cannot be applied: its model is another one") == ""
 
 
 def test_errors_of_the_lidar_are_as_large_as_they_say(make_robot: MakeRobot) -> None:

@@ -10,8 +10,8 @@ import pytest
 from helpers.cartpole_spec import PACKAGE, poles
 from helpers.paths import REPOSITORY
 
-from prefect_robomaker.schemas.runs import sabotages
-from prefect_robomaker.schemas.runs.sabotages import BUILT_IN, parse_sabotages
+from prefect_robomaker.schemas.specs import sabotages
+from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, parse_sabotages
 from prefect_robomaker.schemas.specs.text import parse, plain
 
 Command = Callable[..., Any]

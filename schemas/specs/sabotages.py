@@ -6,13 +6,13 @@ from typing import Any
 
 from pydantic import Field
 
+from ..runs.axes import AXIS_KINDS, MAX_AXES, TrialAxes, subject_of
+from ..runs.axis_kinds.kind import Value
+from ..runs.trials import Trials
 from ..wire.base import Model
 from ..wire.errors import ConfigurationError, InvalidParameterException
 from ..wire.json_values import is_mapping
 from ..wire.request_problems import nearest, parsed_member
-from .axes import AXIS_KINDS, MAX_AXES, TrialAxes, subject_of
-from .axis_kinds.kind import Value
-from .trials import Trials
 
 MAX_SABOTAGES = 50
 """Largest number of sabotages of a file: each is run with every job."""
@@ -143,5 +143,5 @@ def challenged_trials(trials: Trials | None, seed: int, sabotage: Sabotage | Non
 
 
 def _subject(name: str, kind: str) -> str:
-    """What an axis changes; of variables each changes something else."""
+    """Words for what an axis changes; each variable changes something else."""
     return subject_of(kind) if AXIS_KINDS[kind].is_number else name

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.axes import subject_of
-from prefect_robomaker.schemas.runs.sabotages import BUILT_IN, Sabotage, challenged_trials, parse_sabotages
 from prefect_robomaker.schemas.runs.trials import Trials
+from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, Sabotage, challenged_trials, parse_sabotages
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 
