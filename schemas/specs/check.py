@@ -217,7 +217,7 @@ class _Check:
     def _sabotages(self) -> tuple[Sabotage, ...]:
         """The specification's own sabotages; what is no mapping, the document's check has told."""
         found = self._root.entries.get("sabotages")
-        if not isinstance(found, MappingNode) or not found.entries or self._problems:
+        if not isinstance(found, MappingNode) or not found.entries:
             return ()
         try:
             return tuple(parse_sabotages(plain(found), "sabotages"))
