@@ -35,7 +35,10 @@ def test_own_sabotages_are_names_with_values() -> None:
         ({"a": {"motor_gan": 1}}, "own.yaml: a: there is no axis 'motor_gan'; did you mean 'motor_gain'"),
         ({"a": {"floor.friction": 1}}, "there is no axis 'floor.friction'; did you mean 'robot_friction'"),
         ({"a": {"speed": 1}}, "no axis 'speed'; there are command_gain, .* and environment variables"),
-        ({"a": {"motor_gain": 100}}, "a.motor_gain: 100 is not possible; motor_gain is a factor from 0.1 to 10"),
+        (
+            {"a": {"motor_gain": 100}},
+            r"a.motor_gain.values\[0\]: 100 is not possible; motor_gain is a factor from 0.1 to 10",
+        ),
         ({"a": {"GAIN": 1}}, r"a.GAIN.values\[0\]: is 1; it has to be text"),
         ({"a": {"ROBOMAKER_SEED": "1"}}, "a: ROBOMAKER_SEED cannot differ from trial to trial"),
         ({"a": 3}, "own.yaml: a: is 3; values of 1 to 20 axes"),
