@@ -2,6 +2,7 @@
 
 # ruff: noqa: E501 - a table with one case in a line reads best
 
+import json
 from collections.abc import Iterable
 from functools import cache
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.text import parse, plain
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 GOOD = """\
@@ -322,3 +324,45 @@ steps:
         "steps.nothing",
         "steps.unknown.operation",
     ]
+
+
+def replaced(value: object, number: int, junk: object) -> tuple[object, int]:
+    """Plain data with junk in the place of the value of a number, counted through; and the numbers that are left."""
+    if number == 0:
+        return junk, -1
+    number -= 1
+    if isinstance(value, dict):
+        changed: dict[object, object] = {}
+        for key, each in value.items():
+            changed[key], number = (each, number) if number < 0 else replaced(each, number, junk)
+        return changed, number
+    if isinstance(value, list):
+        items: list[object] = []
+        for each in value:
+            item, number = (each, number) if number < 0 else replaced(each, number, junk)
+            items.append(item)
+        return items, number
+    return value, number
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.sampled_from(
+        [0, -1, 10**30, 1.5, "", "x", "${{ worlds.arn }}", "${{ parameters.arm }}", "${{ nowhere }}", "${{"]
+    ),
+    st.sampled_from([[], {}, [[]], [None], {"forEach": "x"}, {"forEach": [1], "value": {}}, {"kind": "goal"}, {"": 1}]),
+)
+
+
+@examples(300)
+@given(st.lists(st.tuples(st.integers(0, 250), JUNK), min_size=1, max_size=4))
+def test_whatever_stands_somewhere_is_told_and_breaks_nothing(changes: list[tuple[int, object]]) -> None:
+    document: object = plain(parse(GOOD, "s.yaml"))
+    for number, junk in changes:
+        document, _ = replaced(document, number, junk)
+
+    found = told(json.dumps(document))
+
+    assert len(found) == len(set(found))
+    assert not any("placeholder" in line for line in found), "nothing that was put in to look further is told"
