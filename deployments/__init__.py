@@ -1,1 +1,1 @@
-"""How the flows are reached: command line, specifications, Prefect deployments."""
+"""Ways to reach the flows: command line, specifications, Prefect deployments."""

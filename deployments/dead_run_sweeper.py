@@ -165,7 +165,7 @@ _LIMITS_S = 60.0
 _RETRY_S = 1.0
 
 _CLOCKS_S = 10.0
-"""How far the clock of a server's machine may be behind this one's, so that no end of a run is missed."""
+"""Time that the clock of a server's machine may be behind this one's, so that no end of a run is missed."""
 
 
 def close_dead_runs(settings: Settings) -> None:

@@ -1,4 +1,4 @@
-"""How lines of logs look: text for people, or JSON for what collects logs."""
+"""Formats of log lines: text for people, or JSON for what collects logs."""
 
 import logging
 from collections.abc import Mapping

@@ -43,7 +43,7 @@ from .prefect_server.local_server import is_own_server
 
 _FLOW = "RunPipeline"
 _FIRST_LOOK = timedelta(days=7)
-"""How far back nights of a deployment are judged that no run of it has begun yet: what `doctor` and messages show."""
+"""Time back in which nights of a deployment without runs are judged: what `doctor` and messages show."""
 
 _PAGE = 200
 """The most that Prefect gives at once: of a night each day it is more than half a year."""

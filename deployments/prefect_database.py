@@ -23,7 +23,7 @@ _ELSEWHERE = {"PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CO
 _INCREMENTAL = 2
 _logger = logging.getLogger(__name__)
 _STEP_PAGES = 500
-"""How many pages are given back at once; the server waits for the lock meanwhile, some milliseconds."""
+"""Number of pages that are given back at once; the server waits for the lock meanwhile, some milliseconds."""
 _PATIENCE_S = 30.0
 WORTH_BYTES = 1_000_000
 """Less than this is left free: the next run needs it."""

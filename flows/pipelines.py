@@ -7,7 +7,7 @@ for a caller in this process who watches.
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from contextvars import ContextVar
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +19,8 @@ from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
 
+from ..schemas.reports.against import Against
+from ..schemas.reports.challenge import Challenge
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
@@ -51,6 +53,7 @@ from ..tasks.inspection.pipeline_parts import (
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.run_records import commit_of
 from ..tasks.jobs.job_owners import OwnOrder
+from ..tasks.nights.early_ends import EarlyEnd
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
@@ -76,8 +79,10 @@ def run_spec(
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
     cut: Cut | None = None,
+    against: Against | None = None,
     open_run: OpenRun | None = None,
     permit: Permit | None = None,
+    challenge: Challenge | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
@@ -89,9 +94,11 @@ def run_spec(
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
+        against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge, whose jobs `cut` makes; `None`: it is none.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -102,8 +109,8 @@ def run_spec(
     service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(
-        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, open_run=open_run,
-        permit=permit,
+        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, against=against,
+        open_run=open_run, permit=permit, challenge=challenge,
     )  # fmt: skip
     check_preconditions(checked, run.service)
     if not (reuse or rerun_of or cut or run.interruptions):
@@ -191,9 +198,11 @@ class PipelineRun:
         command: the command that runs it again; absent: `robomaker run` with the file.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
+        against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
         open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
+        challenge: the sabotages of a challenge; `None`: it is none.
     """
 
     def __init__(
@@ -207,8 +216,10 @@ class PipelineRun:
         reuse: bool = False,
         rerun_of: RerunOf | None = None,
         cut: Cut | None = None,
+        against: Against | None = None,
         open_run: OpenRun | None = None,
         permit: Permit | None = None,
+        challenge: Challenge | None = None,
     ) -> None:
         self._checked = checked
         self._cut = cut
@@ -229,7 +240,10 @@ class PipelineRun:
             rerun_of=rerun_of,
             is_probe=cut is not None,
             folder=service.folder("runs", self.run_id),
+            against=against,
+            challenge=challenge,
         )
+        self._early = EarlyEnd(against, checked, service, listener, open_run) if against is not None else None
         self._answers = KeptAnswers(self._facts.folder, permit or permit_all)
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
@@ -281,7 +295,7 @@ class PipelineRun:
         try:
             for name in self._checked.order:
                 # Of a run that is cancelled what another process had begun is ended, and told.
-                if failed or (self._is_canceled and not self._answers.has(name)):
+                if failed or (self._ends and not self._answers.has(name)):
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
@@ -295,6 +309,11 @@ class PipelineRun:
             if self._open is not None:
                 self._open.end()
         return self._record
+
+    @property
+    def _ends(self) -> bool:
+        """Whether no other step begins: the run is cancelled, or has decided what it was to decide."""
+        return self._is_canceled or (self._early is not None and self._early.is_decided)
 
     @property
     def interruptions(self) -> Sequence[Interruption]:
@@ -387,7 +406,7 @@ class PipelineRun:
         ended = [self._run_part(name, parts[0], watch)]
         for part in parts[1:]:
             earlier = earlier.followed_by(ended[-1].output, progress.counts, progress.trials)
-            if ended[-1].status in BAD_ENDS or self._is_canceled:
+            if ended[-1].status in BAD_ENDS or self._ends:
                 skipped = StepRecord(name=part.name(name), operation=ended[-1].operation, status="Skipped")
                 self._steps.append(skipped)
             else:
@@ -443,7 +462,9 @@ class PipelineRun:
         """Calls a step's operation for a part of its request; jobs are performed to their end."""
         step = self._checked.steps[name]
         entry = step_registry()[step.operation]
-        service = self._service.ordered_by(self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1)
+        service = self._service.ordered_by(
+            self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1, mixed=self._early is not None
+        )
         request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
         if entry.run_job is None:
             answer = lambda: existing_application(step, request, service) or entry.answer(request, service)  # noqa: E731
@@ -456,7 +477,9 @@ class PipelineRun:
             self._outputs[name] = output
             if self._is_canceled:  # while the job was made
                 self.cancel()
-            with self._service.watched_by(watch, lambda text: self._listener(Note(text))).activated():
+            begun = StepRecord(name=part.name(name), operation=step.operation, status="Pending", arn=output["arn"])
+            watched = self._early.watching(self._steps, begun, self._open) if self._early else nullcontext()
+            with watched, self._service.watched_by(watch, lambda text: self._listener(Note(text))).activated():
                 answer, _ = perform(step.operation, output["arn"])
                 return answer
 
@@ -468,19 +491,22 @@ class PipelineRun:
 
     def _skipped(self, name: str) -> StepRecord:
         operation = self._checked.steps[name].operation
-        why = "the run was cancelled" if self._is_canceled else "an earlier step failed"
+        decided = "it was decided before" if self._ends else "an earlier step failed"
+        why = "the run was cancelled" if self._is_canceled else decided
         self._listener(StepEnded(name, "Skipped", 0.0, why))
         return StepRecord(name=name, operation=operation, status="Skipped")
 
     def _finish(self) -> RunRecord:
         """Writes the report and the record, whatever happened; nothing, if this process is ending as an orphan."""
         wait_if_ending()
+        early = self._early
         return finish_run(
             self._facts,
             self._steps,
             self._service,
             self._listener,
             is_canceled=self._is_canceled,
+            against=self._outlasting(lambda: early.answer(self._steps)) if early is not None else None,
             interruptions=self.interruptions,
             flow_run=flow_run.id,
             outlasting=self._outlasting,

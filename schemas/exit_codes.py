@@ -1,17 +1,18 @@
-"""Exit codes of the command line, all in one place; `robomaker --help` and the README list them.
+"""Exit codes of the command line, all in one place; `robomaker --help` and `docs/commands.md` list them.
 
 Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs in `schemas.reports.run_record`, by
-answers of `compare` in `schemas.reports.comparison`, and by those of `verify` in `schemas.runs.verification`.
+answers of `compare` and `run --against` in `schemas.reports.against`, and by those of `verify` in
+`schemas.runs.verification`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
 OK = 0
-"""All well; of `verify`: bit-identical; of `compare`: better."""
+"""All well; of `verify`: bit-identical; of `compare` and `run --against`: better."""
 
 VERDICT_FAILED = 1
-"""A simulation's verdict is FAIL; of `verify`: the runs differ; of `compare`: worse."""
+"""A simulation's verdict is FAIL; of `verify`: the runs differ; of `compare` and `run --against`: worse."""
 
 BAD_USAGE = 2
 """Wrong words, a bad specification or bad settings: nothing was run."""
@@ -23,10 +24,10 @@ CANCELED = 4
 TIMED_OUT = 5
 
 NO_DIFFERENCE = 6
-"""Result of `compare`: no difference is shown."""
+"""Result of `compare` and `run --against`: no difference is shown."""
 
 NOT_COMPARABLE = 7
-"""Result of `compare`: the runs cannot be compared."""
+"""Result of `compare` and `run --against`: the runs cannot be compared."""
 
 INTERRUPTED = 130
 """Ctrl-C; of SIGTERM and SIGHUP it is 128 and the signal's number, as the process ends by the signal itself."""

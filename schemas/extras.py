@@ -1,4 +1,4 @@
-"""How what is not installed by default is installed."""
+"""Commands that install optional packages."""
 
 from pathlib import Path
 

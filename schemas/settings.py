@@ -1,43 +1,6 @@
 """Settings of this program, read from environment variables: storage, identity and limits.
 
-| variable | meaning | default |
-| --- | --- | --- |
-| `ROBOMAKER_HOME` | folder for everything this program keeps | the platform's data folder |
-| `ROBOMAKER_CATALOG_URL` | SQLAlchemy URL of the catalog | SQLite under the home |
-| `ROBOMAKER_OBJECT_STORE` | folder, or URL of an S3 endpoint (`https://…`), or `aws` | `objects` under the home |
-| `ROBOMAKER_REGION`, `ROBOMAKER_ACCOUNT` | what ARNs say | `us-east-1`, `000000000000` |
-| `ROBOMAKER_BUCKET` | bucket for worlds, and for outputs that name none | `robomaker` |
-| `ROBOMAKER_BACKEND` | where jobs of batches run: `by-hand`, `workers:POOL`, `dask:ADDRESS`, `ray:ADDRESS` | `local` |
-| `ROBOMAKER_MAX_JOBS` | simulation jobs at once on this machine, whatever batches ask for | number of CPUs |
-| `ROBOMAKER_JOB_MEMORY_MB` | memory that has to be available for a job to begin beside others, in MB; `0`: any | 300 |
-| `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
-| `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
-| `ROBOMAKER_FAILURE_VIDEO_LIMIT_S` | seconds that drawing a failed run may take; its last 10 s come first | 300 |
-| `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
-| `ROBOMAKER_MAX_OUTPUT_GB` | what is stored of the outputs of a run, in GB; holes count | `ROBOMAKER_MAX_JOB_DISK_GB` |
-| `ROBOMAKER_MAX_OUTPUT_FILES` | how many files are stored of the outputs of a run | 100000 |
-| `ROBOMAKER_MAX_ROS_TOPICS_GB` | what is recorded of the topics of a job's ROS 2 nodes, in GB | 4 |
-| `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
-| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
-| `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
-| `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
-| `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
-| `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
-| `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
-| `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
-| `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
-| `ROBOMAKER_JOBS_CREATE_JOBS` | `1`: a job may create jobs with its own role and applications | `0` |
-| `ROBOMAKER_JOBS_CALL_AWS` | `1`: SDKs in jobs without keys of their own call AWS, too | `0`: they are refused here |
-| `ROBOMAKER_TRUSTED_PROXIES` | addresses of proxies before `robomaker serve`, with commas between | none |
-| `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
-| `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
-| `ROBOMAKER_FINISH_WITHIN_HOURS` | hours in which a run whose process died is finished by another; `0`: none | 24 |
-| `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
-| `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
-| `ROBOMAKER_PING_URL` | address that is called when a run begins and ends, for services that miss calls | none |
-| `ROBOMAKER_CONSOLE_URL` | address of the console in messages, as other machines reach it | that of `robomaker serve` |
-| `ROBOMAKER_LOG_FORMAT` | `json`: logs of `robomaker serve` and of job workers are lines of JSON | `text` |
-| `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
+`docs/settings.md` is made from the descriptions of the fields.
 """
 
 import os
@@ -78,8 +41,13 @@ class Settings(Model):
     """All settings of the program (data home, storage, limits, ...), read from environment variables."""
 
     home: Path = Field(description="Folder for everything this program keeps.")
-    catalog_url: str = Field(description="SQLAlchemy URL of the catalog.")
-    object_store: str = Field(description="A folder, the URL of an S3 endpoint, or `aws`.")
+    catalog_url: str = Field(
+        description="SQLAlchemy URL of the catalog: SQLite, or `postgresql+psycopg://…` with the extra `postgresql`."
+    )
+    object_store: str = Field(
+        description="A folder in which buckets are folders, the `http://` or `https://` address of an S3 endpoint, or "
+        "`aws`."
+    )
     region: str = Field(default="us-east-1", pattern=r"^[a-z0-9-]+$", description="Region in ARNs and for S3.")
     account: str = Field(default="000000000000", pattern=r"^[0-9]{12}$", description="Account in ARNs.")
     bucket: str = Field(
@@ -112,7 +80,7 @@ class Settings(Model):
     failure_video_limit_s: int = Field(
         default=300,
         ge=1,
-        description="How long the videos of a failed run may take, in seconds; that of its last 10 s comes first.",
+        description="Time limit for drawing the videos of a failed run, in seconds; that of its last 10 s comes first.",
     )
     max_job_disk_gb: int = Field(
         default=DISK_BYTES // 10**9,
@@ -131,7 +99,7 @@ class Settings(Model):
         default=100_000,
         ge=1,
         le=1_000_000,
-        description="How many files are stored of the outputs of a simulation job's run.",
+        description="Limit on the number of stored files of a simulation job's run.",
     )
     max_ros_topics_gb: int = Field(
         # A raw camera of 640 x 480 at 30 Hz for two and a half minutes.
@@ -141,60 +109,69 @@ class Settings(Model):
     )
     sandbox: SandboxMode = Field(
         default="auto",
-        description="Confinement of simulation jobs: what this machine can, at least something, or nothing.",
+        description="Confinement of simulation jobs: as much as this machine can; as much, but none runs unconfined; "
+        "or none.",
     )
     sandbox_network: BoxNetwork = Field(
         default="full",
         description="Network of confined jobs: all of it, the service on this machine, or only their own processes.",
     )
     sandbox_show: tuple[Path, ...] = Field(
-        default=(), description="Folders that confined jobs may read besides their own, absolute paths."
+        default=(),
+        description="Folders that confined jobs may read besides their own: absolute paths with `:` between.",
     )
-    max_worlds_per_job: int = Field(default=50, ge=1, description="Worlds that one generation job may make.")
+    max_worlds_per_job: int = Field(
+        default=50, ge=1, description="Worlds that one generation job may make; one that asks for more fails."
+    )
     store_patience_min: int = Field(
         default=DEFAULT_STORE_PATIENCE_MIN,
         ge=1,
-        description="How long a job waits for an object store that does not answer, in minutes.",
+        description="Time that a job waits for an object store that does not answer, in minutes.",
     )
     refuse_deprecated: bool = Field(
         default=False,
-        description="Whether requests are refused that the service refused in its last years, and world templates that "
-        "it never took.",
+        description="Refuse requests that the service refused in its last years, and world templates that it never "
+        "took.",
     )
     verdict_fails_run: bool = Field(
-        default=True, description="Whether a flow run ends as failed in Prefect when a simulation's verdict is FAIL."
+        default=True, description="End a flow run as `Failed` in Prefect when a simulation's verdict is FAIL."
     )
     jobs_create_jobs: bool = Field(
         default=False,
-        description="Whether a simulation job's code may create jobs, with the role and the applications of its own.",
+        description="Let a simulation job's code create jobs, with the role and the applications of its own.",
     )
     jobs_call_aws: bool = Field(
         default=False,
-        description="Whether SDKs in jobs without keys of their own call services of AWS that are not served here.",
+        description="Let SDKs in jobs without keys of their own call services of AWS that are not served here.",
     )
     access_keys_file: Path | None = optional(
-        "File of the access keys that clients of the endpoint have to sign with; None: no signatures."
+        "File of the access keys that clients of the endpoint have to sign with; none: no signatures."
     )
     trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
         default=(),
-        description="Proxies before the endpoint: what they say of who calls, and whether by HTTPS, is taken for true.",
+        description="Addresses and networks of proxies before the endpoint, with commas between: what they say of "
+        "who calls, and whether by HTTPS, is taken for true.",
     )
     roles_file: Path | None = optional(
-        "File of the roles that `iamRole` names; None: jobs act with the credentials of their job worker."
+        "File of the roles that `iamRole` names; none: jobs act with the credentials of their job worker."
     )
     max_late_hours: int = Field(
-        default=6, ge=1, description="How late a scheduled run may begin; a later one is skipped."
+        default=6, ge=1, description="Hours that a scheduled run may begin late; a later one is skipped."
     )
     finish_within_hours: int = Field(
         default=24,  # it is finished before the next night is over; one of last week says nothing any more
         ge=0,
-        description="How long after its process died a run is finished by another process, in hours; 0: not at all.",
+        description="Hours in which a run whose process died is finished by another process; 0: it is not.",
     )
     notify: tuple[str, ...] = Field(
-        default=(), repr=False, description="Addresses of apprise that are told how runs ended; they may hold secrets."
+        default=(),
+        repr=False,
+        description="Addresses of apprise that are told how runs ended, with spaces between; they may hold secrets.",
     )
     notify_when: frozenset[NotifyWhen] = Field(
-        default=frozenset({"failure", "recovery"}), description="Runs that these addresses are told of."
+        default=frozenset({"failure", "recovery"}),
+        description="Runs that these addresses are told of: some of `failure`, `recovery`, `change`, `always`, "
+        "with commas between.",
     )
 
     ping_url: str | None = Field(
@@ -202,14 +179,14 @@ class Settings(Model):
         repr=False,
         pattern=r"^https?://[^/\s]+(/\S*)?$",
         description="Address that is called when a run begins and ends, `{name}` in it being the specification's; it "
-        "may hold secrets. None: nothing is called.",
+        "may hold secrets.",
     )
 
     console_url: str | None = Field(
         default=None,
         pattern=r"^https?://[^/\s?#@]+(/[^\s?#]*[^\s?#/])?$",
         description="Address of the console under which other machines reach it, such as "
-        "https://robots.example/console; messages and reports link to its pages. None: that of `robomaker serve`.",
+        "https://robots.example/console; messages and reports link to its pages; none: that of `robomaker serve`.",
     )
 
     of_wings: Mapping[str, Model] = Field(default={}, description="Settings of wings, by the wing's name.")

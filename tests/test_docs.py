@@ -9,10 +9,13 @@ import subprocess
 import sys
 from fnmatch import fnmatch
 from functools import cache
+from importlib import resources
 from pathlib import Path
 
 import boto3
+import jsonschema
 import pytest
+import yaml
 from botocore import xform_name
 from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
@@ -21,6 +24,7 @@ from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.cli.inputs.specifications import operation_name, read_request
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
@@ -56,8 +60,22 @@ def test_the_first_two_shell_blocks_set_up_and_run_and_set_up_and_test() -> None
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_specifications_in_the_documentation_are_right(page: Path) -> None:
     for text in blocks(page, "yaml"):
-        if "steps:" in text:
+        if re.search("^steps:", text, re.MULTILINE):
             assert load_spec(text, page.name).order
+
+
+@pytest.mark.parametrize("schema", ["github-workflows", "gitlab-ci"])
+def test_recipes_for_ci_are_right(schema: str) -> None:
+    page = DOCS / "ci.md"
+    recipe = next(text for text in blocks(page, "yaml") if ("jobs:" in text) == (schema == "github-workflows"))
+    published = resources.files("check_jsonschema") / "builtin_schemas" / "vendor" / f"{schema}.json"
+
+    # YAML 1.1 takes `on` for true.
+    jsonschema.Draft7Validator(json.loads(published.read_text())).validate(
+        yaml.safe_load(recipe.replace("\non:", '\n"on":'))
+    )
+    for command in re.findall(r"\b(robomaker (?:run|report) .*?)(?: &&|$)", recipe, re.MULTILINE):
+        build_parser().parse_args(shlex.split(command)[1:])
 
 
 @pytest.mark.parametrize(
@@ -204,11 +222,25 @@ def ends_of_files() -> set[str]:
     return {"/".join(names[start:]) for names in parts for start in range(len(names))}
 
 
-def test_the_readme_lists_the_commands_there_are() -> None:
-    listed = set(re.findall(r"^\| `robomaker ([a-z-]+)", (REPOSITORY / "README.md").read_text(), re.MULTILINE))
+def test_the_page_of_commands_lists_the_commands_there_are() -> None:
+    listed = set(re.findall(r"^\| \[`robomaker ([a-z-]+)", (DOCS / "commands.md").read_text(), re.MULTILINE))
     help_text = build_parser().format_help()
 
     assert listed == set(re.findall(r"^    ([a-z-]+) {2,}", help_text, re.MULTILINE))
+
+
+def test_the_page_of_settings_lists_the_variables_there_are() -> None:
+    listed = re.findall(r"^\| `ROBOMAKER_([A-Z_]+)`", (DOCS / "settings.md").read_text(), re.MULTILINE)
+    read_as_fields = {name for name in Settings.model_fields if name != "of_wings"}
+
+    assert len(set(listed)) == len(listed)
+    assert read_as_fields < {name.lower() for name in listed}
+
+
+def test_the_readme_is_short() -> None:
+    words = re.sub(r"^```.*?^```$", "", (REPOSITORY / "README.md").read_text(), flags=re.MULTILINE | re.DOTALL).split()
+
+    assert len(words) <= 700
 
 
 def test_the_map_of_the_documentation_names_every_page() -> None:

@@ -37,7 +37,8 @@ def test_texts_use_plain_words() -> None:
 
 
 FRAGMENT = re.compile(
-    r'(?:^\s*"""|description="|optional\(\s*")(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*',
+    r'(?:^\s*"""|description="|optional\(\s*")(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*'
+    r'|^\s*"""(?:How|Why|When|Until|Since)\b.*',
     re.MULTILINE,
 )
 """First lines of docstrings, and descriptions, that say nothing without the name above them."""

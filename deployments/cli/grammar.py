@@ -116,13 +116,13 @@ exit codes:
   3    something broke: a crash, the object store, a world that cannot be generated
   4    canceled
   5    timed out
-  6    compare: no difference shown
-  7    compare: not comparable
+  6    compare, run --against: no difference shown
+  7    compare, run --against: not comparable
   130  interrupted with Ctrl-C
 
 The answer goes to standard output, everything else to standard error. NO_COLOR switches colors
 off, CI=true animation. Settings are environment variables: ROBOMAKER_HOME, ROBOMAKER_OBJECT_STORE,
-ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and more (see the README).
+ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and more (see docs/settings.md).
 
 first steps:
   robomaker doctor                                     what works on this machine

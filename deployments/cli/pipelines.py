@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...schemas.reports.against import Against
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
@@ -18,6 +20,7 @@ from .output.answers import open_file, wanted
 from .signals import interrupted_by_signals
 
 if TYPE_CHECKING:
+    from ...tasks.inspection.pipeline_parts import Cut
     from ...tasks.nights.open_runs import OpenRun
 
 
@@ -31,7 +34,10 @@ def carry_out(
     spec_path: str,
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
+    against: Against | None = None,
     open_run: "OpenRun | None" = None,
+    cut: "Cut | None" = None,
+    challenge: Challenge | None = None,
 ) -> int:
     """Runs a specification, shows its progress, prints the results, and returns the exit code.
 
@@ -44,7 +50,10 @@ def carry_out(
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
         rerun_of: the run that it repeats; `None`: it is no rerun.
+        against: the earlier run beside which it is carried out; `None`: none.
         open_run: the run, where another process began it.
+        cut: makes other requests, for a challenge, and has what only those needed deleted; `None`: it runs them whole.
+        challenge: the sabotages of a challenge; `None`: it is none.
 
     Returns:
         The exit code, which says how the run ended.
@@ -54,7 +63,7 @@ def carry_out(
 
     # A server that somebody else keeps is asked first: without it nothing is made here, not even the home.
     api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
-    check_before_start(spec, settings, checks_templates=not (reuse or rerun_of or open_run))
+    check_before_start(spec, settings, checks_templates=not (reuse or rerun_of or open_run), against=against)
     api_url = api_url or use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
@@ -64,12 +73,18 @@ def carry_out(
         try:
             record = run_beside_others(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-                open_run=open_run,
+                against=against, open_run=open_run, cut=cut, challenge=challenge,
             )  # fmt: skip
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record
         else:
             interrupted = None
+        if cut is not None:
+            from ...tasks.nights.cut_runs import delete_made
+            from ...tasks.service.service import Service
+
+            with Service.opened(settings) as service:
+                delete_made(record, record.started_at, service)
         tell_after_outage(outage, settings)
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
@@ -82,13 +97,16 @@ def carry_out(
     return record.exit_code
 
 
-def check_before_start(spec: CheckedSpec, settings: Settings, *, checks_templates: bool) -> None:
+def check_before_start(
+    spec: CheckedSpec, settings: Settings, *, checks_templates: bool, against: Against | None = None
+) -> None:
     """Refuses what cannot run before a server is started and Prefect is imported.
 
     Args:
         spec: the specification.
         settings: settings of the run.
         checks_templates: whether the templates that it names are looked at, too.
+        against: the earlier run beside which it is carried out; `None`: none.
 
     Raises:
         RobomakerError: what is wrong.
@@ -98,6 +116,10 @@ def check_before_start(spec: CheckedSpec, settings: Settings, *, checks_template
 
     with Service.opened(settings) as service:
         check_named(spec, service)
+        if against is not None:
+            from ...tasks.inspection.runs_beside import earlier_run
+
+            earlier_run(against, settings.home / "runs", spec)
         if checks_templates:
             check_templates(spec, service)
 
@@ -111,7 +133,10 @@ def run_beside_others(
     command: Sequence[str],
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
+    against: Against | None = None,
     open_run: "OpenRun | None" = None,
+    cut: "Cut | None" = None,
+    challenge: Challenge | None = None,
 ) -> RunRecord:
     """Runs a specification, and meanwhile sees to runs whose processes died; see `run_spec`."""
     from ...flows.pipelines import run_spec
@@ -125,7 +150,7 @@ def run_beside_others(
     TakingUp(settings, tell=tell_of_left, look_for_missed=look_for_missed).start()
     return run_spec(
         spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-        open_run=open_run,
+        against=against, open_run=open_run, cut=cut, challenge=challenge,
     )  # fmt: skip
 
 

@@ -4,9 +4,7 @@ import math
 import os
 import resource
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 
 from ...flows.pipelines import run_spec
 from ...schemas.reports.forecast import Forecast, Places
@@ -16,11 +14,11 @@ from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.parameter_values import set_options
 from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
-from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
+from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
 from ...tasks.inspection.pipeline_parts import RunInterrupted
 from ...tasks.inspection.probes import measured, probed_jobs, whole_steps
-from ...tasks.operations.registry import call
+from ...tasks.nights.cut_runs import delete_made
 from ...tasks.service.service import Service
 
 
@@ -53,11 +51,6 @@ class Machines:
 
 
 _LONGEST_NAME = 94
-_DELETED_AFTERWARDS = {
-    "CreateRobotApplication": ("DeleteRobotApplication", "application"),
-    "CreateSimulationApplication": ("DeleteSimulationApplication", "application"),
-    "CreateWorldTemplate": ("DeleteWorldTemplate", "template"),
-}
 
 
 class ProbeFailedError(RobomakerError):
@@ -134,24 +127,6 @@ def run_pass(
     if record.state not in ("succeeded", "failed"):  # a job whose verdict is FAIL took as long as any
         raise ProbeFailedError(record)
     return record
-
-
-def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
-    """Deletes the applications and templates that a probe run has created.
-
-    Args:
-        record: the run.
-        since: time before which resources were not created by the pass.
-        service: the service, with its catalog and object store.
-    """
-    for step in reversed(record.steps):
-        arn = step.arn or step.output.get("arn")
-        if arn is None or step.operation not in _DELETED_AFTERWARDS:
-            continue
-        delete, member = _DELETED_AFTERWARDS[step.operation]
-        with suppress(ResourceNotFoundException):
-            if service.catalog.get(arn).created_at >= since:
-                call(delete, {member: arn}, service)
 
 
 AGAIN_BELOW_S = 30.0

@@ -29,11 +29,11 @@ _PAGE_LENGTH = 20
 """Batches hold all their requests, and each costs milliseconds to read."""
 
 _MOST_SHOWN = 24
-"""How many failures a batch's page shows with their reasons."""
+"""Number of failures that a batch's page shows with their reasons."""
 
 _MOST_POSTERS = 12
 _LOOKED_AT = 200
-"""How many of the newest batches are looked at for those of a run."""
+"""Number of the newest batches that are looked at for those of a run."""
 
 _EVERY_S = 1.0
 _BROKEN = Look("broken", "not created")
@@ -48,7 +48,7 @@ class BatchLine:
     look: Look
     total: int
     done: int
-    """How many of its jobs have ended."""
+    """Number of its jobs that have ended."""
     spec_run: str
     created_at: datetime
     updated_at: datetime
@@ -89,7 +89,7 @@ class BatchView:
     tiles: Sequence[Tile]
     rate: Share | None
     left_s: float | None
-    """How long it will take at the pace so far; `None`: it has ended, or no job has."""
+    """Remaining time at the pace so far; `None`: it has ended, or no job has."""
     spec_run: str
     concurrency: int
     reason: str

@@ -248,7 +248,7 @@ class Console:
             await answer(scope, receive, _guarded(send, seen))
 
     def _why_not(self, scope: Scope) -> str | None:
-        """Why a request gets no page: a simulation job's code sent it, or may have."""
+        """Reason why a request gets no page: a simulation job's code sent it, or may have."""
         if (callers := self._endpoint.job_callers) is None:
             return None
         try:

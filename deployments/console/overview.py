@@ -28,7 +28,7 @@ _MOST_RUNNING = 12
 """Limit on the unfinished resources that are shown of each kind."""
 
 _LOOKED_AT = 200
-"""How many of the newest jobs are looked at for failures."""
+"""Number of the newest jobs that are looked at for failures."""
 
 _MOST_FAILURES = 8
 _EVERY_S = 2.0

@@ -24,7 +24,7 @@ from .visit import Visit
 _MOST_LATEST = 5
 _MOST_SHOWN = 40
 _MOST_LOOKED_AT = 200
-"""How many of the newest runs are looked at for those that a visitor may see."""
+"""Number of the newest runs that are looked at for those that a visitor may see."""
 
 _FILE_LINK = re.compile(r'href="(file://[^"]*)"')
 _OPEN_PAGE = {"content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}

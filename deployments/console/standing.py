@@ -1,4 +1,4 @@
-"""How simulation jobs stand, in the words, colours and symbols of reports; and of those that have not ended, too."""
+"""States of simulation jobs in the words, colours and symbols of reports, also of those that have not ended."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -53,7 +53,7 @@ class JobLine:
     outputs: StoredPlace | None
     tags: dict[str, str]
     parts_s: dict[str, float]
-    """How long it took, in seconds, by what took the time."""
+    """Time that it took, in seconds, by what took the time."""
 
     @property
     def is_failure(self) -> bool:

@@ -15,7 +15,7 @@ from ...schemas.wire.errors import RobomakerError
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 MOST_STREAMS = 64
-"""How many pages may be followed at once."""
+"""Limit on the pages that are followed at once."""
 
 _SIGN_OF_LIFE_S = 15.0
 

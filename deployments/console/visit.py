@@ -26,7 +26,7 @@ from .rendering import render
 from .streams import Look, Streams
 
 LIFETIME_S = 12 * 3600
-"""How long a session lasts."""
+"""Time that a session lasts."""
 
 _MOST_FAILURES = 10
 _FAILURES_WITHIN_S = 60.0
@@ -64,7 +64,7 @@ class Sessions:
         self._new_token = new_token
         self._sessions: dict[str, Session] = {}
         self._failures: dict[str, deque[float]] = {}
-        """When the last logins from an address failed, of those addresses where one did last."""
+        """Times of the last failed logins, by address."""
         self._lock = threading.Lock()
 
     def log_in(self, key_id: str, secret: str, client: str = "") -> str:

@@ -132,7 +132,7 @@ class Endpoint:
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
         self.calls = Calls(service, on_submitted, audit_log)
-        """How operations are called; the console calls them so, too."""
+        """Caller of operations; the console has the same."""
 
         self.job_callers = None if self.checks_signatures else JobCallers(service)
         """Tells requests of jobs from others; `None`: signatures tell whose a request is."""

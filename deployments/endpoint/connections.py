@@ -32,13 +32,13 @@ class ConnectionLimits:
     """Limits on a client's connections and times, against slow or greedy clients."""
 
     connections: int = field(default_factory=most_connections)
-    """How many there may be; a new one takes the place of the one that has waited longest without asking anything."""
+    """Limit on connections; a new one takes the place of the one that has waited longest without asking anything."""
 
     head_s: float = HEAD_S
-    """How long the head of a request may take, the first one from the connection's beginning."""
+    """Time that the head of a request may take, the first one from the connection's beginning."""
 
     answer_s: float = ANSWER_S
-    """How long a client may keep the rest of an answer from being sent."""
+    """Time that a client may keep the rest of an answer from being sent."""
 
 
 def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
@@ -139,7 +139,7 @@ SMALL_BODY_BYTES = 64 * 1024
 
 SMALL_BODIES = 512
 LARGE_BODIES = 24
-"""How many bodies may be on their way at once; together they fit into memory."""
+"""Limit on the bodies that are received at once; together they fit into memory."""
 
 SMALL_BODY_TIMEOUT_S = 15.0
 LARGE_BODY_TIMEOUT_S = 60.0

@@ -65,7 +65,7 @@ class TlsFiles:
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 KEEP_ALIVE_S = 75
-"""How long an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
+"""Time that an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
 
 GRACE_S = 30
 """Seconds in which requests in progress may end after a signal to stop."""

@@ -1,4 +1,4 @@
-"""From HTTP to operations and back: the operation of a path, and members in path, query and body."""
+"""Translates HTTP to operations and back: the operation of a path, and members in path, query and body."""
 
 import json
 import re

@@ -121,7 +121,7 @@ def _chosen(robots: Sequence[RobotStanding]) -> Sequence[RobotStanding]:
 
 
 def _failures(robots: Sequence[RobotStanding]) -> Iterator[Text]:
-    """Why robots failed, a line each, below the table."""
+    """Reason why robots failed, a line each, below the table."""
     failed = [robot for robot in robots if robot.failure_code is not None]
     for robot in failed[:_MOST_FAILURES]:
         reason = f": {robot.failure_reason}" if robot.failure_reason else ""

@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 LIFE_S = 600.0
-"""How long a token works: ten minutes."""
+"""Time that a token works: ten minutes."""
 
 _MOST = 100
 _TOKEN_BYTES = 24

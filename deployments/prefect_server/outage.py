@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 _TIMEOUT_S = 5.0
 BUSY_PATIENCE_S = 90.0
-"""How long a busy server is waited for: a machine with much to do may keep it from answering for a minute."""
+"""Patience with a busy server: a machine with much to do may keep it from answering for a minute."""
 
 _logger = logging.getLogger(__name__)
 
@@ -71,11 +71,11 @@ def wait_while_busy(
 
 
 DEAD_PATIENCE_S = 5.0
-"""How long the home's own server is waited for when nothing listens at its port: only a person starts it again. Others
+"""Patience with the home's own server when nothing listens at its port: only a person starts it again. Others
 have theirs started again by what keeps them, such as systemd or a container engine, also on this machine."""
 
 SILENCE_S = 5.0
-"""How long a request may go without an answer before the server is asked how it does."""
+"""Time that a request may go without an answer before the server is asked how it does."""
 
 _LOOK_S = 1.0
 

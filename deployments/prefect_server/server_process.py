@@ -128,10 +128,10 @@ def _is_login(message: Message) -> bool:
 
 
 _SQLITE_WAITS_MS = 50
-"""How long the main thread can be kept waiting; SQLite's own pauses are up to 100 ms."""
+"""Time that the main thread can be kept waiting; SQLite's own pauses are up to 100 ms."""
 
 _PATIENCE_S = 60.0
-"""How long Prefect lets a connection wait."""
+"""Time that Prefect lets a connection wait."""
 
 _PAUSE_S = 0.005
 _LONGEST_PAUSE_S = 0.1
@@ -180,10 +180,10 @@ def _refused(error: sqlite3.OperationalError, call: Callable[..., Any]) -> bool:
 
 
 _LOOK_FOR_WORK = timedelta(seconds=2)
-"""How long Prefect's background worker waits for work, which wakes it; by default 0.25 s."""
+"""Time that Prefect's background worker waits for work, which wakes it; by default 0.25 s."""
 
 _LOOK_FOR_SLOTS = timedelta(seconds=0.25)
-"""How long it sleeps while all its slots are taken, as by default: ten of a bulk of tasks, such as removing the logs of
+"""Time that it sleeps while its slots are taken, as by default: ten of a bulk of tasks, such as removing logs of
 5,000 flow runs, begin after each sleep. More slots instead would be more writers of SQLite than it has connections."""
 
 _LOOK_FOR_DUE = timedelta(seconds=0.5)

@@ -25,7 +25,7 @@ class Waiter:
     """Seconds between two calls."""
 
     most_calls: int
-    """How many calls it makes at most."""
+    """Limit on the calls that it makes."""
 
     wanted: Collection[str] = ("Completed",)
     """States that are waited for."""

@@ -9,7 +9,6 @@ from typing import Any
 from ...schemas.settings import max_worlds_per_job
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.rooms import check_world_counts
 
 SHIPPED = Path(__file__).parents[1] / "specs"
 """Folder of the specifications that come with this package."""
@@ -29,9 +28,8 @@ def checked(
     Raises:
         SpecError: the specification is invalid; the error lists all its problems.
     """
-    spec = load_spec(text, filename, parameters, is_complete=is_complete)
-    check_world_counts(spec, max_worlds_per_job(os.environ))
-    return spec
+    most_worlds = max_worlds_per_job(os.environ)
+    return load_spec(text, filename, parameters, is_complete=is_complete, most_worlds=most_worlds)
 
 
 @cache

@@ -20,7 +20,7 @@ class JobPool:
     """The operation that makes such jobs, and whose perform half carries them out."""
 
     at_once: int
-    """How many run at the same time; the others wait, oldest first."""
+    """Number of runs at the same time; the others wait, oldest first."""
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:

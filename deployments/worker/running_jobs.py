@@ -24,7 +24,7 @@ from .job_pools import JobPool
 from .prefect_watch import PrefectWatch
 
 MOST_TRIES = 3
-"""How often a job's flow run may raise before the job fails; services that do not answer do not count."""
+"""Limit on how many times a job's flow run may raise before the job fails; outages of services do not count."""
 
 _LOOK_AGAIN_S = 60.0
 

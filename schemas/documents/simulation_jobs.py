@@ -326,6 +326,10 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
         default=False,
         description="Whether it is one of several batches of a step; Prefect then has one task run of its jobs.",
     )
+    mixed: bool = Field(
+        default=False,
+        description="Whether its requests become jobs in a mixed order, since it may end before all of them ran.",
+    )
 
     @property
     def requests(self) -> list[Json]:

@@ -1,11 +1,4 @@
-"""Settings of fleets, read from environment variables.
-
-| variable | meaning | default |
-| --- | --- | --- |
-| `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
-| `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
-| `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
-"""
+"""Settings of fleets, read from environment variables; `docs/settings.md` is made from their descriptions."""
 
 from pydantic import Field
 
@@ -21,13 +14,14 @@ class FleetSettings(Model):
     robots_url: str | None = Field(
         default=None,
         pattern=r"^https?://[^/\s]+/?$",
-        description="Address at which robots reach the endpoint, without a path; None: as each of their requests says.",
+        description="Address at which robots reach the endpoint, such as a proxy that adds TLS, without a path; none: "
+        "as each of their requests says.",
     )
     robot_poll_s: int = Field(
         default=30,  # the shortest that hawkBit asks for
         ge=1,
         le=24 * 3600 - 1,  # the longest that clients of hawkBit can be told
-        description="Between two polls of a robot that has nothing to do, in seconds.",
+        description="Seconds between two polls of a robot that has nothing to do.",
     )
     robot_folder: str = Field(
         default="/opt/robomaker",

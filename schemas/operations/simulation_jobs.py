@@ -1,15 +1,16 @@
 """Simulation jobs: a robot application, a simulation application, or both, run until the end or a limit."""
 
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
-from ..runs.policies import Policy, check_policy
-from ..runs.recording_sources import check_sources
-from ..runs.requirements import JobRequirements, check_requirements
-from ..runs.ros import check_ros
-from ..runs.trials import Trials, check_trials
+from ..runs.policies import Policy, wrong_policy
+from ..runs.recording_sources import wrong_sources
+from ..runs.requirements import JobRequirements, wrong_requirements
+from ..runs.ros import wrong_ros
+from ..runs.trials import Trials, wrong_trials
 from ..wire.base import STORED, Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,
@@ -29,6 +30,7 @@ from ..wire.common import (
     PaginationToken,
     Seed,
     TagMap,
+    raise_all,
 )
 from ..wire.job_configs import (
     Compute,
@@ -38,6 +40,7 @@ from ..wire.job_configs import (
     DataSources,
     LoggingConfig,
     NetworkInterface,
+    RobotApplicationConfig,
     RobotApplicationConfigs,
     SimulationApplicationConfigs,
     VPCConfig,
@@ -141,15 +144,19 @@ class SimulationJobRequestMembers(Shape):
         applications = [*(self.robotApplications or []), *(self.simulationApplications or [])]
         if not applications:
             raise ValueError("at least one of robotApplications and simulationApplications has to be given")
+        raise_all(self._disagreements(applications))
+        return self
+
+    def _disagreements(self, applications: Sequence[RobotApplicationConfig]) -> Iterator[str]:
+        """Finds members that do not go together; texts of launch variables are among them."""
         uploads = any(each.uploadConfigurations or each.useDefaultUploadConfigurations for each in applications)
         if uploads and self.outputLocation is None:
-            raise ValueError("uploadConfigurations need an outputLocation; add outputLocation.s3Bucket")
-        check_requirements(self)
-        check_trials(self)
-        check_ros(self)
-        check_sources(self)
-        check_policy(self)
-        return self
+            yield "uploadConfigurations need an outputLocation; add outputLocation.s3Bucket"
+        yield from wrong_requirements(self)
+        yield from wrong_trials(self)
+        yield from wrong_ros(self)
+        yield from wrong_sources(self)
+        yield from wrong_policy(self)
 
 
 class CreateSimulationJobRequest(SimulationJobRequestMembers):

@@ -5,21 +5,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model, optional
+from .against import Answer
 from .changes import CellName, ChangedInput, Losses, RequirementChange
 from .run_record import CaseOutcome, SourceCommit
-
-Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
-
-ANSWER_EXIT_CODES: dict[Answer, int] = {
-    "better": OK,
-    "not worse": OK,
-    "worse": VERDICT_FAILED,
-    "no difference shown": NO_DIFFERENCE,
-    "not comparable": NOT_COMPARABLE,
-}
-"""Exit codes of `robomaker compare`, by its answer."""
 
 
 class ComparedRun(Model):
@@ -162,7 +151,12 @@ class Comparison(Losses):
     newly_failing: list[PairedJob] = Field(description="Passed before, failed or broke after.")
     newly_passing: list[PairedJob] = Field(description="Failed or broke before, passed after.")
     still_failing: list[PairedJob] = Field(description="Failed or broke in both.")
-    rate: RateChange | None = optional("Pass rates; absent when no pair was judged in both.")
+    rate: RateChange | None = optional(
+        "Pass rates; absent when no pair was judged in both, or the second run was looked at while it ran."
+    )
+    e_values: dict[str, float] = Field(
+        default={}, description="Evidence by answer, of a second run that was carried out with `--against` the first."
+    )
     needed: NeededPairs | None = optional("Present when no difference was shown.")
     metrics: list[MetricChange] = Field(description="Metrics, those that changed first.")
     margins: list[MetricChange] = Field(

@@ -49,7 +49,14 @@ class Night(Model):
     state: RunState = Field(description="How it ended as a whole.")
     jobs: int = Field(description="How many jobs it has.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
-    success: Share = Field(description="Its trials; those that broke are not judged.")
+    success: Share = Field(
+        description="Its trials; those that broke are not judged. A run that stopped early has no interval, since its "
+        "trials have ended it."
+    )
+    against: str = Field(
+        default="",
+        description="Answer of a run that was carried out beside an earlier one, in words; empty: it was not.",
+    )
     interruptions: int = Field(default=0, description="How many of its processes died before others finished it.")
     parameters: dict[str, Any] = Field(default={}, description="Values of its specification's parameters.")
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")

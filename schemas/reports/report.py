@@ -10,6 +10,7 @@ from ..job_owners import JobOwner
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
+from .challenge import Challenge
 from .changes import SinceLastRun
 from .forecast import ForecastCheck
 from .run_record import CaseOutcome as CaseOutcome
@@ -95,6 +96,10 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    against: str = Field(
+        default="",
+        description="Answer of a run that was carried out beside an earlier one, in words; empty: it was not.",
+    )
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
@@ -106,6 +111,7 @@ class Report(Model):
     since_last: SinceLastRun | None = optional(
         "Changes since the last run of the specification; absent: it was not looked up."
     )
+    challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
 
 
 class Share(Model):

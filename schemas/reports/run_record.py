@@ -13,10 +13,12 @@ from ..job_owners import JobOwner, NeededEnvironment
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
+from .against import ANSWER_EXIT_CODES, Against, AgainstAnswer
+from .challenge import Challenge
 from .forecast import ForecastCheck
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
-"""How a run of a specification ended as a whole."""
+"""End of a run of a specification as a whole."""
 
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
 """The outcome of one job."""
@@ -69,7 +71,20 @@ EXIT_CODES: dict[RunState, int] = {
     "canceled": CANCELED,
     "timed out": TIMED_OUT,
 }
-"""Exit codes of the command line, by how the run ended."""
+"""Exit codes of the command line, by how the run ended; see `exit_code_of` for runs with `--against`."""
+
+
+def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
+    """Returns the exit code of a run.
+
+    One that came to its end beside an earlier run has the code of the answer: that is what was asked.
+
+    Args:
+        state: how the run ended.
+        against: the answer; None: it was not carried out beside an earlier run.
+    """
+    is_whole = state in ("succeeded", "failed")
+    return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]
 
 
 class StepRecord(Model):
@@ -166,7 +181,10 @@ class RunRecord(Model):
     )
     command: list[str] = Field(default=[], description="The command that runs it again.")
     state: RunState = Field(description="How it ended as a whole.")
-    exit_code: int = Field(description="Exit code of the command line, `EXIT_CODES[state]`.")
+    exit_code: int = Field(
+        description="Exit code of the command line, `EXIT_CODES[state]`; of a run with `against` that succeeded or "
+        "failed, that of its answer."
+    )
     started_at: datetime = Field(description="Start, UTC.")
     ended_at: datetime = Field(description="End, UTC.")
     steps: list[StepRecord] = Field(description="Steps, in the order they ran.")
@@ -178,8 +196,15 @@ class RunRecord(Model):
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
-    probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
+    probe: bool = Field(
+        default=False,
+        description="Whether it was cut down, to forecast the whole run or to challenge its requirements.",
+    )
+    challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
+    against: AgainstAnswer | None = optional(
+        "Answer of a run that was carried out beside an earlier one; absent: it was not."
+    )
     flow_run: UUID | None = optional("Prefect's flow run that wrote this record; absent: none did, or it is not known.")
     interruptions: list[Interruption] = Field(
         default=[], description="When its processes died, so that others finished it; mostly none did."
@@ -224,6 +249,8 @@ class Order(Model):
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters, all of them.")
     seed: int | None = optional("Seed in place of those of the specification; absent: none.")
     reuse: bool = Field(default=False, description="Whether it may take over worlds and results of earlier runs.")
+    against: Against | None = optional("The earlier run beside which it is carried out; absent: none.")
+    decided: AgainstAnswer | None = optional("Answer for which its jobs are cancelled; absent: none yet.")
     started_at: datetime | None = optional("When it began, UTC; absent: when its process begins.")
     source: SourceCommit | None = optional("Git commit of the specification's folder; absent: it was in none.")
     owner: JobOwner | None = optional("The process that carries it out, or did last.")

@@ -1,4 +1,4 @@
-"""How a run ended as a whole, judged by its steps and jobs, and in words for messages of a line or two."""
+"""End of a run as a whole, judged by its steps and jobs, and in words for messages of a line or two."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence

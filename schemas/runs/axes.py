@@ -1,14 +1,14 @@
 """Axes of trials: what differs from trial to trial besides the seed, by name."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, TypeAlias, Union
 
 from pydantic import AfterValidator, Field
 
 from ..discovery import classes_of
 from ..wire.base import Model, ShapeName
-from ..wire.common import text
+from ..wire.common import raise_all, text
 from . import axis_kinds
 from .axis_kinds.kind import Axis, AxisValue, NumberAxis, Value
 
@@ -41,24 +41,34 @@ def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
 
     Names of variables and of numbers differ by their letters: a column of a table of several jobs has one type.
     """
-    of_kind: dict[str, str] = {}
+    raise_all(_wrong_names(axes))
+    return axes
+
+
+def _wrong_names(axes: Mapping[str, Axis]) -> Iterator[str]:
+    of_subject: dict[str, str] = {}
     for name, axis in axes.items():
         if not axis.is_number:
             if not _VARIABLE.fullmatch(name):
-                raise ValueError(
+                yield (
                     f"{name}: it is named after an environment variable, of capital letters, digits and _; "
                     f"{name.upper()!r} would be one"
                 )
             if name.startswith("AWS") or name in _OF_THE_JOB:
-                raise ValueError(f"{name} cannot differ from trial to trial; give it for the whole job")
+                yield f"{name} cannot differ from trial to trial; give it for the whole job"
         elif not _NUMBER.fullmatch(name):
-            raise ValueError(
+            yield (
                 f"{name}: an axis of kind {axis.kind} is named with small letters, digits and _; capital letters are "
                 f"for environment variables, kind: variable"
             )
-        elif (other := of_kind.setdefault(axis.kind, name)) != name:
-            raise ValueError(f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis")
-    return axes
+        elif (other := of_subject.setdefault(subject_of(axis.kind), name)) != name:
+            if axis.kind == axes[other].kind:
+                yield f"{name} and {other} are both of kind {axis.kind}, of which a job has one axis"
+            else:
+                yield (
+                    f"{name} ({axis.kind}) and {other} ({axes[other].kind}) both change the {subject_of(axis.kind)}; "
+                    "leave one out"
+                )
 
 
 AxisName = Annotated[str, ShapeName("AxisName"), text(1, 64, r"[a-zA-Z_][a-zA-Z0-9_]*")]
@@ -85,6 +95,12 @@ def number_kind(kind: str) -> type[NumberAxis]:
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found
+
+
+def subject_of(kind: str) -> str:
+    """Returns words for what a kind of axis changes; kinds with the same words exclude each other in a job."""
+    found = AXIS_KINDS[kind]
+    return (found.subject if issubclass(found, NumberAxis) else "") or kind
 
 
 def value_text(value: Value) -> str:

@@ -1,7 +1,7 @@
 """The policy of a job: a Python callable or an ONNX file that maps observations to actions."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Protocol
@@ -114,64 +114,60 @@ def policy_in(request: Mapping[str, Any]) -> str | None:
     return next((each[POLICY_VARIABLE] for each in variables if POLICY_VARIABLE in each), None)
 
 
-def check_policy(request: PolicyRequest) -> None:
-    """Raises an error if a request's policy is invalid, or something else drives the robot, too.
+def wrong_policy(request: PolicyRequest) -> Iterator[str]:
+    """Finds what is wrong with a request's policy.
 
-    Raises:
-        ValueError: the policy is invalid or differs between trials, its file has no application to be in, or another
-            program drives the robot as well.
+    It is none, there are two or one for each trial, its file has no application to be in, or a program drives the robot
+    as well.
     """
     if request.trials is not None and POLICY_VARIABLE in (request.trials.axes or {}):
-        raise ValueError(f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them")
-    where, policy = _given(request)
-    if policy is None:
+        yield f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them"
+    given = _given(request)
+    if not given:
         return
+    (where, policy), *others = given.items()
+    yield from (f"{where} and {place} differ; leave one of them out" for place, again in others if again != policy)
+    yield from _driven_otherwise(request, where)
     try:
         reference = parse_policy(policy)
     except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
-    _check_nothing_else(request, where)
+        yield f"{where}: {error}"
+        return
     if reference.file is not None and not reference.file.startswith("/") and not request.robotApplications:
-        raise ValueError(
+        yield (
             f"{where}: {reference.file} is a file of the robot application, and the job has none; name the application "
             "whose archive has it, or give the path of a data source, such as "
             f"/opt/robomaker/datasources/policies/{PurePosixPath(reference.file).name}"
         )
 
 
-def _given(request: PolicyRequest) -> tuple[str, str | None]:
-    """Finds a request's policy, and where it is given."""
+def _given(request: PolicyRequest) -> dict[str, str]:
+    """Finds a request's policy: by the path where it is given, which may be in several places."""
     given = {"policy": request.policy} if request.policy is not None else {}
     for place, launch in launches(request):
         if (found := (launch.environmentVariables or {}).get(POLICY_VARIABLE)) is not None:
             given[f"{place}.environmentVariables.{POLICY_VARIABLE}"] = found
-    if not given:
-        return "policy", None
-    (where, policy), *others = given.items()
-    for place, again in others:
-        if again != policy:
-            raise ValueError(f"{where} and {place} differ; leave one of them out")
-    return where, policy
+    return given
 
 
-def _check_nothing_else(request: PolicyRequest, where: str) -> None:
-    """Refuses launch configurations with which a policy would be left out, or have nothing to step."""
+def _driven_otherwise(request: PolicyRequest, where: str) -> Iterator[str]:
+    """Finds launch configurations with which a policy would be left out, or have nothing to step."""
     for index, config in enumerate(request.robotApplications or ()):
         member = next((member for member in _STARTS if getattr(config.launchConfig, member)), None)
         if member is not None:
-            raise ValueError(
+            yield (
                 f"{where} and robotApplications[{index}].launchConfig.{member} both say what drives the robot; leave "
                 "one of them out"
             )
     for index, config in enumerate(request.simulationApplications or ()):
         if is_recorded_run(config.application):
-            raise ValueError(
+            yield (
                 f"{where}: simulationApplications[{index}].application, {RECORDED_RUN}, judges a robot that has driven "
                 "already, and a policy would drive nothing; leave one of them out"
             )
         member = "command" if config.launchConfig.command else "launchFile"
         if is_program(config.launchConfig):
-            raise ValueError(
+            yield (
                 f"{where}: a policy steps an environment, and simulationApplications[{index}].launchConfig.{member} "
                 "starts a program, which makes none"
             )

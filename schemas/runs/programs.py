@@ -140,7 +140,7 @@ STOPPING: Mapping[str, StopReason] = {
     "Canceling": StopReason.BATCH_CANCELED,
     "TimingOut": StopReason.BATCH_TIMED_OUT,
 }
-"""Why the jobs of a batch have to stop, by the batch's status."""
+"""Reason why the jobs of a batch have to stop, by the batch's status."""
 
 STOP_EVENTS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
 """The event of the batch, by the reason; the keys are the failure codes of its jobs."""

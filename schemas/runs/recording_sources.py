@@ -1,6 +1,6 @@
 """Topics of a recording that requirements are measured by, in a file of requirements or `ROBOMAKER_SOURCES`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import Field
@@ -120,15 +120,11 @@ def is_recorded_run(application: str) -> bool:
     return application == RECORDED_RUN or f"/{RECORDED_RUN}/" in application
 
 
-def check_sources(request: JobRequest) -> None:
-    """Raises an error if a request's launch variables with recording topics are invalid, or a robot would not be run.
-
-    Raises:
-        ValueError: The topics are invalid, or a robot application is given beside a recording.
-    """
+def wrong_sources(request: JobRequest) -> Iterator[str]:
+    """Finds what is wrong with recording topics in a request's launch variables, and robots that would not be run."""
     for index, config in enumerate(request.simulationApplications or ()):
         if is_recorded_run(config.application) and request.robotApplications:
-            raise ValueError(
+            yield (
                 f"robotApplications: simulationApplications[{index}].application, {RECORDED_RUN}, judges a robot that "
                 "has driven already, so that a robot application would not be run; leave out robotApplications"
             )
@@ -136,4 +132,4 @@ def check_sources(request: JobRequest) -> None:
         try:
             sources_in(launch.environmentVariables or {}, f"{place}.environmentVariables.{SOURCES_VARIABLE}")
         except InvalidParameterException as error:
-            raise ValueError(str(error)) from None
+            yield from str(error).splitlines()

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field
 
 from ..discovery import classes_of
 from ..wire.base import Model, ShapeName
-from ..wire.common import unique_names
+from ..wire.common import raise_all, unique_names
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping
@@ -39,18 +39,29 @@ else:
     JobRequirement = Annotated[_ANY, ShapeName("JobRequirement"), Field(discriminator="kind")]
 
 
-def _in_order(requirements: list[RequirementKind]) -> list[RequirementKind]:
-    for index, requirement in enumerate(requirements):
-        requirement.check_after(requirements[:index])
+def _agreeing(requirements: list[RequirementKind]) -> list[RequirementKind]:
+    raise_all(_disagreements(requirements))
     return requirements
+
+
+def _disagreements(requirements: list[RequirementKind]) -> Iterator[str]:
+    """Finds names that are there twice, and goals that do not stand below the one they come after."""
+    try:
+        unique_names("requirements")(requirements)
+    except ValueError as error:
+        yield str(error)
+    for index, requirement in enumerate(requirements):
+        try:
+            requirement.check_after(requirements[:index])
+        except ValueError as error:
+            yield f"[{index}]: {error}"
 
 
 JobRequirements: TypeAlias = Annotated[
     list[JobRequirement],
     ShapeName("JobRequirements"),
     Field(max_length=MAX_REQUIREMENTS),
-    AfterValidator(unique_names("requirements")),
-    AfterValidator(_in_order),
+    AfterValidator(_agreeing),
 ]
 """The requirements of a run: names differ, and a goal stands below the one it comes after."""
 
@@ -117,50 +128,54 @@ def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]
     return place, requirements or []
 
 
-def check_requirements(request: JobRequest) -> None:
-    """Raises an error if requirements of a request can never be judged, as far as the request alone shows it.
+def wrong_requirements(request: JobRequest) -> Iterator[str]:
+    """Finds requirements of a request that can never be judged, as far as the request alone shows it.
 
-    Raises:
-        ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
-            world, a goal is where the robot starts, topics are asked for in trials, or all applications are programs,
-            none of whose topics are recorded, so that there is nothing to judge.
+    The launch variable is misspelt or cannot be understood, a room is asked for where there is no world, a goal is
+    where the robot starts, topics are asked for in trials, or all applications are programs, none of whose topics are
+    recorded, so that there is nothing to judge.
     """
     for place, name in _misspelt(request):
-        raise ValueError(
-            f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
-        )
+        yield f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
     try:
         place, requirements = _placed_requirements(request)
-        trials = trials_of(request)
     except InvalidParameterException as error:
-        raise ValueError(str(error)) from None
+        yield from str(error).splitlines()
+        return
     if requirements and _has_only_programs(request) and not _records_topics(request):
-        raise ValueError(
+        yield (
             f"{place}: they would not be judged, since the job has only programs; record their ROS topics "
             "(loggingConfig: {recordAllRosTopics: true}), by which they are judged then, name a simulation application "
             "that makes an environment, or let the program write its verdict to result.json"
         )
-    if trials is not None:
-        _check_without_topics(place, requirements)
+    if _has_trials(request):
+        yield from _judged_by_topics(place, requirements)
     if _starts_on_origin(request):
         for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
-            raise ValueError(f"{place}[{index}].{member}: {problem}")
+            yield f"{place}[{index}].{member}: {problem}"
     if not _has_world(request):
-        _check_without_world(place, requirements)
+        yield from _without_world(place, requirements)
 
 
-def _check_without_topics(place: str, requirements: Sequence[JobRequirement]) -> None:
-    """Refuses requirements that are judged by recordings, where trials have none."""
+def _has_trials(request: JobRequest) -> bool:
+    try:
+        return trials_of(request) is not None
+    except InvalidParameterException:
+        return True  # they are wrong, which `wrong_trials` tells
+
+
+def _judged_by_topics(place: str, requirements: Sequence[JobRequirement]) -> Iterator[str]:
+    """Finds requirements that are judged by recordings, where trials have none."""
     for index, asked in enumerate(requirements):
         if asked.by_topics:
-            raise ValueError(
+            yield (
                 f"{place}[{index}] ({asked.kind}) is judged by the recording of a single run, and the job has trials; "
                 "order a job for each seed, or leave out the requirement"
             )
 
 
-def _check_without_world(place: str, requirements: Sequence[JobRequirement]) -> None:
-    """Refuses requirements that need a world."""
+def _without_world(place: str, requirements: Sequence[JobRequirement]) -> Iterator[str]:
+    """Finds requirements that need a world, where there is none."""
     for index, asked in enumerate(requirements):
         if (room := asked.asked_room) is not None:
             said, remedy = f"{place}[{index}].room is {room!r}", f", or {asked.without_world}"
@@ -168,7 +183,7 @@ def _check_without_world(place: str, requirements: Sequence[JobRequirement]) -> 
             said, remedy = f"{place}[{index}].kind is {asked.kind!r}, which needs a world", ""
         else:
             continue
-        raise ValueError(f"{said}, but the job names no world; add simulationApplications[0].worldConfigs{remedy}")
+        yield f"{said}, but the job names no world; add simulationApplications[0].worldConfigs{remedy}"
 
 
 def misspelt_requirements(variables: Iterable[str]) -> list[str]:

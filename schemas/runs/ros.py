@@ -1,5 +1,6 @@
 """Options of the ROS bridge, in the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -166,15 +167,11 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
     return parsed_member(load_strict(text, place, MAX_VARIABLE_CHARACTERS), place, "ros", _Holder)
 
 
-def check_ros(request: JobRequest) -> None:
-    """Raises an error if the ROS launch variables of a simulation job request are invalid.
-
-    Raises:
-        ValueError: An option of the ROS bridge is invalid.
-    """
+def wrong_ros(request: JobRequest) -> Iterator[str]:
+    """Finds what is wrong with options of the ROS bridge in the launch variables of a simulation job request."""
     for place, launch in launches(request):
         if (text := (launch.environmentVariables or {}).get(ROS_VARIABLE)) is not None:
             try:
                 parse_ros(text, f"{place}.environmentVariables.{ROS_VARIABLE}")
             except InvalidParameterException as error:
-                raise ValueError(str(error)) from None
+                yield from str(error).splitlines()

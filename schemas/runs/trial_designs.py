@@ -4,7 +4,7 @@ A combination is a cell. A grid has all cells but those that are excluded; other
 asked for. Included cells come after all others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -25,23 +25,20 @@ _STREAM = 0x61786573  # "axes" in ASCII
 """Sets the generator of designs apart from those of trials, which have the job's seed too."""
 
 
-def check_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], place: str) -> None:
-    """Refuses an excluded combination that no cell of a grid has.
+def wrong_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], place: str) -> Iterator[str]:
+    """Finds why no cell of a grid has an excluded combination: it names no axis, or a value that its axis has not.
 
     Args:
         axes: The axes of the grid.
         excluded: Values by name of the axis.
-        place: Where it stands in the request.
-
-    Raises:
-        ValueError: It names no axis, or a value that its axis does not have.
+        place: Path of the combination in the request, with which each problem begins.
     """
     if not excluded:
-        raise ValueError(f"{place}: it names no axis, which every cell would be like; name an axis and its value")
+        yield f"{place}: it names no axis, which every cell would be like; name an axis and its value"
     for name, value in excluded.items():
         if value not in (listed := axes[name].listed or ()):
             shown = ", ".join(f"{each!r}" for each in listed[:10])
-            raise ValueError(f"{place}.{name}: the axis has no value {value!r}; it has {shown}")
+            yield f"{place}.{name}: the axis has no value {value!r}; it has {shown}"
 
 
 def grid_size(axes: Mapping[str, Axis]) -> int:

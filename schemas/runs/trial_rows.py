@@ -21,7 +21,7 @@ TRIALS_FOLDER = "trials"
 SUMMARY_NAME = "trials"
 """Name of the summary in a result's `extra`."""
 MAX_FAILING = 100
-"""How many trials that did not pass a summary names."""
+"""Limit on the number of trials that a summary names as not passed."""
 MAX_CELLS = 200
 """Largest number of cells of a grid, and of parts of an axis, that a summary counts."""
 

@@ -14,21 +14,21 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationError, model_validator
 
 from ..wire.base import Model, Shape, ShapeName, optional
-from ..wire.common import MAX_SEED
+from ..wire.common import MAX_SEED, raise_all
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping, load_strict
 from ..wire.request_problems import nearest, parsed_member
 from .axes import CellList, TrialAxes, value_text
 from .axis_kinds.kind import Axis, Value
-from .trial_designs import Cell, TrialDesign, check_excluded, grid_cell, grid_size, kept_cells, point
+from .trial_designs import Cell, TrialDesign, grid_cell, grid_size, kept_cells, point, wrong_excluded
 
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """The launch variable."""
 MAX_TRIALS = 1_000_000
-"""How many trials a job may have."""
+"""Limit on the number of trials of a job."""
 MAX_RECORDED = 1000
-"""How many trials of a job may be recorded, each in a folder of its own."""
+"""Limit on the number of trials of a job that are recorded, each in a folder of its own."""
 
 TrialCount = Annotated[int, ShapeName("TrialCount"), Field(ge=1, le=MAX_TRIALS)]
 TrialNumber = Annotated[int, ShapeName("TrialNumber"), Field(ge=0, lt=MAX_TRIALS)]
@@ -72,52 +72,66 @@ class Trials(Shape):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        self._check_design()
-        self._check_cells()
-        if self.count > MAX_TRIALS:
-            raise ValueError(
-                f"{self.seeds} seeds for each of {self.cells} cells are {self.count} trials; a job has at most "
-                f"{MAX_TRIALS}"
-            )
-        if missing := [number for number in self.record or () if number >= self.count]:
-            raise ValueError(f"record: there is no trial {missing[0]}; the trials are 0 to {self.count - 1}")
+        raise_all([*self._wrong_design(), *self._wrong_cells()] or self._wrong_count())
         return self
 
-    def _check_design(self) -> None:
-        """Refuses what a design needs and lacks, or has and cannot use."""
-        if not self._axes and (named := [name for name in ("include", "exclude") if getattr(self, name)]):
-            raise ValueError(f"{named[0]}: its cells are of axes, and there are none; give axes")
+    def _wrong_design(self) -> Iterator[str]:
+        """Finds what a design needs and lacks, or has and cannot use."""
+        if not self._axes:
+            named = [name for name in ("include", "exclude") if getattr(self, name)]
+            yield from (f"{name}: its cells are of axes, and there are none; give axes" for name in named)
         if self.design == "grid":
             for name, axis in self._axes.items():
                 if axis.listed is None:
-                    raise ValueError(
+                    yield (
                         f"axes.{name}: a grid has values, and this is a range or a distribution; list `values`, or "
                         "choose a design such as sobol and how many points it has"
                     )
             if self.points is not None:
-                raise ValueError("points: a grid has as many cells as its values make; leave it out, or give a design")
+                yield "points: a grid has as many cells as its values make; leave it out, or give a design"
             return
         if not self._axes:
-            raise ValueError(f"design: {self.design} spreads points over axes, and there are none; give axes")
+            yield f"design: {self.design} spreads points over axes, and there are none; give axes"
         if self.points is None:
-            raise ValueError(f"points is missing: a {self.design} design has as many cells as it says")
+            yield f"points is missing: a {self.design} design has as many cells as it says"
         if self.exclude:
-            raise ValueError(f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own")
+            yield f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own"
 
-    def _check_cells(self) -> None:
-        """Refuses cells that name what is not there, are there twice, or leave nothing."""
+    def _wrong_cells(self) -> Iterator[str]:
+        """Finds cells that name what is not there, or are there twice, and grids that are too large."""
         if grid_size(self._axes) > MAX_TRIALS and self.design == "grid":
             cells = grid_size(self._axes)
-            raise ValueError(f"axes: a grid of them has {cells} cells; a job has at most {MAX_TRIALS} trials")
-        for number, cell in enumerate(self._excluded):
-            check_excluded(self._axes, cell, f"exclude[{number}]")
+            yield f"axes: a grid of them has {cells} cells; a job has at most {MAX_TRIALS} trials"
+        if not self._axes:
+            return
+        included: list[Cell] = []
+        for number, cell in enumerate(self.include or ()):
+            parsed, wrong = self._parsed(cell, f"include[{number}]")
+            yield from wrong
+            if not wrong and parsed in included:
+                yield f"include[{number}]: it is there twice; cells have to differ"
+            included.append(parsed)
+        are_listed = self.design == "grid" and all(axis.listed is not None for axis in self._axes.values())
+        for number, cell in enumerate(self.exclude or ()):
+            parsed, wrong = self._parsed(cell, f"exclude[{number}]")
+            yield from wrong or (wrong_excluded(self._axes, parsed, f"exclude[{number}]") if are_listed else ())
+
+    def _wrong_count(self) -> Iterator[str]:
+        """Finds grids without a cell or with one twice, and wrong numbers of trials, where all else is right."""
         if self.exclude and not self._kept and not self.include:
-            raise ValueError("exclude: it leaves no cell; exclude fewer, or include some")
-        for number, cell in enumerate(self._included):
-            if self.design == "grid" and self._has_cell(cell):
-                raise ValueError(f"include[{number}]: the grid has this cell already; leave it out")
-            if cell in self._included[:number]:
-                raise ValueError(f"include[{number}]: it is there twice; cells have to differ")
+            yield "exclude: it leaves no cell; exclude fewer, or include some"
+            return
+        for number, cell in enumerate(self._included if self.design == "grid" else ()):
+            if self._has_cell(cell):
+                yield f"include[{number}]: the grid has this cell already; leave it out"
+        if self.count > MAX_TRIALS:
+            yield (
+                f"{self.seeds} seeds for each of {self.cells} cells are {self.count} trials; a job has at most "
+                f"{MAX_TRIALS}"
+            )
+        for place, number in enumerate(self.record or ()):
+            if number >= self.count:
+                yield f"record[{place}]: there is no trial {number}; the trials are 0 to {self.count - 1}"
 
     def _has_cell(self, cell: Cell) -> bool:
         """Whether a grid has a cell of its own that is the same."""
@@ -180,24 +194,26 @@ class Trials(Shape):
 
     @cached_property
     def _excluded(self) -> list[Cell]:
-        return [self._parsed(cell, f"exclude[{number}]") for number, cell in enumerate(self.exclude or ())]
+        return [self._parsed(cell, "")[0] for cell in self.exclude or ()]
 
     @cached_property
     def _included(self) -> list[Cell]:
-        return [self._parsed(cell, f"include[{number}]") for number, cell in enumerate(self.include or ())]
+        return [self._parsed(cell, "")[0] for cell in self.include or ()]
 
-    def _parsed(self, cell: Mapping[str, str], place: str) -> Cell:
-        """The values that a cell of the request means."""
+    def _parsed(self, cell: Mapping[str, str], place: str) -> tuple[Cell, list[str]]:
+        """The values that a cell of the request means, and what is wrong with others, each after its path."""
         parsed: dict[str, Value] = {}
+        wrong: list[str] = []
         for name, text in cell.items():
             if name not in self._axes:
                 hint = nearest(name, self._axes) or f"; there are {', '.join(self._axes) or 'none'}"
-                raise ValueError(f"{place}: there is no axis {name!r}{hint}")
+                wrong.append(f"{place}.{name}: there is no axis {name!r}{hint}")
+                continue
             try:
                 parsed[name] = self._axes[name].parse(text)
             except ValueError as error:
-                raise ValueError(f"{place}.{name}: {error}") from None
-        return parsed
+                wrong.append(f"{place}.{name}: {error}")
+        return parsed, wrong
 
 
 @dataclass(frozen=True)
@@ -272,20 +288,21 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
                 yield text
 
 
-def check_trials(request: JobRequest) -> None:
-    """Raises an error if a request's launch variable for trials is invalid, or an application is launched as a program.
+def wrong_trials(request: JobRequest) -> Iterator[str]:
+    """Finds what is wrong with a request's launch variable for trials, and programs, which no trials can have.
 
-    Raises:
-        ValueError: it does not, or one is.
+    Args:
+        request: the request, whose member `trials` is right.
     """
     try:
         trials = trials_of(request)
     except InvalidParameterException as error:
-        raise ValueError(str(error)) from None
+        yield from str(error).splitlines()
+        return
     for place, launch in launches(request) if trials else ():
         member = "command" if launch.command else "launchFile"
         if is_program(launch):
-            raise ValueError(
+            yield (
                 f"trials: {place}.{member} launches a program, which cannot be begun anew for each trial; trials need "
                 "applications that are factories (make_environment, make_agent), or a job for each seed"
             )

@@ -16,7 +16,7 @@ ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
     "recorded actions": "; with the recorded actions, the robot's program was not run",
     "program": "; the robot's program was run again",
 }
-"""How the robot was repeated in a rerun, at the end of a sentence."""
+"""Way in which the robot was repeated in a rerun, at the end of a sentence."""
 
 EXIT_CODES: dict[Answer, int] = {
     "bit-identical": OK,

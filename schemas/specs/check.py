@@ -2,21 +2,23 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
-from heapq import heappop, heappush
 from pathlib import PurePath
 from typing import Any, get_args
 
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
-from ..wire.errors import Place, Problem, SpecError
+from ..wire.errors import ConfigurationError, Place, Problem, SpecError
 from ..wire.json_values import is_list
-from ..wire.request_problems import Location, nearest, path_text, problems_of, some
+from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
+from .checking.application_names import application_notes
+from .checking.inputs import InputCheck
+from .checking.respelling import respelt
+from .checking.step_order import circles, in_order
 from .folding import fold_parameters
-from .inputs import InputCheck
-from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
+from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, is_step_name, output_model
 from .parameters import (
     PARAMETERS,
     Parameter,
@@ -27,18 +29,30 @@ from .parameters import (
     settle,
 )
 from .reference_typing import ANYTHING, Kind, Structure
-from .rooms import room_problems
+from .rooms import room_problems, world_count_problems
+from .sabotages import Sabotage, parse_sabotages
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
+_SURELY_MEANT = 0.9
+"""Likeness of names of operations from which on the input is checked as that of the other one: many differ by a word.
+"""
 _HEAD = ("version", "name", "description", PARAMETERS)
 
 
 def load_spec(
-    text: str, filename: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True
+    text: str,
+    filename: str,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    is_complete: bool = True,
+    most_worlds: int | None = None,
 ) -> CheckedSpec:
     """Parses and checks a specification file: a pipeline of steps, or a single operation.
 
     A single operation is a file with `operation` and either `input` or the request's members themselves.
+
+    Each part is checked as far as it can be, whatever is wrong elsewhere; what only comes of another problem is left
+    out.
 
     Args:
         text: the file's content, YAML or JSON.
@@ -46,11 +60,12 @@ def load_spec(
         parameters: values of its parameters by name: plain ones, `AsText`, or nodes of the file they are from. The
             others have their defaults.
         is_complete: whether each parameter has to have a value. One that is not complete cannot run.
+        most_worlds: worlds that one generation job may make; `None`: that is not checked.
 
     Raises:
         SpecError: with everything that is wrong.
     """
-    given = _Given(parameters or {}, is_complete)
+    given = _Given(parameters or {}, is_complete, most_worlds)
     root = parse(text, filename)
     if not isinstance(root, MappingNode):
         raise SpecError([Problem(root.place, "", "a specification is a mapping with version, name and steps")])
@@ -83,6 +98,15 @@ def _declared(found: Node | None) -> dict[str, Parameter]:
     return {name: Parameter.model_validate(plain(node)) for name, node in entries.items()}
 
 
+def _declared_well(found: Node | None) -> dict[str, Parameter]:
+    """The parameters whose declarations can be read."""
+    declared: dict[str, Parameter] = {}
+    for name, node in found.entries.items() if isinstance(found, MappingNode) else ():
+        with suppress(ValidationError):
+            declared[name] = Parameter.model_validate(plain(node))
+    return declared
+
+
 def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
     """Parses and checks the request of one operation, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
 
@@ -107,10 +131,11 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
 
 @dataclass(frozen=True)
 class _Given:
-    """Values that parameters were given."""
+    """Values that parameters were given, and limits, for the check of a specification."""
 
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
     is_complete: bool = True
+    most_worlds: int | None = None
 
 
 def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, given: _Given) -> CheckedSpec:
@@ -139,7 +164,9 @@ class _Check:
     """One specification under check."""
 
     def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str, given: _Given) -> None:
-        self._root = root
+        self._respelling = respelt(root, Spec)
+        assert isinstance(self._respelling.node, MappingNode)
+        self._root = self._respelling.node
         self._hidden = hidden
         """Prefix of all locations, which the user did not write."""
         self._text = text
@@ -155,19 +182,24 @@ class _Check:
         """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
         self._check_document()
         self._settle_parameters()
+        sabotages = self._sabotages()
         nodes = self._step_nodes()
         if len(nodes) > MAX_STEPS:
             raise SpecError(self._problems)
         # A single step has nothing to refer to.
-        scope: dict[str, Kind] = {} if self._hidden else {name: self._output_kind(node) for name, node in nodes.items()}
-        steps = {
-            name: step for name, node in nodes.items() if (step := self._check_step(name, node, scope)) is not None
-        }
+        referable = {} if self._hidden else {name: node for name, node in nodes.items() if name != PARAMETERS}
+        scope = {name: _output_kind(node) for name, node in referable.items()}
+        found = ((name, self._check_step(name, node, scope)) for name, node in nodes.items())
+        steps = {name: step for name, step in found if step is not None}
         order = self._order(steps)
-        if not self._problems:
-            self._problems.extend(room_problems(steps))
+        self._problems.extend(room_problems(steps))
+        if (most := self._given.most_worlds) is not None:
+            told = [each.path for each in self._problems]
+            too_many = world_count_problems(steps, most)
+            self._problems.extend(each for each in too_many if not any(path.startswith(each.path) for path in told))
+        notes = tuple(application_notes(steps))
         if self._problems:
-            raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)))
+            raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)), notes)
         return CheckedSpec(
             name=str(plain(self._root.entries["name"])),
             description=str(plain(self._root.entries["description"])) if "description" in self._root.entries else "",
@@ -178,87 +210,106 @@ class _Check:
             declared=self._declared,
             parameters=self._settled.values,
             missing=self._settled.missing,
+            notes=notes,
+            sabotages=sabotages,
         )
 
-    def _settle_parameters(self) -> None:
-        """Checks what is declared, gives each parameter its value, and puts the values in place of their references."""
-        found = self._root.entries.get(PARAMETERS)
-        self._parameters = None if found is None else ANYTHING
+    def _sabotages(self) -> tuple[Sabotage, ...]:
+        """The specification's own sabotages; what is no mapping, the document's check has told."""
+        found = self._root.entries.get("sabotages")
+        if not isinstance(found, MappingNode) or not found.entries:
+            return ()
         try:
-            self._declared = _declared(found)
-        except ValidationError:
-            return  # the document's check has told it
-        if self._declared:
-            self._parameters = kind_of_parameters(self._declared)
-        problems = [each for name, declared in self._declared.items() for each in declaration_problems(name, declared)]
-        if not problems:
-            self._settled = settle(self._declared, self._given.values, is_complete=self._given.is_complete)
-            problems += self._settled.problems
+            return tuple(parse_sabotages(plain(found), "sabotages"))
+        except ConfigurationError as error:
+            self._report(("sabotages",), str(error).removeprefix("sabotages: "), at_key=True)
+            return ()
+
+    def _settle_parameters(self) -> None:
+        """Checks what is declared, gives each parameter its value, and puts the values in place of their references.
+
+        Of a parameter with a wrong declaration nothing more is known than that it is there: nothing is said of its
+        value, and references to it may be of any type.
+        """
+        found = self._root.entries.get(PARAMETERS, MappingNode(self._root.place, {}, {}))
+        if not isinstance(found, MappingNode):
+            self._parameters = ANYTHING
+            return
+        readable = _declared_well(found)
+        problems = [each for name, declared in readable.items() for each in declaration_problems(name, declared)]
+        wrong = {each.location[1] for each in problems}
+        self._declared = {name: declared for name, declared in readable.items() if name not in wrong}
+        unknown = {name: ANYTHING for name in found.entries if name not in self._declared}
+        given = {name: value for name, value in self._given.values.items() if name not in unknown}
+        self._settled = settle(self._declared, given, is_complete=self._given.is_complete, others=tuple(unknown))
+        kinds = kind_of_parameters(self._declared, unknown)
+        self._parameters = kinds if PARAMETERS in self._root.entries else None
         # Where one has no value, what refers to it is checked by its type.
-        self._root, more = fold_parameters(self._root, self._declared, self._settled.values)
-        for each in (*problems, *more):
+        self._root, more = fold_parameters(self._root, kinds, self._settled.values)
+        for each in (*problems, *self._settled.problems, *more):
             place = each.place or (key_place if each.about_key else value_place)(self._root, each.location)
-            self._problems.append(Problem(place, path_text(self._shown(each.location)), each.message))
+            self._problems.append(Problem(place, self._path(each.location), each.message))
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
         place = (key_place if at_key else value_place)(self._root, location)
-        self._problems.append(Problem(place, path_text(self._shown(location)), message))
+        self._problems.append(Problem(place, self._path(location), message))
+
+    def _path(self, location: Location) -> str:
+        return path_text(self._shown(location))
 
     def _shown(self, location: Location) -> Location:
         """A location as the user sees it."""
-        return location[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else location
+        written = self._respelling.path(location)
+        return written[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else written
 
     def _check_document(self) -> None:
+        for location in self._respelling.written:
+            self._report(location, f"is not known; did you mean {location[-1]!r}?", at_key=True)
         try:
             Spec.model_validate(plain(self._root))
         except ValidationError as error:
             for problem in problems_of(error, Spec):
                 self._report(problem.location, problem.message, at_key=problem.about_key)
 
-    def _step_nodes(self) -> dict[str, MappingNode]:
+    def _step_nodes(self) -> dict[str, Node]:
         steps = self._root.entries.get("steps")
         if isinstance(steps, MappingNode) and PARAMETERS in steps.entries:
             words = f"no step may be named {PARAMETERS!r}, which references reach parameters by; choose another name"
             self._report(("steps", PARAMETERS), words, at_key=True)
-        entries = steps.entries if isinstance(steps, MappingNode) else {}
-        return {name: node for name, node in entries.items() if isinstance(node, MappingNode) and name != PARAMETERS}
+            self._parameters = self._parameters or ANYTHING
+        return dict(steps.entries) if isinstance(steps, MappingNode) else {}
 
-    def _output_kind(self, step: MappingNode) -> Kind:
-        operation = _operation(step)
-        return Structure(output_model(operation)) if operation and operation in STEPS else ANYTHING
-
-    def _check_step(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> CheckedStep | None:
-        location: Location = ("steps", name)
-        operation = _operation(node)
-        if operation is None:
+    def _check_step(self, name: str, node: Node, scope: Mapping[str, Kind]) -> CheckedStep | None:
+        if not isinstance(node, MappingNode):
             return None
+        location: Location = ("steps", name)
+        said, operation = _said_operation(node), _operation(node)
         needs = self._check_needs(name, node, scope)
-        if operation not in STEPS:
-            hint = nearest(operation, STEPS) or f"; there are {', '.join(sorted(STEPS))}"
-            self._report((*location, "operation"), f"there is no operation {operation!r}{hint}")
+        if said is not None and said not in STEPS:
+            hint = nearest(said, STEPS) or f"; there are {', '.join(sorted(STEPS))}"
+            self._report((*location, "operation"), f"there is no operation {said!r}{hint}")
         if_exists = _if_exists(node)
-        if if_exists != "fail" and operation in STEPS and operation not in REUSABLE:
+        if if_exists != "fail" and operation is not None and operation not in REUSABLE:
             message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
             self._report((*location, "ifExists"), message)
-        parameters: Mapping[str, ParameterValue] = {}
         place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
+        shown = self._shown((*location, "input"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
-        if not isinstance(request, MappingNode):
-            return None
-        if operation in STEPS:
-            shown = self._shown((*location, "input"))
+        parameters: Mapping[str, ParameterValue] = {}
+        if isinstance(request, MappingNode):
             known = {} if self._parameters is None else {PARAMETERS: self._parameters}
             check = InputCheck(operation, request, {**scope, **known}, shown, place).run()
             self._problems.extend(check.problems)
+            request = check.node
             needs |= check.names & scope.keys()
             parameters = self._settled.values if PARAMETERS in check.names else {}
         return CheckedStep(
             name=name,
-            operation=operation,
+            operation=operation or "",
             input=request,
             needs=tuple(each for each in scope if each in needs) if needs else (),
             if_exists=if_exists,
-            location=self._shown((*location, "input")),
+            location=shown,
             place=place,
             parameters=parameters,
         )
@@ -269,6 +320,8 @@ class _Check:
         found: set[str] = set()
         for position, each in enumerate(named if is_list(named) else []):
             if isinstance(each, str) and each not in scope:
+                if not is_step_name(each) or (each == PARAMETERS and self._parameters is ANYTHING):
+                    continue  # that has been told already
                 hint = nearest(each, scope) or f"; there are {some(scope)}"
                 self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")
             elif isinstance(each, str):
@@ -278,33 +331,31 @@ class _Check:
     def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
         """The steps, each after those it needs, otherwise as in the file."""
         graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
-        sorter = TopologicalSorter(graph)
-        try:
-            sorter.prepare()
-        except CycleError as error:
-            circle = list(reversed(error.args[1]))
+        for circle in circles(graph):
             message = (
                 "refers to itself" if len(circle) == 2 else f"these steps wait for each other: {' -> '.join(circle)}"
             )
             self._report(("steps", circle[0]), message, at_key=True)
-            return ()
-        place = {name: number for number, name in enumerate(graph)}
-        ready: list[tuple[int, str]] = []
-        order: list[str] = []
-        while sorter.is_active():
-            for name in sorter.get_ready():
-                heappush(ready, (place[name], name))
-            order.append(heappop(ready)[1])
-            sorter.done(order[-1])
-        return tuple(order)
+        return () if self._problems else in_order(graph)
 
 
-def _operation(step: MappingNode) -> str | None:
+def _output_kind(step: Node) -> Kind:
+    operation = _operation(step)
+    return ANYTHING if operation is None else Structure(output_model(operation))
+
+
+def _said_operation(step: Node) -> str | None:
     operation = _scalar(step, "operation")
     return operation if isinstance(operation, str) else None
 
 
-def _scalar(step: MappingNode, key: str) -> Any:
+def _operation(step: Node) -> str | None:
+    """The operation that a step names, or nearly names; `None`: it cannot be told."""
+    said = _said_operation(step)
+    return None if said is None else said if said in STEPS else closest(said, STEPS, _SURELY_MEANT)
+
+
+def _scalar(step: Node, key: str) -> Any:
     node = child(step, key)
     return node.value if isinstance(node, ScalarNode) else None
 

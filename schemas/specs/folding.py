@@ -13,8 +13,8 @@ from ..runs.variables import SECRETS_VARIABLE, secret_names
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location
-from .parameters import NO_SECRETS, Parameter, ParameterValue, ValueProblem, kind_of_parameters
-from .reference_typing import ReferenceMistake
+from .parameters import NO_SECRETS, ParameterValue, ValueProblem
+from .reference_typing import Record, ReferenceMistake
 from .references import PARAMETERS, Interpreter, parse_template
 from .text import ListNode, MappingNode, Node, ScalarNode, child
 
@@ -25,13 +25,13 @@ _LOGIN = re.compile(r"://[^/\s]*\$\{\{[^}]*\}\}[^/\s]*@")
 
 
 def fold_parameters(
-    root: MappingNode, declared: Mapping[str, Parameter], values: Mapping[str, ParameterValue]
+    root: MappingNode, kinds: Record, values: Mapping[str, ParameterValue]
 ) -> tuple[MappingNode, list[ValueProblem]]:
     """Replaces references to parameters in the inputs of all steps by the parameters' values.
 
     Args:
         root: the specification.
-        declared: its parameters.
+        kinds: the type of its parameters.
         values: their values; a reference to a parameter without one stays.
 
     Returns:
@@ -39,9 +39,9 @@ def fold_parameters(
         with the type of others is left to the check of the input.
     """
     steps = root.entries.get("steps")
-    if not declared or not isinstance(steps, MappingNode):
+    if not kinds.members or not isinstance(steps, MappingNode):
         return root, []
-    fold = _Fold(declared, values)
+    fold = _Fold(kinds, values)
     entries: dict[str, Node] = {}
     for name, step in steps.entries.items():
         request = child(step, "input")
@@ -61,7 +61,7 @@ def is_folded(node: Node) -> bool:
 class _Fold:
     """The folding of one specification, whose expressions share one limit of work."""
 
-    declared: Mapping[str, Parameter]
+    kinds: Record
     values: Mapping[str, ParameterValue]
     problems: list[ValueProblem] = field(default_factory=list[ValueProblem])
     _interpreter: Interpreter = field(default_factory=Interpreter)
@@ -96,13 +96,13 @@ class _Fold:
                 self.problems.append(ValueProblem(location, f"has a login in a URL; {NO_SECRETS}"))
             if not template.references or any(each.names() != {PARAMETERS} for each in template.references):
                 return node
-            template.kind({PARAMETERS: kind_of_parameters(self.declared)})
+            template.kind({PARAMETERS: self.kinds})
         except ReferenceMistake:
             return node  # the check of the input tells it
         try:
             value = template.value({PARAMETERS: self.values}, self._interpreter)
         except ReferenceMistake as mistake:
-            if len(self.values) == len(self.declared):
+            if not any(name in node.value for name in self.kinds.members if name not in self.values):
                 self.problems.append(ValueProblem(location, str(mistake)))
             return node
         return _node_of(value, node.place, node.source)

@@ -45,7 +45,7 @@ def spec_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "RoboMaker pipeline",
-        "description": "A pipeline of operations, or a single operation.",
+        "description": "A pipeline of operations, or a single operation; docs/specification.md has every construct.",
         "if": {"required": ["operation"], "not": {"required": ["steps"]}},
         "then": {"$ref": "#/$defs/Single"},
         "else": spec,

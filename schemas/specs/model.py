@@ -27,9 +27,10 @@ from ..operations.registry import STEPS
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
-from ..wire.errors import Place
+from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
+from .sabotages import Sabotage
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
@@ -81,6 +82,11 @@ class Spec(Model):
         max_length=MAX_PARAMETERS,
         description="Values that each run may be given anew, by name; inputs of steps refer to them as "
         "`${{ parameters.name }}`.",
+    )
+    sabotages: dict[str, dict[str, Any]] = Field(
+        default={},
+        description="Sabotages that `robomaker challenge` tries besides its own, by name: values of axes, "
+        "`slippery: {robot_friction: 0.2}`. Runs do without them.",
     )
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
@@ -134,6 +140,11 @@ class CheckedSpec:
 
     missing: tuple[str, ...] = ()
     """Parameters without a value, which a run needs."""
+
+    notes: tuple[Problem, ...] = ()
+    """Possible mistakes: names that only the catalog may know."""
+    sabotages: tuple[Sabotage, ...] = ()
+    """Sabotages of its own, which `robomaker challenge` tries."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

@@ -13,7 +13,7 @@ The words are those of JSON Schema. `folding.fold_parameters` puts the values in
 import keyword
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, Literal
@@ -188,15 +188,19 @@ def _wrong_values(declared: Parameter) -> Iterator[tuple[Location, str]]:
         yield ("default",), wrong
 
 
-def settle(declared: Mapping[str, Parameter], given: Mapping[str, Any], *, is_complete: bool) -> Settled:
+def settle(
+    declared: Mapping[str, Parameter], given: Mapping[str, Any], *, is_complete: bool, others: Iterable[str] = ()
+) -> Settled:
     """Determines the value of each parameter: the one that was given, else the default.
 
     Args:
         declared: the parameters, whose declarations have no problems.
         given: values by name: plain ones, `AsText`, or nodes of the file that they are from.
         is_complete: whether each parameter needs a value; otherwise those without are told as missing.
+        others: names of parameters that are declared wrongly, of which messages know.
     """
-    problems = [_unknown(name, value, declared) for name, value in given.items() if name not in declared]
+    known = (*declared, *others)
+    problems = [_unknown(name, value, known) for name, value in given.items() if name not in declared]
     values: dict[str, ParameterValue] = {}
     missing: list[str] = []
     for name, each in declared.items():
@@ -225,14 +229,19 @@ def why_wrong(value: Any, declared: Parameter) -> str:
     return ""
 
 
-def kind_of_parameters(declared: Mapping[str, Parameter]) -> Record:
-    """Returns the type of `parameters` in references."""
-    return Record({name: each.kind for name, each in declared.items()}, "there is no parameter")
+def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, Kind] | None = None) -> Record:
+    """Returns the type of `parameters` in references.
+
+    Args:
+        declared: the parameters.
+        others: types of those that are declared wrongly.
+    """
+    return Record({**{name: each.kind for name, each in declared.items()}, **(others or {})}, "there is no parameter")
 
 
-def _unknown(name: str, value: Any, declared: Mapping[str, Parameter]) -> ValueProblem:
-    there = f"; there are {some(declared)}" if declared else "; the specification declares none"
-    words = f"there is no parameter {name!r}{nearest(name, declared) or there}"
+def _unknown(name: str, value: Any, known: Collection[str]) -> ValueProblem:
+    there = f"; there are {some(known)}" if known else "; the specification declares none"
+    words = f"there is no parameter {name!r}{nearest(name, known) or there}"
     return ValueProblem((PARAMETERS,), words, about_key=True, place=_place_of(value))
 
 

@@ -59,8 +59,12 @@ class JobAmount:
     """See `kind_of`."""
 
 
-def check_probed(spec: CheckedSpec) -> None:
+def check_probed(spec: CheckedSpec, what: str = "a probe") -> None:
     """Raises an error if a specification has steps that change existing resources, which a probe must not do.
+
+    Args:
+        spec: the specification.
+        what: words for what would do so.
 
     Raises:
         SpecError: a step is of an operation that a probe must not call.
@@ -69,7 +73,7 @@ def check_probed(spec: CheckedSpec) -> None:
         Problem(
             step.place,
             path_text(step.location),
-            f"{step.operation} changes what is there already, which a probe would do as well; a probe runs steps that "
+            f"{step.operation} changes what is there already, which {what} would do as well; {what} runs steps that "
             "read, and that make applications, templates, worlds and simulation jobs",
         )
         for step in spec.steps.values()
@@ -97,14 +101,12 @@ def kind_of(job: Mapping[str, Any]) -> str:
 
     World, seed, trials and tags have no effect on it.
 
-    World, seed, trials and tags make no other kind.
-
     Args:
         job: its request, or the members of it that are stored.
     """
     wire = _checked(job).to_wire()
     applications = [
-        {name: value for name, value in _without_trials(each).items() if name != "worldConfigs"}
+        {name: value for name, value in without_trials(each).items() if name != "worldConfigs"}
         for role in _APPLICATIONS
         for each in wire.get(role) or ()
     ]
@@ -189,7 +191,7 @@ def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
     trials = _trials(job)
     if trials is None or trials.count <= most:
         return dict(job)
-    applications = {role: [_without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
+    applications = {role: [without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
     return {**job, **applications, "trials": cut_trials(trials, most).to_wire()}
 
 
@@ -220,8 +222,8 @@ def cut_trials(trials: Trials, most: int) -> Trials:
     return Trials.model_validate(wire)
 
 
-def _without_trials(application: Mapping[str, Any]) -> dict[str, Any]:
-    """An application's configuration without the launch variable that orders trials."""
+def without_trials(application: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns an application's configuration without the launch variable that orders trials."""
     launch = application.get("launchConfig")
     variables = launch.get("environmentVariables") if is_mapping(launch) else None
     if not is_mapping(launch) or not is_mapping(variables):

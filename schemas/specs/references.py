@@ -106,7 +106,8 @@ class Reference:
                 raise ReferenceMistake("there are no parameters: the specification declares none")
             hint = nearest(unknown[0], scope)
             if not hint:
-                hint = f"; there are {some(scope)}" if scope else "; this file has no steps to refer to"
+                steps = [name for name in scope if name != PARAMETERS]
+                hint = f"; there are {some(steps)}" if steps else "; this file has no steps to refer to"
             raise ReferenceMistake(f"there is no step or variable {unknown[0]!r}{hint}")
         return infer(self.tree, Record(scope))
 

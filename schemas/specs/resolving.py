@@ -35,13 +35,13 @@ class Part(NamedTuple):
     """Number of the part in its step, from 1."""
 
     of: int = 1
-    """How many parts the step has."""
+    """Number of parts of the step."""
 
     total: int = 0
-    """How many requests the whole step has; 0: it is no campaign."""
+    """Number of requests of the whole step; 0: it is no campaign."""
 
     trials: int = 0
-    """How many trials those order; 0: none, or it is no campaign."""
+    """Number of trials that those order; 0: none, or it is no campaign."""
 
     def name(self, step: str) -> str:
         """Returns the part's name: the step's, or `simulate_2_of_3` for a part of a divided step."""
@@ -104,10 +104,10 @@ class EarlierParts:
     """Response that references see of the step so far: the jobs of all its batches under the ARN of the last."""
 
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
-    """How many requests of the batches that have ended are in which state."""
+    """Number of requests by state, of the batches that have ended."""
 
     trials_finished: int = 0
-    """How many trials of their jobs have finished."""
+    """Number of finished trials of their jobs."""
 
     def followed_by(
         self, output: Mapping[str, Any], counts: Mapping[str, int], trials: TrialCounts | None = None

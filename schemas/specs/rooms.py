@@ -20,6 +20,8 @@ from .references import ReferenceMistake, parse_template
 from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
+_FARTHEST_M = 1e9
+"""Numbers beyond this are no places, and are told so elsewhere."""
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
 
 
@@ -33,19 +35,28 @@ class _Request:
     """Source of the values of each variable, as written in the file."""
 
 
+@dataclass(frozen=True)
+class _Rooms:
+    """The rooms of each world of a template."""
+
+    names: Sequence[str]
+    start: str | None = None
+    """The room in which robots start; `None`: that is not known."""
+
+
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
     """Finds goals in rooms that no world of the template has, or in the room where robots start.
 
     Args:
-        steps: the steps, whose inputs have no other problems.
+        steps: the steps, whose inputs may have other problems.
     """
     for step in steps.values():
         for request in _requests(step):
             asked = dict(_asked(request))
-            rooms = _rooms(request, steps) if asked else None
+            rooms = _rooms(request, steps) if asked and _is_sound(request) else None
             if rooms is None:
                 continue
-            names, start = [room.Name for room in rooms], start_room(rooms)
+            names, start = rooms.names, rooms.start
             wrong = {at: no_such_room(str(node.value), names) for at, node in asked.items() if node.value not in names}
             if start is not None:
                 wrong |= _reached_at_start(request, start)
@@ -87,6 +98,21 @@ def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
             yield ("requirements", index, "room"), room
 
 
+def _is_sound(request: _Request) -> bool:
+    """Whether names and numbers of a request's requirements are such; others are told as what they are."""
+    requirements = child(request.node, "requirements")
+    items = requirements.items if isinstance(requirements, ListNode) else ()
+    names = (child(item, member) for item in items for member in ("name", "after"))
+    numbers = (child(item, member) for item in items for member in ("x", "y", "within_m"))
+    return all(
+        each is None or (isinstance(each, ScalarNode) and isinstance(each.value, str)) for each in names
+    ) and all(each is None or (isinstance(each, ScalarNode) and abs(_number(each)) <= _FARTHEST_M) for each in numbers)
+
+
+def _number(node: ScalarNode) -> float:
+    return node.value if isinstance(node.value, int | float) else 0.0
+
+
 def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
     """Problems of goals in the room that the robot starts in."""
     requirements = child(request.node, "requirements")
@@ -96,7 +122,7 @@ def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
     return {("requirements", index, member): words for index, member, words in found if member == "room"}
 
 
-def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[TemplateRoom] | None:
+def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> _Rooms | None:
     """The rooms of the world that a request names; `None` if the file does not say."""
     world = _below(request.node, _WORLD)
     name = _referred(world) or ""
@@ -113,14 +139,26 @@ def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[Template
     return _rooms_of_body(child(template.input, "templateBody"))
 
 
-def _rooms_of_body(body: Node | None) -> list[TemplateRoom] | None:
+def _rooms_of_body(body: Node | None) -> _Rooms | None:
     if body is None:
         return None
     text = str(body.value) if isinstance(body, ScalarNode) else json.dumps(plain(body))
-    try:
-        return None if "${{" in text else list(parse_template_body(text).floorplan.Rooms)
-    except InvalidParameterException:
+    if "${{" in text:
         return None
+    try:
+        rooms = parse_template_body(text).floorplan.Rooms
+        return _Rooms([room.Name for room in rooms], start_room(rooms))
+    except InvalidParameterException:
+        return _rooms_as_written(body)
+
+
+def _rooms_as_written(body: Node) -> _Rooms | None:
+    """The rooms of a body that has other problems; `None` if they are not all named."""
+    rooms = _below(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
+    names = [child(room, "Name") for room in rooms.items] if isinstance(rooms, ListNode) else []
+    if not names or not all(isinstance(name, ScalarNode) and isinstance(name.value, str) for name in names):
+        return None
+    return _Rooms([str(name.value) for name in names if isinstance(name, ScalarNode)])
 
 
 def _referred(node: Node | None) -> str | None:
@@ -154,9 +192,20 @@ def check_world_counts(spec: CheckedSpec, most: int) -> None:
     Raises:
         SpecError: a job asks for more.
     """
-    problems = [problem for step in spec.steps.values() if (problem := _problem(step, most))]
-    if problems:
+    if problems := [*world_count_problems(spec.steps, most)]:
         raise SpecError(problems)
+
+
+def world_count_problems(steps: Mapping[str, CheckedStep], most: int) -> Iterator[Problem]:
+    """Finds generation steps that ask for more worlds than allowed, as far as known before the run.
+
+    Args:
+        steps: the steps, whose inputs may have other problems.
+        most: worlds that one job may make.
+    """
+    for step in steps.values():
+        if problem := _problem(step, most):
+            yield problem
 
 
 def _problem(step: CheckedStep, most: int) -> Problem | None:

@@ -79,7 +79,7 @@ OpenPercent = Annotated[
 
 
 class DoorOpenPosition(Model):
-    """How far a door is open when the simulation begins, in percent."""
+    """Opening of a door when the simulation begins, in percent."""
 
     Percent: OpenPercent = Field(default=100.0, description="0: closed, 100: fully open; Random: anything between.")
 

@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 
 from ..wire.errors import InvalidParameterException
 from ..wire.json_values import is_list, is_object, load_strict, show
-from ..wire.request_problems import misspelt_members, pattern_in_words
+from ..wire.request_problems import RequestProblem, misspelt_members, pattern_in_words
 from .body import (
     CONSTANT_TAG,
     FLOORPLAN_PATH,
@@ -147,22 +147,57 @@ def parse_template_body(text: str) -> WorldTemplateBody:
     Raises:
         InvalidParameterException: with one line per problem: JSON path, value, what would be right.
     """
-    document, prefix = _unwrap(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
-    problems = list(_version_problems(document)) or list(_null_problems(document))
-    if not problems:
-        try:
-            body = WorldTemplateBody.model_validate(document)
-        except ValidationError as error:
-            found = [_untagged(each) for each in error.errors(include_url=False)]
-            misspelt = misspelt_members(found)
-            problems = [_explain(each) for each in found if each["type"] != "missing" or each["loc"] not in misspelt]
-        else:
-            problems = list(rule_problems(body))
-            if not problems:
-                return body
+    document, prefix = unwrapped(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
+    body, problems = _read(document)
+    if body is not None and not problems:
+        return body
     more = len(problems) - _MAX_REPORTED_PROBLEMS
     lines = [prefix + problem for problem in problems[:_MAX_REPORTED_PROBLEMS]]
     raise InvalidParameterException("\n".join([*lines, f"... and {more} more problems"] if more > 0 else lines))
+
+
+def _read(document: Any) -> tuple[WorldTemplateBody | None, list[str]]:
+    """The body that a document is, if it has the form of one, and what is wrong with it."""
+    problems = list(_version_problems(document)) or list(_null_problems(document))
+    if problems:
+        return None, problems
+    try:
+        body = WorldTemplateBody.model_validate(document)
+    except ValidationError as error:
+        found = [_untagged(each) for each in error.errors(include_url=False)]
+        misspelt = misspelt_members(found)
+        return None, [_explain(each) for each in found if each["type"] != "missing" or each["loc"] not in misspelt]
+    return body, list(rule_problems(body))
+
+
+def body_problems(document: Any) -> list[RequestProblem]:
+    """Finds what is wrong with a world template's body, each problem at its place.
+
+    Rules are asked where nothing else is wrong, and members where version and nulls are right.
+
+    Args:
+        document: the body as JSON data, without the wrapper that the official samples have around it.
+    """
+    try:
+        load_strict(json.dumps(document), "templateBody", MAX_BODY_CHARACTERS)
+    except InvalidParameterException as error:
+        return [RequestProblem((), str(error))]
+    body, problems = _read(document)
+    return [_placed(line, is_rule=body is not None) for line in problems]
+
+
+# Quantifiers that give nothing back: a long word could else be split in more ways than can ever be tried.
+_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*+|"(?:[^"\\]|\\.)*+"|\[\d++\]|\.)++): (.*)', re.DOTALL)
+_PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
+
+
+def _placed(line: str, *, is_rule: bool) -> RequestProblem:
+    """A problem whose text begins with the path of its member."""
+    if not (match := _PATH_AND_MESSAGE.fullmatch(line)) or match[1] == "body":
+        return RequestProblem((), line, is_rule=is_rule)
+    steps = _PATH_STEP.finditer(match[1])
+    inside = tuple(int(step[3]) if step[3] else json.loads(step[2]) if step[2] else step[1] for step in steps)
+    return RequestProblem(inside, match[2], about_key="unknown member" in match[2], is_rule=is_rule)
 
 
 def unwrapped_text(text: str) -> str:
@@ -172,11 +207,11 @@ def unwrapped_text(text: str) -> str:
         text: a body that `parse_template_body` accepts.
     """
     document = json.loads(text)
-    body, prefix = _unwrap(document)
+    body, prefix = unwrapped(document)
     return json.dumps(body, ensure_ascii=False) if prefix else text
 
 
-def _unwrap(document: Any) -> tuple[Any, str]:
+def unwrapped(document: Any) -> tuple[Any, str]:
     """Returns the template body itself, and the prefix of its paths in the user's document."""
     if is_object(document) and "templateBody" in document and not document.keys() - {"name", "templateBody"}:
         return document["templateBody"], "templateBody."

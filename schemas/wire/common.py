@@ -10,7 +10,7 @@ Bounds, patterns and enumerations are the service's. Three things differ on purp
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
@@ -63,6 +63,19 @@ def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:
         return entries
 
     return check
+
+
+def raise_all(problems: Iterable[str]) -> None:
+    """Raises one error with everything that rules found, each on a line of its own, once.
+
+    Args:
+        problems: what is wrong, each after the path of its member if it has one; nothing is raised for none.
+
+    Raises:
+        ValueError: there are problems.
+    """
+    if lines := dict.fromkeys(problems):
+        raise ValueError("\n".join(lines))
 
 
 def _no_reserved_tags(tags: dict[_Text, Any]) -> dict[_Text, Any]:

@@ -33,6 +33,7 @@ RobomakerError
 `exit_code` is what the command line ends with when the error reaches it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..exit_codes import BAD_USAGE, BROKE
@@ -129,8 +130,10 @@ class SpecError(RobomakerError):
 
     exit_code = BAD_USAGE
 
-    def __init__(self, problems: list[Problem]) -> None:
+    def __init__(self, problems: list[Problem], notes: Sequence[Problem] = ()) -> None:
         self.problems = problems
+        self.notes = tuple(notes)
+        """Possible mistakes beside them."""
         super().__init__("\n".join(str(problem) for problem in problems))
 
 

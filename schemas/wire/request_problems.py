@@ -17,7 +17,9 @@ from .json_values import is_list, is_mapping, is_object
 Location = tuple[str | int, ...]
 
 _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that takes two seconds
-_LEAST_LIKENESS = 0.6
+LEAST_LIKENESS = 0.6
+"""Likeness of two names from which on one is asked about where the other stands."""
+_TAKEN_FOR = 0.8  # what is this near is read as the other name, and not only asked about
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
 """Most problems of a request that are reported: more do not help, and take long to describe."""
@@ -44,6 +46,9 @@ class RequestProblem:
     about_key: bool = False
     """Whether it is the member's name or the mapping's key that is wrong, not the value."""
 
+    is_rule: bool = False
+    """Whether a rule about several values found it, so that another one of them may be at fault."""
+
     @property
     def path(self) -> str:
         """The location as text: `simulationApplications[0].launchConfig`."""
@@ -55,9 +60,20 @@ class RequestProblem:
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """Returns `did you mean ...?` with the most similar of some words; empty if none is similar."""
-    scored = [(_likeness(word, each), each) for each in words]
-    likeness, close = max(scored, default=(0.0, ""))
-    return f"; did you mean {close!r}?" if likeness >= _LEAST_LIKENESS else ""
+    near = closest(word, words, LEAST_LIKENESS)
+    return "" if near is None else f"; did you mean {near!r}?"
+
+
+def closest(word: str, words: Iterable[str], least_likeness: float = _TAKEN_FOR) -> str | None:
+    """Returns the most similar of some words, as which another one may be read; `None` if none is similar enough.
+
+    Args:
+        word: the word, which may be misspelt.
+        words: those that it may be.
+        least_likeness: likeness from which on it may be, 0 to 1.
+    """
+    likeness, near = max(((_likeness(word, each), each) for each in words), default=(0.0, ""))
+    return near if likeness >= least_likeness else None
 
 
 def some(words: Iterable[str]) -> str:
@@ -91,7 +107,10 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     found = [_without_tags(details, model) for details in findings[:MAX_PROBLEMS]]
     misspelt = misspelt_members(found)
     problems = [
-        _problem(details, model) for details in found if details["type"] != "missing" or details["loc"] not in misspelt
+        problem
+        for details in found
+        if details["type"] != "missing" or details["loc"] not in misspelt
+        for problem in (_rule_problems(details) if details["type"] == "value_error" else [_problem(details, model)])
     ]
     if (more := len(findings) - MAX_PROBLEMS) > 0:
         problems.append(RequestProblem((), f"{more} more problems are not listed"))
@@ -155,12 +174,40 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
         members = _members(_model_at(model, details.get("ctx", {}).get("tagged", location)[:-1]))
         hint = nearest(str(location[-1]), members) or f"; known are {', '.join(members)}"
         return RequestProblem(location, f"is not known{hint}", about_key=True)
-    if kind == "value_error":
-        return RequestProblem(location, str(details.get("ctx", {})["error"]))
     described = f"{_shown(details['input'])}; {_wanted(details)}"
     if location and location[-1] == "[key]":
         return RequestProblem(location[:-1], f"the key is {described}", about_key=True)
     return RequestProblem(location, f"is {described}")
+
+
+_LEADING_PATH = re.compile(r"(?:[A-Za-z_]\w*+|\[\d++\])(?:\.[A-Za-z_]\w*+|\[\d++\])*+(?=: )")
+_PATH_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+
+
+def _rule_problems(details: ErrorDetails) -> list[RequestProblem]:
+    """The problems that a rule about several values raised an error with.
+
+    Each line of its text is one. One that begins with the path of a member that is there is about that member, or about
+    what the text of a launch variable says below it.
+    """
+    location = details["loc"]
+    if location[-1:] == ("[key]",):
+        return [RequestProblem(location[:-1], str(details.get("ctx", {})["error"]), about_key=True)]
+    lines = str(details.get("ctx", {})["error"]).splitlines() or [""]
+    return [_placed_by_its_path(line, location, details["input"]) for line in lines]
+
+
+def _placed_by_its_path(line: str, location: Location, value: object) -> RequestProblem:
+    found = _LEADING_PATH.match(line)
+    steps = _PATH_STEP.finditer(found[0]) if found else ()
+    inside = tuple(step[1] or int(step[2]) for step in steps)
+    if found is None or not _has(value, inside[0]):
+        return RequestProblem(location, line, is_rule=True)
+    return RequestProblem((*location, *inside), line[found.end() + 2 :], is_rule=True)
+
+
+def _has(value: object, step: str | int) -> bool:
+    return step in value if is_mapping(value) else is_list(value) and isinstance(step, int)
 
 
 def _shown(value: object) -> str:

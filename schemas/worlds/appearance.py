@@ -1,4 +1,4 @@
-"""How a world is lit: the appearances of one and the same world, and its model with another one.
+"""Light of a world: the appearances of one and the same world, and its model with another one.
 
 An appearance changes lights, the sky and what shines by itself; nothing that moves, collides or weighs.
 """
@@ -27,7 +27,7 @@ class Appearance:
     headlight: float
     """Light from where the camera is."""
     ceiling: float
-    """How far ceilings, which no light from above reaches, shine by themselves."""
+    """Brightness of ceilings by themselves, since no light from above reaches them."""
     shades: float
     """The same of lamp shades."""
     sky: Rgb | None

@@ -71,7 +71,7 @@ class DescribedPassage(Model):
 
 
 class Opening(Model):
-    """How far a door is open when the simulation begins, as an angle and in percent."""
+    """Opening of a door when the simulation begins, as an angle and in percent."""
 
     percent: float = Field(description="0: closed, 100: as far as it goes.")
     angle: float = Field(description="The same as the joint's position.")

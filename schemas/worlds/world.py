@@ -331,7 +331,7 @@ class Floorplan(Model):
 
 
 Light = Literal["day", "evening", "night"]
-"""How a world's model is lit."""
+"""Light of a world's model."""
 DrawingForm = Literal["svg", "dxf", "nav2-map"]
 
 

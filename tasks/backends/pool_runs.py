@@ -60,7 +60,7 @@ class Places:
 _MOST_MISCONFIGURED = 3
 _PAGE = 200  # the most that the server gives at once
 _STUCK_S = 600.0
-"""How long a run may be Pending: the longest pull of an image. The worker that began it has died then."""
+"""Time that a run may be Pending: the longest pull of an image. The worker that began it has died then."""
 
 _AWAY = (httpx.HTTPError, PrefectException, RuntimeError)
 """Errors of Prefect's client when the server does not answer; `RuntimeError` when it cannot be reached."""

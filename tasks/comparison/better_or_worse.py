@@ -7,9 +7,8 @@ user knows.
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.reports.against import ANSWER_EXIT_CODES, Answer
 from ...schemas.reports.comparison import (
-    ANSWER_EXIT_CODES,
-    Answer,
     ComparedRun,
     Comparison,
     MarginTest,
@@ -19,8 +18,10 @@ from ...schemas.reports.comparison import (
 )
 from ..reporting import Outcome
 from ..results.rates import margin_units
-from .difference_test import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
+from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
+from .e_processes import fewest_worlds
 from .failure_starts import appearances_of, changed_parameters
+from .looked_at_runs import answer_while_running
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
@@ -42,7 +43,8 @@ def compare(
 
     The answer is that of a test of the trials that were judged in both runs: the exact McNemar test, or where six
     worlds or more have several trials, the test that flips whole worlds. Trials that broke are not judged; where
-    counting them as failed would change the answer, the runs are not comparable.
+    counting them as failed would change the answer, the runs are not comparable. A run that was looked at while it
+    ran, beside the first one, has the answer of its e-values.
 
     Args:
         before: the first run.
@@ -59,9 +61,10 @@ def compare(
     trials = pair_trials(pairing.pairs, before, after)
     is_fair, fair = _fair(pairing, trials)
     judged = _judged(fair.only(fair.judged), alpha)
-    rate = rate_change(judged, alpha, margin) if len(judged) else None
-    answer, why = _answer(before, after, pairing, fair, judged, rate, alpha)
-    if answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
+    looked_at = answer_while_running(before, after, alpha, margin)
+    rate = rate_change(judged, alpha, margin) if len(judged) and looked_at is None else None
+    answer, why = looked_at or _answer(before, after, pairing, fair, judged, rate, alpha)
+    if looked_at is None and answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
         answer, why = "not comparable", open_question
     requirements = requirement_changes(trials, pairing.pairs)
     told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
@@ -88,9 +91,10 @@ def compare(
         newly_passing=[pair for pair, (old, new) in told if old.is_failure and new is Outcome.PASSED],
         still_failing=[pair for pair, (old, new) in told if old.is_failure and new.is_failure],
         rate=rate,
-        needed=needed_pairs(judged, alpha, difference, margin) if answer == "no difference shown" else None,
-        metrics=_changes("metric", trials, alpha),
-        margins=_changes("margin", fair, alpha),
+        needed=needed_pairs(judged, alpha, difference, margin) if rate and answer == "no difference shown" else None,
+        e_values=after.against.e_values if after.against and looked_at else {},
+        metrics=_changes("metric", trials, alpha) if looked_at is None else [],
+        margins=_changes("margin", fair, alpha) if looked_at is None else [],
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
 
@@ -261,7 +265,7 @@ def _metric(
 
 
 def _why_unpaired(before: NightRun, after: NightRun) -> str:
-    """Why two runs have no job in common."""
+    """Reason why two runs have no job in common."""
     for run in (before, after):
         if not run.jobs:
             return f"{run.run_id} has no simulation jobs"
@@ -286,7 +290,7 @@ def _worlds(run: NightRun) -> set[str]:
 
 
 def _without_verdicts(before: NightRun, after: NightRun) -> str:
-    """How jobs without a verdict ended."""
+    """Ends of jobs without a verdict."""
     told = []
     for run in (before, after):
         outcomes = [outcome_of(job) for job in run.jobs]

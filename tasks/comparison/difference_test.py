@@ -1,6 +1,5 @@
 """The test that decides whether two runs differ: it knows that trials of one world are alike."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
+from .e_processes import fewest_worlds
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
 from .statistics import (
     Interval,
@@ -23,15 +24,6 @@ from .statistics import (
 
 POWER = 0.8
 """The probability with which the pairs that are said to be needed would show the difference."""
-
-FEWEST_WORLDS = 6
-"""Flipping the signs of fewer worlds shows nothing at 5 %: five of five that got worse have p = 2 / 2**5 = 0.0625."""
-
-
-def fewest_worlds(alpha: float) -> int:
-    """Returns the smallest number of worlds, at least 6, with which a sign-flip test can reach significance alpha."""
-    return max(FEWEST_WORLDS, math.ceil(1 - math.log2(alpha)))
-
 
 _USUAL_DIFFERENCE = 0.1
 _SEED = 20  # of simulated comparisons: the same runs get the same answer

@@ -1,4 +1,4 @@
-"""Since when a job fails, and what changed when it began to."""
+"""Finds the night since which a job fails, and what changed then."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ class Appearance:
     run: NightRun
     job: JobRecord
     outcome: Outcome
-    """How it ended."""
+    """End of the job."""
 
 
 def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
+from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import CellChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
 from ...schemas.reports.run_record import CaseOutcome
@@ -133,13 +134,15 @@ def _change(appearances: Sequence[Appearance], requirements: RequirementChanges)
 
 
 def _night(run: NightRun, before: NightRun | None) -> Night:
+    success = rates.of_table("", run.results)
     return Night(
         run_id=run.run_id,
         started_at=run.started_at,
         state=run.state,
         jobs=len(run.jobs),
         trials=len(run.results),
-        success=rates.of_table("", run.results),
+        success=success.model_copy(update={"low": None, "high": None}) if run.stopped_early else success,
+        against=in_words(run.against) if run.against else "",
         interruptions=run.interruptions,
         parameters=run.parameters,
         source=run.source,

@@ -89,8 +89,8 @@ def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> li
 
 
 def _has_seen_to(run: NightRun, step: str) -> bool:
-    """Whether a run would have a job of a step; one that broke or was cancelled before it says so itself."""
-    return run.state in _SEEN_TO or any(_step_of(job) == step for job in run.jobs)
+    """Whether a run would have a job of a step; one that broke or ended before it says so itself."""
+    return (run.state in _SEEN_TO and not run.stopped_early) or any(_step_of(job) == step for job in run.jobs)
 
 
 def _new_jobs(night: int, step: str, run: NightRun, cells: Sequence[Sequence[Appearance]]) -> list[str]:
@@ -171,7 +171,7 @@ def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
 
 
 def _trials(appearance: Appearance) -> int | None:
-    """How many trials of a job were counted; None: it had none, or has no verdict."""
+    """Number of counted trials of a job; None: it had none, or has no verdict."""
     has_trials = any(item.name == TRIALS for item in appearance.job.requirements)
     counted = appearance.job.metrics.get(TRIALS) if has_trials and _has_verdict(appearance) else None
     return None if counted is None else int(counted)

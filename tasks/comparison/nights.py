@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...schemas.reports.against import AgainstAnswer
 from ...schemas.reports.changes import CellName
 from ...schemas.reports.run_record import JobRecord, RunRecord, RunState, SourceCommit
 from ..reporting import Outcome, classify
@@ -45,7 +46,11 @@ class NightRun:
     results_path: Path | None = None
     """The table of its results; None: each job is one trial."""
     interruptions: int = 0
-    """How many of its processes died."""
+    """Number of its processes that died."""
+    table: ResultTable | None = None
+    """The table of its results, where it has been read; else `results_path` is."""
+    against: AgainstAnswer | None = None
+    """Answer of a run that was carried out beside an earlier one."""
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":
@@ -62,7 +67,13 @@ class NightRun:
             report_path=record.report_path,
             results_path=record.run_dir / RESULTS_FILE,
             interruptions=len(record.interruptions),
+            against=record.against,
         )
+
+    @property
+    def stopped_early(self) -> bool:
+        """Whether trials are missing because the run ended when it was clear how it compares with another."""
+        return self.against is not None and self.against.stopped_early
 
     @property
     def results(self) -> ResultTable:
@@ -77,6 +88,8 @@ class NightRun:
     @cached_property
     def _read(self) -> tuple[ResultTable, str]:
         trouble = ""
+        if self.table is not None:
+            return self.table, ""
         if self.results_path is not None:
             try:
                 found = ResultTable.read(self.results_path)

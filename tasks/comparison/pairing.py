@@ -139,7 +139,7 @@ class TrialPairs:
     @cached_property
     def outcomes(self) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
         """Outcome of each trial in the first and the second run, as codes such as `PASSED`, `FAILED` or `BROKEN`."""
-        return _outcomes(self.before)[self.before_rows], _outcomes(self.after)[self.after_rows]
+        return outcomes_of(self.before)[self.before_rows], outcomes_of(self.after)[self.after_rows]
 
     @property
     def judged(self) -> NDArray[np.bool_]:
@@ -161,7 +161,7 @@ class TrialPairs:
         """
         codes = self.before.codes("world")[0].astype(np.int64)
         known = dict(zip(codes[self.before_rows].tolist(), self.worlds.tolist(), strict=True))
-        lost = np.flatnonzero(_outcomes(self.before) == PASSED)
+        lost = np.flatnonzero(outcomes_of(self.before) == PASSED)
         lost = lost[~np.isin(lost, self.before_rows)]
         return np.array([known.get(code, -2 - code) for code in codes[lost].tolist()], dtype=np.int64)
 
@@ -211,7 +211,8 @@ def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> Tri
     return TrialPairs(before.results, after.results, *columns, has_worlds=any(worlds))
 
 
-def _outcomes(table: ResultTable) -> NDArray[np.int8]:
+def outcomes_of(table: ResultTable) -> NDArray[np.int8]:
+    """Returns the outcome of each trial of a run, as codes such as `PASSED`."""
     codes, names = table.codes("outcome")
     known = np.array([_CODES.get(name, STOPPED) for name in names], dtype=np.int8)
     return known[codes] if len(codes) else np.zeros(0, np.int8)

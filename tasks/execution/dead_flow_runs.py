@@ -45,7 +45,7 @@ UNHEARD_S = 90.0
 """Time without a heartbeat after which a run is closed without the automation, which is quicker."""
 
 _SETTLE_S = 5.0
-"""How long after its flow run a task run may still be closed by an event that is on its way."""
+"""Time after the end of a flow run in which an event that is on its way may still close its task runs."""
 
 _NO_SIGN = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
 _PART_OF_DEAD = "the flow run that it is a part of has died"
@@ -66,7 +66,7 @@ _TOLD_FOR = timedelta(days=1)
 """Time after the closing of a run in which its true end is searched for."""
 
 _LATE_S = 300.0
-"""How late states of task runs reach a server that is flooded with them; 240 s were seen."""
+"""Delay of task runs' states at a server that is flooded with them; 240 s were seen."""
 
 _DEPTH = 4
 """Largest depth of nested flows."""

@@ -1,4 +1,4 @@
-"""How the end of a run becomes the state of its flow run in Prefect, and how that state becomes an answer again.
+"""Turns the end of a run into the state of its flow run in Prefect, and that state into an answer again.
 
 | the run | Prefect's state |
 | --- | --- |

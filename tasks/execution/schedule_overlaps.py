@@ -39,16 +39,16 @@ OVERLAP = ConcurrencyOptions(collision_strategy=ConcurrencyLimitStrategy.ENQUEUE
 """The `concurrency_options` of every deployment that has a schedule."""
 
 _GONE_AFTER = timedelta(seconds=90)
-"""How overdue the next try of a waiting run may be: a worker that is there tries within 15 s, on a busy machine later.
+"""Time that the next try of a waiting run may be overdue: a worker tries within 15 s, on a busy machine later.
 
 A run that is not tried for longer has no worker, or its queue is paused: it holds no other run.
 """
 
 _AFTER_IT = timedelta(seconds=30)
-"""How long after the next try of the earlier run the later one is tried: workers try up to 10 s before the time."""
+"""Delay of the later run after the next try of the earlier one: workers try up to 10 s before the time."""
 
 _MOST_TRIES = 20
-"""How often a run gives way at most: each time an earlier one was tried less than two minutes ago, so 40 minutes."""
+"""Limit on how many times a run gives way: an earlier one is tried every two minutes, so 40 minutes."""
 
 _WAITS = "AwaitingConcurrencySlot"
 """Name of the state of runs that wait for a place; Prefect keeps such runs when a deployment is changed."""

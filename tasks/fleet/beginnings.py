@@ -1,4 +1,4 @@
-"""How the rollout of a deployment job begins: its plan, and orders of earlier rollouts that robots still have.
+"""Begins the rollout of a deployment job: its plan, and orders of earlier rollouts that robots still have.
 
 A robot with an order that it has not answered gets that one's cancellation first. The rollout that begins waits for the
 answer; the earlier one has nothing to wait for then.

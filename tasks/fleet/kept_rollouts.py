@@ -270,7 +270,7 @@ class OpenRollout:
     """Grows with each change."""
 
     rollout: Rollout
-    """How each robot stands: `order` and `action_id`, and `earlier_action_id`, which comes first."""
+    """State of each robot: `order` and `action_id`, and `earlier_action_id`, which comes first."""
 
     artifacts: dict[str, Artifact]
     """Files that robots download, by the robot's ARN; robots that cannot get the application are absent."""

@@ -22,7 +22,7 @@ from .order_keeping import OrderKeeper, OrderKey, OrderReport, event_of, heard
 _logger = logging.getLogger(__name__)
 
 PROGRESS_EVERY_S = 2.0
-"""How often it is reported how much of its file a robot was sent."""
+"""Interval between two reports of how much of its file a robot was sent."""
 
 ReportEvent = Callable[[Service, str, Report, float], None]
 """Takes in an event of a rollout: `kept_rollouts.report`."""

@@ -115,16 +115,20 @@ def write_results(
     return results
 
 
-def results_of(jobs: Sequence[JobRecord], service: Service) -> ResultTable:
+def results_of(
+    jobs: Sequence[JobRecord], service: Service, places: Mapping[str, StoredPlace] | None = None
+) -> ResultTable:
     """Makes the table of some jobs' results, with all trials that are stored.
 
     Args:
         jobs: the jobs, which may still run.
         service: where they are stored.
+        places: places of their outputs, by ARN; None: those that the catalog has.
     """
-    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
-    found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
-    places = {arn: place for arn, place in found.items() if place is not None}
+    if places is None:
+        stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+        found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
+        places = {arn: place for arn, place in found.items() if place is not None}
     return ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
 
 
@@ -187,7 +191,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
     """
     given = request.get("seed", (request.get("tags") or {}).get(SEED_TAG))
     return JobInputs(
-        seed=int(given) if seed is None and str(given or "").isdecimal() else seed,
+        seed=int(given) if seed is None and str(given).isdecimal() else seed,
         seed_given=given is not None,
         requirements_sha256=_requirements_digest(request),
         request_sha256=_digest_of(request),

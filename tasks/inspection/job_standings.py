@@ -1,4 +1,4 @@
-"""How the simulation jobs of a job or batch stand, from the catalog alone: for states, messages and exit codes."""
+"""States of the simulation jobs of a job or batch, from the catalog alone: for messages and exit codes."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

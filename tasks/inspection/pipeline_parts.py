@@ -13,7 +13,7 @@ from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceEr
 _logger = logging.getLogger(__name__)
 
 Cut = Callable[[str, dict[str, Any]], dict[str, Any]]
-"""Makes the request of an operation smaller."""
+"""Makes another request of an operation's, such as a smaller one."""
 
 Permit = Callable[[CheckedStep, dict[str, Any], Callable[[], dict[str, Any]]], dict[str, Any]]
 """Carries out a step's request for a visitor, or refuses to: step, request, and what carries it out."""

@@ -11,13 +11,15 @@ from typing import Any
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
+from ...schemas.reports.against import in_words
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
 from ...schemas.reports.run_record import (
-    EXIT_CODES,
     JobRecord,
     RerunOf,
     RunRecord,
     StepRecord,
+    exit_code_of,
     interrupted_in_words,
 )
 from ...schemas.reports.run_states import run_state
@@ -31,7 +33,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..comparison.nights import NightRun
 from ..execution.events import tell_of_report
-from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
+from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import ResultTable
@@ -39,7 +41,16 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
-from .job_outputs import inputs_of_request, judged_without_outputs, outputs_of, places_of, with_inputs, write_results
+from .challenges import judged_challenge
+from .job_outputs import (
+    inputs_of_request,
+    judged_without_outputs,
+    outputs_of,
+    places_of,
+    results_of,
+    with_inputs,
+    write_results,
+)
 from .run_records import is_night, since_last
 
 REPORT_NAME = "report.html"
@@ -60,21 +71,25 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
         The record with the run's jobs, its state, and the report's path.
     """
     report, jobs, results = _gathered(record, service)
-    state = state_of(jobs)
-    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": EXIT_CODES[state]})
+    state = _state_of_challenge(state_of([]), report.challenge) if report.challenge else state_of(jobs)
+    code = exit_code_of(state, record.against)
+    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge})
     report = _with_changes(report.model_copy(update={"state": state}), record)
     return record.model_copy(
         update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
     )
 
 
-def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
+def rebuild_report(
+    record: RunRecord, service: Service, *, junit: Path | None = None, markdown: Path | None = None
+) -> ReportSummary:
     """Writes the report of an earlier run again from stored data.
 
     Args:
         record: the run.
         service: where its resources are stored.
         junit: where to write it as JUnit XML besides; None: nowhere.
+        markdown: where to write it as Markdown besides; None: nowhere.
 
     Returns:
         Its numbers, with the paths of what was written.
@@ -89,6 +104,8 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     summary = summarize(report, results, pages.url)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
+    if markdown is not None:
+        markdown.write_text(markdown_report(summary), encoding="utf-8")
     return summary.model_copy(update={"report_path": path, "junit_path": junit})
 
 
@@ -97,7 +114,20 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     report = report_of(record, service)
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
-    return report, jobs, write_results(jobs, places, service, record.run_dir)
+    results = write_results(jobs, places, service, record.run_dir)
+    if record.challenge is not None:
+        challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
+        report = report.model_copy(update={"challenge": challenge})
+    return report, jobs, results
+
+
+def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
+    """The state of a challenge: its steps come first, and a sabotaged job that fails is no failure of it."""
+    if of_steps != "succeeded":
+        return of_steps
+    if challenge.is_broken:
+        return "broken"
+    return "succeeded" if challenge.is_passed else "failed"
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:
@@ -124,6 +154,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),
+        against=in_words(record.against) if record.against else "",
         interrupted=interrupted_in_words(record.interruptions),
     )
 
@@ -280,6 +311,21 @@ def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
             inputs=inputs_of_request(document.requests[index], None),
         )
     return [jobs[index] for index in sorted(jobs)]
+
+
+def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> tuple[list[JobRecord], ResultTable]:
+    """Returns the short records of some jobs of a step that have ended, with the table of their results.
+
+    Args:
+        step: the step that made them.
+        jobs: the jobs.
+        service: where their outputs are stored.
+    """
+    reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
+    reported = with_inputs(reported, service)
+    places = places_of(reported, service)
+    records = [_job_record(job, job.label, places.get(job.arn or ""), service) for job in reported]
+    return records, results_of(records, service, places)
 
 
 def _rerun_in_words(rerun_of: RerunOf | None) -> str:

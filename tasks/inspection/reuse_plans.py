@@ -28,7 +28,7 @@ from ..service.service import Service
 from ..simulations.planning.applications import LATEST, with_etag
 from ..simulations.planning.job_contents import CurrentApplications, contents_of_request
 from ..simulations.planning.run_plans import world_arn
-from ..simulations.stored_jobs import find_results, job_document
+from ..simulations.stored_jobs import draws_its_seed, find_results, job_document
 from ..worlds.generation import world_seeds_of
 from ..worlds.reuse import find_world_again
 from .run_records import find_records
@@ -176,7 +176,7 @@ def _stored_body(template: str, service: Service) -> str:
 
 def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMembers, plan: _Plan) -> PlannedPart:
     wire = request.to_wire()
-    if seed_of(request) is None:
+    if draws_its_seed(request):
         return PlannedPart(part, reuse=False, why=NO_SEED)
     if world_arn(wire) in plan.new_worlds:
         return PlannedPart(part, reuse=False, why=NEW_WORLD)

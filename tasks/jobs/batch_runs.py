@@ -34,6 +34,7 @@ from ..simulations.stored_jobs import check_references, reuse_job, store_job
 from .batch_workers import AwaitedJobs, BatchTrials, WorkerWait
 from .job_runs import perform_job, stop_idle_job
 from .places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
+from .request_order import mixed_order
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
@@ -84,6 +85,7 @@ class BatchRun:
         self._policy, self._requests = document.batch_policy, document.requests
         self._trials = BatchTrials(self._arn, self._requests, service.catalog)
         self._in_campaign = document.in_campaign
+        self._order = mixed_order(self._requests) if document.mixed else range(len(self._requests))
         self._ask_again_at, self._cancelled = 0.0, False
         self._misses_catalog = False  # since the last look, which did not see all
         self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
@@ -173,7 +175,8 @@ class BatchRun:
     def _unfinished(self) -> list[int]:
         """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
         active = set(self._active())
-        return sorted(active if self._why_stop() else active.union(self._waiting()))
+        unfinished = active if self._why_stop() else active.union(self._waiting())
+        return [index for index in self._order if index in unfinished]
 
     def _waiting(self) -> list[int]:
         """The requests that are neither jobs nor refused."""

@@ -28,7 +28,7 @@ _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25
 _LONGEST_PAUSE_S = 10.0
 _ABANDONED_LEASES = 2
-"""How many leases long a batch may be carried out by no process before its workers leave it: the next one to carry it
+"""Number of leases after which workers leave a batch that no process carries out: the next one to carry it
 out starts workers again."""
 
 _logger = logging.getLogger(__name__)

@@ -124,7 +124,7 @@ class _Next(Enum):
     """With a new run: a restart was requested."""
 
     GO_ON = auto()
-    """From the last checkpoint of what is left of a run that was killed, else from the start."""
+    """Continues from the last checkpoint of what is left of a run that was killed, else from the start."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""How a simulation job finishes, and its runs before the last one, of which the job says where they are stored."""
+"""Finishes simulation jobs, and their runs before the last one, of which the job says where they are stored."""
 
 import logging
 from collections.abc import Callable, Mapping

@@ -91,7 +91,7 @@ class Turn:
     """A slot that a job holds, as long as the enclosing `with` block lasts."""
 
     waited_s: Mapping[Scarce, float]
-    """How long the job waited for it, in seconds, by what it waited for; waits for its own batch do not count."""
+    """Time that the job waited for it, in seconds, by what it waited for; waits for its own batch do not count."""
 
 
 class MachineSlots:

@@ -25,7 +25,7 @@ _SOON_S = 600.0
 _NEXT = "the next process that may run jobs finishes it"
 
 _SILENCE_S = 120.0
-"""How long the process on another machine has to be silent: a network file system may not tell of its lock."""
+"""Time that the process on another machine has to be silent: a network file system may not tell of its lock."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class BrokenOff:
     order: Order
     folder: Path
     died_at: datetime
-    """When its process last noted that it lived."""
+    """Time at which its process last noted that it lived."""
     limits: tuple[str, ...]
-    """Why no process finishes it by itself, in words; empty: one does."""
+    """Reason why no process finishes it by itself, in words; empty: one does."""
     differences: tuple[str, ...]
     """Differences of this process from what the run needs; empty: none."""
     command: str
@@ -133,7 +133,7 @@ def _limits(order: Order, died_at: datetime, settings: Settings, now: datetime) 
 
 
 def _quick_deaths(order: Order, died_at: datetime) -> int:
-    """How many of the last processes died soon after they had taken the run."""
+    """Number of the last processes that died soon after they had taken the run."""
     deaths = [*(each.lost_at for each in order.interruptions[1:]), died_at]
     lives = [
         (death - each.continued_at).total_seconds() for each, death in zip(order.interruptions, deaths, strict=False)

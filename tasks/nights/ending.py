@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 from uuid import UUID
 
+from ...schemas.reports.against import Against, AgainstAnswer
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
@@ -53,6 +55,9 @@ class RunFacts:
     rerun_of: RerunOf | None
     is_probe: bool
     folder: Path
+    against: Against | None = None
+    challenge: Challenge | None = None
+    """The sabotages of a challenge; None: it is none."""
 
 
 def finish_run(
@@ -62,6 +67,7 @@ def finish_run(
     listener: ProgressListener,
     *,
     is_canceled: bool,
+    against: AgainstAnswer | None,
     interruptions: Sequence[Interruption],
     flow_run: str | None,
     outlasting: Outlasting,
@@ -74,6 +80,7 @@ def finish_run(
         service: where it is stored.
         listener: told what went wrong here.
         is_canceled: whether somebody ended it.
+        against: its answer, if it was carried out beside an earlier run.
         interruptions: when its processes died.
         flow_run: id of the flow run that ends it.
         outlasting: waits for the catalog.
@@ -84,11 +91,13 @@ def finish_run(
 
     ended_at = service.clock()
 
+    ended_early = against is not None and against.stopped_early and not is_canceled
+
     def state_of(jobs: list[JobRecord]) -> RunState:
-        return state_of_run(facts.checked, steps, jobs, is_canceled=is_canceled)
+        return state_of_run(facts.checked, steps, jobs, is_canceled=is_canceled, ended_early=ended_early)
 
     # A forecast is of a run that nothing interrupts.
-    comparable = not (is_canceled or interruptions)
+    comparable = not (is_canceled or interruptions or ended_early)
     without_report = RunRecord(
         run_id=facts.run_id,
         name=facts.checked.name,
@@ -104,8 +113,10 @@ def finish_run(
         rerun_of=facts.rerun_of,
         reuse=service.reuses,
         probe=facts.is_probe,
+        challenge=facts.challenge,
         forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
+        against=against,
         run_dir=facts.folder,
         source=facts.source,
         flow_run=UUID(flow_run) if flow_run else None,
@@ -130,7 +141,7 @@ def is_pinged(facts: RunFacts) -> bool:
 
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
-    """How the run compares to its forecast; one that may run less than was forecast does not."""
+    """Comparison of the run with its forecast; a run that may run less than was forecast has none."""
     from ..inspection.forecasting import check_forecast
 
     if facts.is_probe or facts.rerun_of or service.reuses:
@@ -139,10 +150,26 @@ def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_
 
 
 def state_of_run(
-    checked: CheckedSpec, steps: list[StepRecord], jobs: list[JobRecord], *, is_canceled: bool
+    checked: CheckedSpec,
+    steps: list[StepRecord],
+    jobs: list[JobRecord],
+    *,
+    is_canceled: bool,
+    ended_early: bool = False,
 ) -> RunState:
-    """Determines the state of a whole run from its steps and jobs."""
+    """Determines the state of a whole run from its steps and jobs.
+
+    Args:
+        checked: the specification.
+        steps: how its steps ended.
+        jobs: its simulation jobs.
+        is_canceled: whether somebody ended it.
+        ended_early: whether it cancelled jobs itself, since the others had answered the question; they do not count.
+    """
     statuses = [step.status for step in steps]
+    if ended_early:
+        ran = [job for job in jobs if job.status != "Canceled" and job.failure_code != "BatchCanceled"]
+        return run_state([status for status in statuses if status != "Canceled"], ran)
     was_cut = is_canceled and "Skipped" in statuses
     recorded = {step.name for step in steps}
     seen_to = recorded | {step_of(name) for name in recorded}

@@ -26,10 +26,10 @@ _MOST_WAIT_S, _PAUSE_S = 5.0, 0.01
 up no night."""
 
 _MOST_MISSED = 100
-"""How many of a schedule are kept: as many as a history shows nights."""
+"""Number of missed nights of a schedule that are kept: as many as a history shows."""
 
 _SKEW = timedelta(minutes=1)
-"""How far the clocks of this machine and of the Prefect server may be apart."""
+"""Largest difference between the clocks of this machine and of the Prefect server."""
 
 PAUSED = "its schedule was paused"
 _PAUSED_LATER = "it had not begun when its schedule was paused"
@@ -199,7 +199,7 @@ def judged(
 
 
 def _why_missed(at: datetime, run: DueRun | None, *, paused_since: datetime | None, booted_at: datetime | None) -> str:
-    """Why a night did not happen, in words; empty: it did."""
+    """Reason why a night did not happen, in words; empty: it did."""
     was_off = f"this machine was off, until {booted_at:%Y-%m-%d %H:%M} UTC" if booted_at and booted_at > at else ""
     if run is None:
         if paused_since is not None:

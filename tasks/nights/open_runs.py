@@ -26,7 +26,7 @@ ORDER, LOCK, CANCEL, LOG = ORDER_NAME, "running.lock", "cancel", "process.log"
 """Files in the folder of a run: the order, the lock, what asks the run to end, and what its process says."""
 
 BEAT_S = 10.0
-"""How often a run's process notes that it lives."""
+"""Interval at which a run's process notes that it lives."""
 
 _logger = logging.getLogger(__name__)
 

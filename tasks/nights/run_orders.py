@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypedDict
 
+from ...schemas.reports.against import Against
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import Order, RerunOf
 from ...schemas.settings import Settings
@@ -73,6 +74,7 @@ def keep_order(
             reuse=service.reuses,
             needed=outlasting(lambda: environment_of_run(checked, service)),
             deployment=deployment,
+            against=facts.against,
         )
         begun = OpenRun.begin(facts.folder, order.model_copy(update=known))
         begun.live()
@@ -89,6 +91,7 @@ class OrderedRun(TypedDict):
     command: Sequence[str]
     reuse: bool
     rerun_of: RerunOf | None
+    against: Against | None
     open_run: OpenRun
 
 
@@ -96,8 +99,9 @@ def as_ordered(run: OpenRun) -> OrderedRun:
     """Returns what a run's order says about it, but for its specification."""
     order = run.order
     return OrderedRun(
-        spec_path=order.spec_path, command=order.command, reuse=order.reuse, rerun_of=order.rerun_of, open_run=run
-    )
+        spec_path=order.spec_path, command=order.command, reuse=order.reuse, rerun_of=order.rerun_of,
+        against=order.against, open_run=run,
+    )  # fmt: skip
 
 
 def ordered_spec(order: Order) -> CheckedSpec:

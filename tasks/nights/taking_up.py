@@ -25,28 +25,28 @@ CONTINUED = "continued"
 """Second word of the program for a run that broke off, by which people know the process."""
 
 EVERY_S = 5.0
-"""How often runs that broke off are looked for: a glance at the folders of runs."""
+"""Interval at which runs that broke off are looked for: a glance at the folders of runs."""
 
 _MISSED_EVERY_S = 60.0
-"""How often nights that did not happen are looked for: two requests to Prefect for each schedule."""
+"""Interval at which nights that did not happen are looked for: two requests to Prefect for each schedule."""
 
 _NONE_KNOWN_EVERY_S = 600.0
-"""How often, where no schedule is known: Prefect may have one of which no run has begun yet."""
+"""The same interval where no schedule is known: Prefect may have one of which no run has begun yet."""
 
 _FIRST_ITS_WORKER_S = 20.0
-"""How long the run of a deployment is left to its Prefect worker, which has the variables that it needs."""
+"""Time that the run of a deployment is left to its Prefect worker, which has the variables that it needs."""
 
 _PAUSES_S = (60.0, 600.0)
-"""How long after it was taken up a run is taken up again that died anew: what it lacked may be there then."""
+"""Pause before a run that died again is taken up again: what it lacked may be there then."""
 
 _PREFECTS = "PREFECT__"
-"""How variables begin that tell a process which flow run it carries out."""
+"""Beginning of the names of variables that tell a process which flow run it carries out."""
 
 _MOST_AT_ONCE = 4
 """Each is a process of some 200 MB; their jobs share the machine with all others."""
 
 _CLAIMED_WITHIN_S = 60.0
-"""How long a flow run in a container waits at its end for runs to be taken up: the first look leaves them for 20 s."""
+"""Time that a flow run in a container waits at its end for runs to be taken up: the first look leaves them for 20 s."""
 
 _logger = logging.getLogger(__name__)
 

@@ -106,7 +106,7 @@ def _fetched(place: StoredPlace | None, name: str, service: Service) -> bytes:
 
 
 AFTER_S = 540.0
-"""How long a run waits for disk before it is told of; notes of waits, on which that is looked at, come every 10 min."""
+"""Time that a run waits for disk before a message says so; it is looked at every 10 min."""
 
 
 class LongWaits:

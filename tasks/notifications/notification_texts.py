@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import Losses, SinceLastRun
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
@@ -18,7 +19,7 @@ from ..reporting.nights.changes import (
 )
 
 WORST = 3
-"""How many failures a message has."""
+"""Number of failures that a message names."""
 
 _MAX_REASON = 300
 _WORDS: Mapping[CaseOutcome, str] = {
@@ -71,7 +72,7 @@ def message_of(
     again = ", good again" if good and before is not None and before.state != "succeeded" else ""
     counts, failures = _counts(record), failed_jobs(record)
     nothing = "It made no simulation jobs." if record.report_path else "Its report could not be written."
-    lines = [f"{counts}." if counts else nothing, ""]
+    lines = [f"{counts}." if counts else nothing, *([f"{in_words(record.against)}."] if record.against else []), ""]
     lines += [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
     if since is not None:
         lines += [requirement_in_words(each) for each in since.requirements[:WORST]]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _logger = logging.getLogger(__name__)
 
 TIMEOUT_S = 60.0
-"""How long all channels together have."""
+"""Time limit for all channels together."""
 
 
 def send(

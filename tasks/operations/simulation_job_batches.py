@@ -50,6 +50,7 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
             spec_run=service.spec_run.run_id if service.spec_run else None,
             reuse=service.reuses,
             in_campaign=service.spec_run is not None and service.spec_run.in_campaign,
+            mixed=service.spec_run is not None and service.spec_run.mixed,
         ),
         tags=request.tags,
         token=ClientToken.of("StartSimulationJobBatch", request),

@@ -3,6 +3,7 @@
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive
 from .junit import junit_xml
+from .markdown import markdown_report
 from .nights.history_view import HistoryPage, view_history
 from .outcomes import Outcome, classify
 from .render import (
@@ -29,6 +30,7 @@ __all__ = [
     "draw_drive",
     "draw_open_plan",
     "junit_xml",
+    "markdown_report",
     "page_environment",
     "page_styles",
     "render_history",

@@ -64,6 +64,8 @@ def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
 
 def headline(report: Report) -> str:
     """Summarises a run in one sentence: `3 of 4 jobs passed; 1 failed`."""
+    if report.challenge is not None:
+        return report.challenge.headline
     if not report.jobs:
         worlds = len(report.worlds)
         return (

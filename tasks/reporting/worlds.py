@@ -133,7 +133,7 @@ class TrialsView:
 
     failing: list[FailingTrial]
     more: int
-    """How many more did not pass."""
+    """Number of further ones that did not pass."""
 
     command: str
     """Command that runs the first of the failing trials again."""

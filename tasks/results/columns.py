@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MAX_COLUMNS = 200
-"""How many metrics, and how many requirements, get columns of their own; those that came first."""
+"""Limit on the metrics, and on the requirements, that get columns of their own; those that came first."""
 
 _REQUIREMENTS = TypeAdapter(list[Requirement])
 

@@ -47,7 +47,7 @@ class _Chosen:
 
     units: list[Unit]
     reasons: Mapping[str, str]
-    """Why those that are kept are kept."""
+    """Reasons for keeping those that are kept."""
     holders: Mapping[str, str]
     """Holder of a resource, by the resource's ARN: the kept job, run or deployment that names it."""
     worlds: list[Resource]

@@ -188,7 +188,7 @@ def _unrecorded(folder: Path, service: Service) -> Unit:
 
 
 def _begun(run: Unit) -> datetime:
-    """When a run without a record began: its folder was made then, and its name says so."""
+    """Time at which a run without a record began: its folder was made then, and its name says so."""
     try:
         return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
     except ValueError:

@@ -128,6 +128,33 @@ class Scope:
         own = name.partition("::")[0] in self.nested or self._element(name) is not None
         return own or any(other.has(name) for other in self.merged)
 
+    def link_of(self, name: str) -> str:
+        """Returns the link, by its path in the model, that a frame is fixed to; the name itself if that is a link.
+
+        Args:
+            name: of a link, frame, joint or model in it, as joints name their ends.
+        """
+        at, seen = name, set[str]()
+        while at not in seen:
+            seen.add(at)
+            first, _, rest = at.partition("::")
+            if first in self.nested:
+                return f"{first}::{self.nested[first].link_of(rest or MODEL_FRAME)}"
+            if at == MODEL_FRAME:
+                own = self.element.find("link")
+                at = self.element.get("canonical_link") or (own.get("name", "") if own is not None else name)
+                continue
+            element = self._element(at)
+            if element is None:
+                return next((other.link_of(at) for other in self.merged if other.has(at)), at)
+            if element.tag == "link":
+                return at
+            attached = (
+                element.get("attached_to", "") if element.tag == "frame" else element.findtext("child", "").strip()
+            )
+            at = attached or MODEL_FRAME
+        return name
+
     def model_pose(self, name: str) -> Pose:
         """Returns the pose of a nested model."""
         return self.pose_of(self.nested[name])

@@ -69,8 +69,8 @@ def read_joint(found: JointPlace, links: Mapping[str, Link], left_out: Omissions
     return Joint(
         path=path,
         kind=kind,
-        parent=_full(found.prefix, text_of(element, "parent")),
-        child=_full(found.prefix, text_of(element, "child")),
+        parent=_end(found, "parent"),
+        child=_end(found, "child"),
         pose=moved.pose,
         axis=moved.axis,
         lower=lower,
@@ -86,11 +86,11 @@ def _as_saved(found: JointPlace, links: Mapping[str, Link], kind: JointKind, pla
     ends: list[tuple[Pose, Pose]] = []
     for tag in ("parent", "child"):
         name = text_of(found.element, tag)
-        link = links.get(_full(found.prefix, name))
+        link = links.get(_end(found, tag))
         if name == "world":
             ends.append((identity(), identity()))
         elif link is not None and found.scope.has(name):
-            ends.append((found.pose @ found.scope.resolve(name), link.pose))
+            ends.append((found.pose @ found.scope.resolve(found.scope.link_of(name)), link.pose))
     if len(ends) < 2 or all(_same(stated, saved) for stated, saved in ends):
         return _Moved(placed, axis, 0.0)
     (parent, parent_now), (child, child_now) = ends
@@ -122,8 +122,12 @@ def _child(element: ET.Element | None, tag: str) -> ET.Element | None:
     return None if element is None else element.find(tag)
 
 
-def _full(prefix: str, name: str) -> str:
-    return name if name == "world" or not prefix else f"{prefix}::{name}"
+def _end(found: JointPlace, tag: str) -> str:
+    """Path of the link at an end of a joint, which may be named by a frame; or `world`."""
+    name = text_of(found.element, tag)
+    if name == "world":
+        return name
+    return "::".join(filter(None, (found.prefix, found.scope.link_of(name))))
 
 
 def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | None]:

@@ -187,6 +187,9 @@ def _dae_geometries(nodes: Iterable[Any], matrix: Any, name: str) -> Iterator[tu
     for node in nodes:
         if not isinstance(node, Node):
             yield from ((name, each) for each in node.objects("geometry", matrix))
+            # Meshes with bones stand as they were bound to them.
+            bound = node.objects("controller", matrix)
+            yield from ((name, each.geometry) for each in bound if getattr(each, "geometry", None) is not None)
             continue
         inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
         own = getattr(node, "node", node).xmlnode.get("name")  # an instance of a node has the name of that

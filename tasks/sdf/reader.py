@@ -21,6 +21,9 @@ _MOST_INCLUDES = 20_000
 _MOST_NESTED = 20
 """Models in models; public worlds have three."""
 _VERSIONS = ("1.3", "1.12")
+_GRAVITY = 0.0, 0.0, -9.8
+_GRAVITY_WITHIN = 0.05
+"""Difference of gravities in m/s2 that are the same: files say 9.8, 9.80665 and 9.81."""
 
 
 @dataclass(slots=True)
@@ -161,6 +164,11 @@ class _WorldReader:
             model.is_static = flag_of(include, "static")
         model.is_merged = include.get("merge", "").lower() in ("true", "1")
         self._note_inner(include, name)
+        if any(child.tag.startswith("experimental:") for child in include):
+            self._world.left_out.add("changes of included models (experimental:params)", name)
+        if found.file != found.folder and (others := self._file(found.file).findall("model")[1:]):
+            names = ", ".join(each.get("name", "model") for each in others)
+            self._world.left_out.add("models after the first of a file", f"{found.file.name} of {name}: {names}")
         return model
 
     def _included(self, found: FoundModel) -> ET.Element | None:
@@ -202,7 +210,9 @@ class _WorldReader:
         link = Link(where, path[0], placed, is_static, self._shapes.inertia(element, placed, where), [], [])
         for child in element:
             own = f"{where}::{child.get('name', child.tag)}"
-            if child.tag == "collision":
+            if child.tag == "collision" and _collides_with_nothing(child):
+                self._world.left_out.add("collision shapes that collide with nothing, as the file says", own)
+            elif child.tag == "collision":
                 geometry = self._shapes.geometry(child, model.folder, own)
                 if geometry is not None:
                     at = placed @ _inner_pose(child, model.scope, name)
@@ -270,6 +280,11 @@ class _WorldReader:
                 self._world.left_out.add("saved angles of joints whose links have no saved pose", joint.path)
 
     def _note_rest(self, world: ET.Element) -> None:
+        gravity = numbers_of(world.find("gravity"), 3, _GRAVITY)
+        if any(abs(said - usual) > _GRAVITY_WITHIN for said, usual in zip(gravity, _GRAVITY, strict=True)):
+            self._world.left_out.add(
+                "gravities other than that of the earth", " ".join(f"{each:g}" for each in gravity)
+            )
         for child in world:
             name = child.get("name", "") or child.get("filename", "") or child.tag
             if child.tag in ("plugin", "actor", "road", "population"):
@@ -296,6 +311,14 @@ def _inner_pose(element: ET.Element, scope: Scope, link: str) -> Pose:
     return scope.resolve(link).inverse() @ scope.resolve(base) @ own_pose(element)
 
 
+def _collides_with_nothing(collision: ET.Element) -> bool:
+    contact = collision.find("surface/contact")
+    if contact is None:
+        return False
+    mask = text_of(contact, "collide_bitmask", "1").lower()
+    return flag_of(contact, "collide_without_contact") or mask.removeprefix("0x").strip("0") == ""
+
+
 def _scaled(geometry: Geometry, scale: tuple[float, float, float]) -> Geometry:
     """Returns a shape in the size that Gazebo's window saved."""
     if scale == (1.0, 1.0, 1.0):
@@ -306,10 +329,13 @@ def _scaled(geometry: Geometry, scale: tuple[float, float, float]) -> Geometry:
         return replace(geometry, scale=(u * x, v * y, w * z))
     if geometry.kind in ("box", "ellipsoid", "heightmap"):
         return replace(geometry, size=tuple(size * by for size, by in zip(geometry.size, scale, strict=True)))
-    if geometry.kind in ("cylinder", "capsule"):
+    if geometry.kind in ("cylinder", "capsule", "cone"):
         return replace(geometry, size=(geometry.size[0] * max(x, y), geometry.size[1] * z))
     if geometry.kind == "sphere":
         return replace(geometry, size=(geometry.size[0] * max(scale),))
+    if geometry.kind == "prism":
+        outlines = tuple(tuple((a * x, b * y) for a, b in outline) for outline in geometry.outlines)
+        return replace(geometry, size=(geometry.size[0] * z,), outlines=outlines)
     return geometry
 
 

@@ -17,7 +17,7 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Rgba = tuple[float, float, float, float]
 
-ShapeKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "mesh", "prism", "heightmap"]
+ShapeKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "mesh", "prism", "cone", "heightmap"]
 JointKind = Literal["hinge", "slide", "ball", "fixed"]
 
 GRAY: Rgba = (0.7, 0.7, 0.7, 1.0)
@@ -61,8 +61,8 @@ class Geometry:
 
     kind: ShapeKind
     size: tuple[float, ...] = ()
-    """Full extents of a box, radii of an ellipsoid, radius and length of a cylinder or capsule, radius of a sphere,
-    extents of a plane or heightmap, height of a prism; metres."""
+    """Full extents of a box, radii of an ellipsoid, radius and length of a cylinder, capsule or cone, radius of a
+    sphere, extents of a plane or heightmap, height of a prism; metres."""
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     """Normal of a plane."""
     file: Path | None = None
@@ -71,10 +71,15 @@ class Geometry:
     submesh: str | None = None
     is_centred: bool = False
     """Whether a submesh is moved to its own middle."""
-    outline: tuple[tuple[float, float], ...] = ()
-    """Corners of a prism."""
+    outlines: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """Corners of each part of a prism; a hole is joined to the outline around it by an edge, there and back."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of a heightmap in its link, in metres."""
+
+    @property
+    def said(self) -> str:
+        """Name of its kind in the file."""
+        return "polyline" if self.kind == "prism" else self.kind
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from .frames import own_pose
 from .lookup import Lookup
 from .ogre_materials import OgreMaterials
+from .polylines import Ring, parts_of
 from .sdf_types import GRAY, Geometry, Inertia, Material, Omissions, Pose, Rgba, SdfError
 from .xml_files import flag_of, number_of, numbers_of, place, text_of
 
@@ -57,7 +58,7 @@ class ShapeReader:
                 return Geometry("sphere", _positive(shape, (number_of(shape, "radius", 1.0),)))
             case "ellipsoid":
                 return Geometry("ellipsoid", _positive(shape, numbers_of(shape.find("radii"), 3, _ONES)))
-            case "cylinder" | "capsule":
+            case "cylinder" | "capsule" | "cone":
                 size = number_of(shape, "radius", 1.0), number_of(shape, "length", 1.0)
                 return Geometry(shape.tag, _positive(shape, size))
             case "plane":
@@ -68,7 +69,7 @@ class ShapeReader:
             case "mesh":
                 return self._mesh(shape, base, where, collides=parent.tag == "collision")
             case "polyline":
-                return self._polyline(shape, where)
+                return self._polylines(outer.findall("polyline") if outer is not None else [], where)
             case "heightmap":
                 return self._heightmap(shape, base, where, collides=parent.tag == "collision")
             case other:
@@ -86,18 +87,25 @@ class ShapeReader:
             raise SdfError(f"{place(shape)}: the mesh's scale has a 0")
         submesh = shape.find("submesh")
         name = text_of(submesh, "name") if submesh is not None else ""
-        is_centred = submesh is not None and flag_of(submesh, "center")
+        # Without a name there is no submesh to be moved to its middle.
+        is_centred = submesh is not None and bool(name) and flag_of(submesh, "center")
         return Geometry("mesh", file=path, scale=(x, y, z), submesh=name or None, is_centred=is_centred)
 
-    def _polyline(self, shape: ET.Element, where: str) -> Geometry | None:
-        corners = [numbers_of(point, 2, (0.0, 0.0)) for point in shape.findall("point")]
-        if len(corners) > 1 and corners[0] == corners[-1]:
-            corners.pop()
-        if len(corners) < 3:
-            self._left_out.add("polylines with fewer than three points", where)
+    def _polylines(self, shapes: list[ET.Element], where: str) -> Geometry | None:
+        """Several polylines are one shape, as high as the first: those in others are holes."""
+        rings: list[Ring] = []
+        for shape in shapes:
+            corners = [numbers_of(point, 2, (0.0, 0.0)) for point in shape.findall("point")]
+            if len(corners) > 1 and corners[0] == corners[-1]:
+                corners.pop()
+            if len(corners) < 3:
+                self._left_out.add("polylines with fewer than three points", where)
+                continue
+            rings.append(tuple((x, y) for x, y in corners))
+        if not rings:
             return None
-        height = _positive(shape, (number_of(shape, "height", 1.0),))
-        return Geometry("prism", height, outline=tuple((x, y) for x, y in corners))
+        height = _positive(shapes[0], (number_of(shapes[0], "height", 1.0),))
+        return Geometry("prism", height, outlines=parts_of(rings))
 
     def _heightmap(self, shape: ET.Element, base: Path, where: str, *, collides: bool) -> Geometry | None:
         uri = text_of(shape, "uri")

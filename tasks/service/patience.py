@@ -15,11 +15,11 @@ from ..storage import ObjectInfo, ObjectStore, split_stored
 from ..storage.base import Result, Stopped, StoreOver, Tell, never, tell_none
 
 _LISTEN_EVERY_S = 0.5
-"""How often it is asked in a pause, and while a call is under way, whether to give up."""
+"""Interval between two questions whether to give up, in a pause and while a call is under way."""
 _PART_OF_WAIT = 8
 _LONGEST_PAUSE_S = 30.0
 _LOOK_EVERY_S = 15.0
-"""How often it is looked, while a call is under way, whether the store answers at all."""
+"""Interval between two looks whether the store answers at all, while a call is under way."""
 
 _logger = logging.getLogger(__name__)
 

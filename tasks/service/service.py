@@ -168,6 +168,9 @@ class SpecRun:
     in_campaign: bool = False
     """Whether what is ordered is one of several batches of the same step."""
 
+    mixed: bool = False
+    """Whether requests of batches become jobs in a mixed order."""
+
 
 @dataclass(frozen=True)
 class Service:
@@ -187,7 +190,7 @@ class Service:
     """Source of ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
-    """How long it waits for what."""
+    """Times that it waits for stores and servers."""
 
     report_progress: Callable[[Progress], None] = _ignore
     """Told of every change while a job operation is performed; called from several threads."""
@@ -296,9 +299,11 @@ class Service:
         """Whether jobs ordered now take over existing worlds and results with the same inputs."""
         return self.spec_run is not None and self.spec_run.reuse
 
-    def ordered_by(self, run_id: str | None, *, reuse: bool, in_campaign: bool = False) -> "Service":
+    def ordered_by(
+        self, run_id: str | None, *, reuse: bool, in_campaign: bool = False, mixed: bool = False
+    ) -> "Service":
         """Returns the same service for use by a run of a specification; `None` means by no run."""
-        return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign))
+        return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign, mixed))
 
     def folder(self, *parts: str) -> Path:
         """Returns a folder below the data home, after creating it."""

@@ -31,7 +31,7 @@ from .planning.run_plans import world_arn
 _KIND = "simulation-job"
 _RESULT_FILE = "result.json"
 _LOOKED_AT = 10
-"""How many jobs of the same inputs are looked at, the newest first."""
+"""Number of jobs of the same inputs that are looked at, the newest first."""
 _CUT_SHORT = ("duration limit", "canceled")
 
 
@@ -85,7 +85,7 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
 
 
 def _why_not(job: Resource, key: str, service: Service) -> str | None:
-    """Why the results of a job of this key cannot be taken over; `None`: they can."""
+    """Reason why the results of a job of this key cannot be taken over; `None`: they can."""
     document = SimulationJobDocument.of(job)
     if document.made_of is None or ReuseInputs.of(document, document.made_of).key != key:
         return "was run with other inputs"
@@ -97,7 +97,7 @@ def _why_not(job: Resource, key: str, service: Service) -> str | None:
 
 
 def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str | None:
-    """Why stored outputs cannot be taken over."""
+    """Reason why stored outputs cannot be taken over."""
     if (place := document.outputs) is None:
         return "has no outputs"
     try:
@@ -169,13 +169,13 @@ def reuse_job(
         applications: source of applications; absent: the catalog.
 
     Returns:
-        The job; `None`: there are no results to take over, or the request gives no seed.
+        The job; `None`: there are no results to take over, or each job draws a seed of its own.
 
     Raises:
         ServiceError: as for `store_job`.
         StorageError: an application's archive cannot be read.
     """
-    if seed_of(request) is None:
+    if draws_its_seed(request):
         return None
     current = applications or CurrentApplications(service)
     document = job_document(request, service, batch, current)
@@ -184,6 +184,15 @@ def reuse_job(
         return None
     reused = with_results_of(document, results.job)
     return _store(reused, "Completed", request, service, token, batch)
+
+
+def draws_its_seed(request: SimulationJobRequestMembers) -> bool:
+    """Whether each job of a request draws a seed of its own: none is given, and there are no trials."""
+    return seed_of(request) is None and trials_of(request) is None
+
+
+_FIRST_SEED_OF_TRIALS = 0
+"""Seed of the first trial, where the request gives none; the others follow."""
 
 
 def job_document(
@@ -212,7 +221,7 @@ def job_document(
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service, wire.get("iamRole"))
     seed, trials = seed_of(request), trials_of(request)
     if seed is None:
-        seed = 0 if trials else service.new_seed()  # trials have seeds of their own, from there on
+        seed = service.new_seed() if draws_its_seed(request) else _FIRST_SEED_OF_TRIALS
     return SimulationJobDocument(
         request=wire,
         request_index=batch[1] if batch else None,

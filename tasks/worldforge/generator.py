@@ -145,7 +145,7 @@ def measured(world: World, *, settle: bool = True) -> World:
 
 _MOST_NAMED = 12
 _TOUCHES_M = 2e-3
-"""How near to a level things lie: the world says it to a tenth of a millimetre, and a round top ends 1 mm lower."""
+"""Largest gap between things and their level: worlds say it to 0.1 mm, and a round top ends 1 mm lower."""
 
 
 class Move(NamedTuple):
@@ -161,7 +161,7 @@ class Wanted(NamedTuple):
     """Requested changes for a variation of a world: doors, furniture, light and friction."""
 
     doors: Mapping[str, float] = {}
-    """How far doors are open, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
+    """Opening of doors, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
     moved: Mapping[str, Move] = {}
     removed: Sequence[str] = ()
     light: Light | None = None

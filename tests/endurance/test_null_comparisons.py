@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prefect_robomaker.tasks.comparison.difference_test import FEWEST_WORLDS, JudgedTrials, rate_change
+from prefect_robomaker.schemas.reports.against import FEWEST_WORLDS
+from prefect_robomaker.tasks.comparison.difference_test import JudgedTrials, rate_change
 
 COMPARISONS = 20_000
 MOST_DIFFERENT = 0.053  # two standard errors above 5 %: sqrt(0.05 * 0.95 / 20,000) = 0.15 %

@@ -354,3 +354,23 @@ def test_the_worst_end_is_the_runs_end(step: str, jobs: list[JobRecord], state: 
     steps = [StepRecord(name="template", operation="CreateWorldTemplate", status=step)]
 
     assert state_of_run(checked, steps, jobs, is_canceled=False) == state
+
+
+@pytest.mark.parametrize(
+    ("jobs", "state"),
+    [
+        ([ended("Completed", verdict="PASS"), ended("NotCreated", failure_code="BatchCanceled")], "succeeded"),
+        ([ended("Completed", verdict="PASS"), ended("Canceled", failure_code="BatchCanceled")], "succeeded"),
+        ([ended("Completed", verdict="FAIL"), ended("NotCreated", failure_code="BatchCanceled")], "failed"),
+        ([ended("Failed"), ended("NotCreated", failure_code="BatchCanceled")], "broken"),
+    ],
+)
+def test_jobs_that_a_decided_run_cancels_are_no_failure(jobs: list[JobRecord], state: str) -> None:
+    two = {"version": 1, "name": "two", "steps": {"drive": TEMPLATE, "after": TEMPLATE}}
+    checked = load_spec(json.dumps(two), "two.yaml")
+    steps = [
+        StepRecord(name="drive", operation="StartSimulationJobBatch", status="Canceled"),
+        StepRecord(name="after", operation="ListWorlds", status="Skipped"),
+    ]
+    assert state_of_run(checked, steps, jobs, is_canceled=False, ended_early=True) == state
+    assert state_of_run(checked, steps, jobs, is_canceled=True) == "canceled"

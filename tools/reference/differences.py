@@ -25,7 +25,7 @@ class Difference:
     """Value in the published model; `None`: it has none."""
 
     reason: str
-    """Why."""
+    """Reason for the difference."""
 
     in_model: bool = True
     """Whether service models can say it; what only YAML and Python can is compared elsewhere."""

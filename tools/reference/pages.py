@@ -14,8 +14,10 @@ from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import SENSOR_KINDS
 from tools.reference.behaviours import BEHAVIOURS, Kind
+from tools.reference.commands_page import commands_page
 from tools.reference.door import flows_stub, operation_flows_module, with_deployments
 from tools.reference.operations_page import operations_page
+from tools.reference.settings_page import settings_page
 
 _LAYERS = ("prefect_robomaker", "deployments", "flows", "tasks", "schemas")
 _BEGIN, _END = "<!-- made: rooms -->\n", "<!-- end -->"
@@ -154,6 +156,8 @@ def pages() -> Mapping[Path, str]:
     deployments = root / "deployments" / "prefect.yaml"
     return {
         DOCS / "operations.md": operations_page(),
+        DOCS / "commands.md": commands_page(DOCS),
+        DOCS / "settings.md": settings_page(),
         **{page: with_tables(page.read_text()) for page in tables},
         architecture: with_rooms(architecture.read_text(), root),
         root / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),

@@ -100,7 +100,9 @@ def print_problems(problems: Sequence[Problem]) -> None:
         sys.stderr.write(f"{problem}\n")
     files = {problem.place.file for problem in problems}
     count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
-    sys.stderr.write(f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run\n")
+    sys.stderr.write(
+        f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run; docs/specification.md has the language\n"
+    )
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for problem in problems:
             sys.stderr.write(f"{annotation(problem)}\n")

@@ -207,7 +207,7 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
         share = night.success
         rate = "–" if share.rate is None else f"{share.rate:.0%}"
         interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
-        told = [interrupted_briefly(night.interruptions), *map(change_in_words, night.changed)]
+        told = [interrupted_briefly(night.interruptions), night.against, *map(change_in_words, night.changed)]
         changed = ", ".join(filter(None, told))
         counts = f"{share.passed:>6} {share.failed:>6} {share.errors:>6}"
         lines.append(

@@ -37,7 +37,7 @@ def _name(item: GcItem) -> str:
 
 
 def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
-    """Why items stay, the most frequent reason first."""
+    """Reason why items stay, the most frequent reason first."""
     return Counter(item.reason for item in items if item.action == "keep").most_common()
 
 

@@ -32,7 +32,7 @@ class StepState:
     waits_for: Wait | None = None
     trials: TrialCounts | None = None
     status: str | None = None
-    """How it ended; `None` while it waits or runs."""
+    """End of the step; `None` while it waits or runs."""
 
     duration_s: float = 0.0
     detail: str = ""

@@ -4,18 +4,21 @@ import shlex
 from collections.abc import Sequence
 from typing import TextIO
 
+from ....schemas.reports.against import in_words
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
 from ....schemas.specs.parameter_values import values_in_words
 from .answers import Cell, duration, print_lines
+from .challenge import challenge_lines
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
+_ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "bold red"}
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
 _MAX_REASON = 240
 """Characters of a reason; the report has all of it."""
 _END_OF_REASON = 100
-"""How much of it is the end, which says where it happened: the joint, the line, the last words of a log."""
+"""Length of its end, which says where it happened: the joint, the line, the last words of a log."""
 
 
 def print_summary(
@@ -50,7 +53,9 @@ def summary_lines(
     lines += _origin_lines(record, took)
     if failed := [step for step in record.steps if step.error]:
         lines += [[], *(_step_line(step) for step in failed)]
-    if record.jobs:
+    if record.challenge is not None:
+        lines += [[], *challenge_lines(record.challenge)]
+    elif record.jobs:
         lines += [[], *_job_lines(record.jobs)]
     lines += _changed_lines(lost)
     lines.append([])
@@ -68,7 +73,7 @@ def summary_lines(
 
 
 def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
-    """Says its parameters, which run it is a rerun of, what interrupted it, how its forecast was, what it took over."""
+    """Says its parameters, which run it is a rerun of, what interrupted it, its answer, forecast, what it reused."""
     lines: list[list[Cell]] = []
     if record.parameters:
         lines.append([(f"with {values_in_words(record.parameters)}", "")])
@@ -76,6 +81,8 @@ def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
         lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
     if interrupted := interrupted_in_words(record.interruptions):
         lines.append([(interrupted, "")])
+    if record.against:
+        lines.append([(in_words(record.against), _ANSWER_STYLES.get(record.against.answer, "bold yellow"))])
     if check := record.forecast:
         lines.append([(f"forecast {duration(check.forecast_s)}, took {took} ({check.difference})", "")])
     if reused := [job for job in record.jobs if job.reused_from]:
@@ -88,7 +95,7 @@ def _changed_lines(lost: Sequence[str]) -> list[list[Cell]]:
 
 
 def _headline(record: RunRecord) -> str:
-    counts = counts_in_words(record.jobs)
+    counts = counts_in_words(record.jobs) if record.challenge is None else f"{len(record.jobs)} jobs"
     return f", {counts}," if counts else ""
 
 

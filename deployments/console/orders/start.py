@@ -35,7 +35,7 @@ _FIELD = "parameter."
 """Beginning of the names of fields that have the values of the specification's parameters."""
 
 _AROUND = 2
-"""How many lines are shown before and after one with a problem."""
+"""Number of lines that are shown before and after one with a problem."""
 
 _MOST_PROBLEMS = 50
 _PATIENCE_S = 10.0

@@ -29,7 +29,7 @@ BY_TYPE = "by type"
 
 WAYS = {"doorway": "Doorway", "no wall": "Opening"}
 DOORS: Mapping[str, float | str | None] = {"none": None, "open": 100, "half open": 50, "closed": 0, "any": "Random"}
-"""How far doors are open; `None`: doorways are gaps."""
+"""Openings of doors; `None`: doorways are gaps."""
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def _advice(path: Path, problem: str) -> str:
 
 
 MAX_RESOURCES = 20
-"""How many resources of a call are named; `resource_count` says how many there were."""
+"""Limit on the named resources of a call; `resource_count` says how many there were."""
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 

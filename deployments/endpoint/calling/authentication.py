@@ -26,7 +26,7 @@ from ..messages import (
 from .access_keys import AccessKey
 
 GRACE_S = 2.0
-"""How long a client may send the same signature again: SDKs sign a retry in the same second alike."""
+"""Time that a client may send the same signature again: SDKs sign a retry in the same second alike."""
 
 _REPEATABLE = ("Describe", "List", "Get", "Batch", "Cancel", "Delete", "Update", "Tag", "Untag", "Register", "Deregist")
 

@@ -13,7 +13,7 @@ from .downloads import Downloads, ServedFile
 from .robot_answers import DoorRefusal, read_body, send_plain
 
 MOST_GUESSES = 10
-"""How many wrong one-time tokens of one robot are looked at in `GUESS_WINDOW_S`."""
+"""Limit on the wrong one-time tokens of one robot that are looked at in `GUESS_WINDOW_S`."""
 
 GUESS_WINDOW_S = 60.0
 

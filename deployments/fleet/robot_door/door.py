@@ -80,10 +80,10 @@ class DoorSettings:
     """The same while an order is open, or expected; more if these are more robots than may poll so often."""
 
     active_polls_per_s: int = 250
-    """How many such robots may poll in a second."""
+    """Limit on the polls of such robots in a second."""
 
     last_seen_s: float = 3.0
-    """How long is gathered when robots polled, before it is reported."""
+    """Time for which polls of robots are gathered before they are reported."""
 
     tenant: str = "DEFAULT"
     """First part of every path."""

@@ -10,7 +10,7 @@ from .rollout_plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
 Departure = Literal["left", "deleted"]
-"""How a robot departed from a fleet."""
+"""End of a robot's membership in a fleet."""
 
 OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
 """States of orders that count for the concurrency."""
@@ -146,7 +146,7 @@ ReportedCode = Literal[
 """Failure codes that a robot may report; the others are found by the service."""
 
 StopCause = Literal["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"]
-"""Why a rollout is ended from outside."""
+"""Reason for ending a rollout from outside."""
 
 
 class _OfOrder(StoredPart):

@@ -67,7 +67,7 @@ UnfitCode = Literal[
     "MissingRobotArchitecture",
     "MissingRobotDeploymentResource",
 ]
-"""Why a robot cannot get the application at all."""
+"""Reason for a robot not to get the application at all."""
 
 
 class PlannedRobot(StoredPart):

@@ -1,4 +1,4 @@
-"""How fleets, their robots and their latest deployments stand, for people and programs that look."""
+"""States of fleets, their robots and their latest deployments, for people and programs that look."""
 
 from datetime import datetime
 from typing import Literal

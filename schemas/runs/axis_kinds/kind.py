@@ -3,6 +3,7 @@
 Nothing here knows of MuJoCo: an axis changes numbers of a `Rig`.
 """
 
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -12,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Protocol, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ...wire.base import Shape, ShapeName, optional
+from ...wire.common import raise_all
 from ...wire.errors import LaunchError
 
 Value = str | float
@@ -25,8 +27,36 @@ _LEAST_SHARE = 1e-12
 """Shares nearer to 0 or 1 than this are taken for it: a normal distribution has no value for them."""
 
 
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+"""Numbers as JSON and YAML write them; Python itself would take `1_0` for ten."""
+
+
 class AxisError(LaunchError):
     """Raised when an axis cannot be applied to a job's environment or robot; the request is blamed."""
+
+
+_REFUSED = re.compile(r"trials\.axes\.\w+: \w+ cannot be applied: (.+)")
+
+
+def refusal(name: str, kind: str, why: object) -> str:
+    """Says that an axis cannot be applied.
+
+    Args:
+        name: The axis.
+        kind: Its kind.
+        why: The reason.
+    """
+    return f"trials.axes.{name}: {kind} cannot be applied: {why}"
+
+
+def why_not_applicable(reason: str) -> str:
+    """Returns why an axis cannot be applied, if that is why a job failed; empty: it failed for another reason.
+
+    Args:
+        reason: The job's reason, in words.
+    """
+    found = _REFUSED.search(reason)
+    return found[1] if found else ""
 
 
 class LidarErrors(Protocol):
@@ -42,6 +72,14 @@ class CommandDelay(Protocol):
     """Interface to the delay of an environment's motor commands, which its next episode begins with."""
 
     delay_s: float
+
+
+class CommandGains(Protocol):
+    """Interface to the factors on an environment's motor commands, which its next episode begins with."""
+
+    whole: float
+    turn: float | None
+    """Factor on turning rates besides; None: commands have none."""
 
 
 class Rig(Protocol):
@@ -81,8 +119,18 @@ class Rig(Protocol):
         ...
 
     @property
+    def first_motor(self) -> Any:
+        """Number of the first one of `motors`, as a list, and of the joint of `motor_joints` that it moves, if any."""
+        ...
+
+    @property
     def commands(self) -> CommandDelay:
         """Delay of the robot's commands."""
+        ...
+
+    @property
+    def command_gains(self) -> CommandGains:
+        """Factors on the robot's commands."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
@@ -189,6 +237,8 @@ class NumberAxis(Axis):
     """Largest possible value."""
     neutral: ClassVar[str]
     """The value that changes nothing, in words."""
+    subject: ClassVar[str] = ""
+    """Words for what it changes, if other kinds change the same, so that a job has one of them; empty: none does."""
 
     values: AxisValues | None = optional("Its values, numbers in the unit of the kind; all or some of them are taken.")
     range: AxisRange | None = optional("Least and largest value; all between are equally likely.")
@@ -216,8 +266,7 @@ class NumberAxis(Axis):
             has = f"{' and '.join(given)} are given" if given else "it has no values"
             raise ValueError(f"{has}; give one of values, range ([least, largest]) and normal (mean and std)")
         if self.values is not None:
-            numbers = [self.parse(text) for text in self.values]
-            differ([f"{number!r}" for number in numbers])
+            differ([f"{number!r}" for number in self._numbers(self.values)])
         elif self.range is not None:
             self._check_bounds("range", *self.range)
         else:
@@ -227,6 +276,18 @@ class NumberAxis(Axis):
             if not low <= self.normal.mean <= high:
                 raise ValueError(f"normal.mean: {self.normal.mean:g} is not between the bounds {low:g} and {high:g}")
         return self
+
+    def _numbers(self, values: Sequence[str]) -> list[float]:
+        """The numbers that values mean; an error tells all that mean none."""
+        numbers: list[float] = []
+        wrong: list[str] = []
+        for place, text in enumerate(values):
+            try:
+                numbers.append(self.parse(text))
+            except ValueError as error:
+                wrong.append(f"values[{place}]: {error}")
+        raise_all(wrong)
+        return numbers
 
     def _check_bounds(self, member: str, low: float, high: float) -> None:
         if low >= high:
@@ -250,11 +311,9 @@ class NumberAxis(Axis):
         Raises:
             ValueError: It is no number, or none that is possible.
         """
-        try:
-            number = float(text)
-        except ValueError:
-            raise ValueError(f"{text!r} is no number; {self.kind} is {self.possible()}") from None
-        return self._check(number)
+        if not _NUMBER.fullmatch(text):
+            raise ValueError(f"{text!r} is no number; {self.kind} is {self.possible()}")
+        return self._check(float(text))
 
     def at(self, share: float) -> float:
         """Returns the value below which a share, 0 to 1, of its values lies."""

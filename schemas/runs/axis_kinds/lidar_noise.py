@@ -16,5 +16,6 @@ class LidarNoiseAxis(LidarAxis):
     # A lidar whose ranges scatter by more than a metre sees no home.
     least, most = 0.0, 1.0
     neutral = "the robot's own, 0.005 for Scout"
+    subject = "noise of the lidar"
 
     kind: Literal["lidar_noise_std_m"] = Field(description="`lidar_noise_std_m`.")

@@ -1,6 +1,6 @@
 """Strength of the motors: the same command, at the same speed, gives so many times the force."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -16,17 +16,28 @@ class MotorGainAxis(NumberAxis):
     # Servos stiffer than ten times would need shorter steps; weaker than a tenth, no robot moves.
     least, most = 0.1, 10.0
     neutral = "1"
+    subject = "force of motors"
 
     kind: Literal["motor_gain"] = Field(description="`motor_gain`.")
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
         """Finds the robot's motors."""
-        motors, joints = rig.motors, rig.motor_joints
+        return scale_motors(rig, rig.motors, rig.motor_joints)
 
-        def set_factor(factor: float | None) -> None:
-            for field in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
-                rig.scale(field, motors, factor)
-            rig.scale("jnt_actfrcrange", joints, factor)
 
-        return set_factor
+def scale_motors(rig: Rig, motors: Any, joints: Any) -> Setter:
+    """Returns a function that scales the forces of motors, with their limits.
+
+    Args:
+        rig: The robot.
+        motors: Numbers of the actuators.
+        joints: Numbers of the joints whose limits of force are scaled too.
+    """
+
+    def set_factor(factor: float | None) -> None:
+        for field in ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):
+            rig.scale(field, motors, factor)
+        rig.scale("jnt_actfrcrange", joints, factor)
+
+    return set_factor

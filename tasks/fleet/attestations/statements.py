@@ -35,11 +35,11 @@ class PassedJob:
 
     id: str
     etag: str
-    """That of the archive that ran."""
+    """Digest of the archive that ran."""
 
     seed: int
     trials: int
-    """How many episodes; 0: it is no job with trials."""
+    """Number of episodes; 0: it is no job with trials."""
 
     worlds: frozenset[str]
     requirements: tuple[str, ...]

@@ -114,7 +114,7 @@ def _version(robot: RobotDocument) -> str | None:
 
 
 def _absence(robot: RobotDocument, now_s: float) -> list[str]:
-    """Why a robot would not fetch an order now; empty: it would."""
+    """Reason why a robot would not fetch an order now; empty: it would."""
     if robot.token_sha256 is None:
         return ["not enrolled"]
     if robot.last_seen_s is None:

@@ -44,7 +44,7 @@ class RobotState:
     """The robot read the order."""
 
     feedbacks: int = 0
-    """How many there were about the order."""
+    """Number of messages about the order."""
 
     is_expected: bool = False
     """An order will follow soon, so the robot polls as often as with one."""
@@ -73,7 +73,7 @@ class OpenOrders:
         self._robots: dict[str, RobotState] = {}
         self._lock = threading.Lock()
         self.active = 0
-        """How many robots had an order, or were to expect one, when they were counted last."""
+        """Number of robots that had an order, or were to expect one, when they were counted last."""
 
     def enrol(self, robot: str, token_hash: bytes) -> None:
         """Adds a robot to the table, by the hash of its token (`hash_token`); a known robot gets the new token."""

@@ -44,7 +44,7 @@ class RobotView:
     before: str
     after: str
     took_s: float | None
-    """From its order to its end."""
+    """Time from its order to its end."""
     code: str
     reason: str
     spans: Sequence[Span]
@@ -58,7 +58,7 @@ class WaveView:
     number: int
     count: int
     ends: Sequence[tuple[RobotEnd, int]]
-    """How many of its robots stand how, the worst first."""
+    """Number of its robots by state, the worst first."""
     robots: Sequence[RobotView]
     """Those with a row each; none in a large fleet."""
     blocks: Markup
@@ -84,7 +84,7 @@ class RolloutPage:
     began_at: datetime
     took: str
     counts: Sequence[tuple[RobotEnd, int]]
-    """How many robots stand how, the worst first."""
+    """Number of robots by state, the worst first."""
     numbers: Sequence[tuple[str, str]]
     """Names and values."""
     facts: Sequence[Fact]
@@ -98,7 +98,7 @@ class RolloutPage:
     axis: Markup = Markup()  # noqa: RUF009
     failures: Markup = Markup()  # noqa: RUF009
     pauses: Sequence[tuple[datetime, str]] = ()
-    """When it was paused, and for how long."""
+    """Beginnings and lengths of its pauses."""
     phases: Mapping[Phase, str] = field(default_factory=lambda: PHASES)
     threshold: int = 0
     breached_after: str = ""

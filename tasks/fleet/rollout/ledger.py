@@ -216,7 +216,7 @@ class Ledger:
 
     @property
     def _end_s(self) -> float:
-        """When its time is up."""
+        """Time at which it ends."""
         return self._rollout.began_s + self._plan.job_timeout_s
 
     @property

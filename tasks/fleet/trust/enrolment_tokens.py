@@ -32,7 +32,7 @@ class OneTimeToken(NamedTuple):
     """The whole token."""
 
     expires_s: float
-    """Until when it is taken, in seconds since the epoch."""
+    """Time until which it is taken, in seconds since the epoch."""
 
 
 def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotate: bool) -> OneTimeToken:

@@ -101,7 +101,7 @@ def target_key(path: str, sha256: str) -> str:
 
 
 TIMESTAMP_S = 0.25
-"""How long the newest timestamp is not asked for again: a whole fleet asks at once, and who publishes waits so long."""
+"""Time that the newest timestamp is not read again: a whole fleet asks at once; publishers wait so long."""
 
 _KEPT_METADATA = 64
 _UNUSED_S = 86_400.0

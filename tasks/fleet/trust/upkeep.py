@@ -109,7 +109,7 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
 
 
 _KEPT_AFTER = timedelta(days=7)
-"""How long an expired timestamp stays: a publisher that was stopped for so long must not take its number again."""
+"""Time that an expired timestamp stays: a publisher that was stopped for so long must not take its number again."""
 
 
 @dataclass(frozen=True)

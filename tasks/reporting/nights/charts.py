@@ -116,12 +116,13 @@ def _line(nights: Sequence[Night]) -> Markup:
 def _column(night: Night, index: int, count: int) -> list[Markup]:
     x, foot, share = _place(index, count), HEIGHT - _BOTTOM, night.success
     parts = [element("line", class_="mark", x1=x, y1=_TOP, x2=x, y2=foot)] if night.changed else []
-    if share.rate is None or share.low is None or share.high is None:
+    if share.rate is None:
         return [*parts, element("path", class_="none", d=f"M{number(x - 4)} {number(foot - 9)}l8 8m0 -8l-8 8")]
     radius = max(2.0, min(5.0, 120 / count))
+    if share.low is not None and share.high is not None:
+        parts.append(element("line", class_="span", x1=x, y1=_height(share.low), x2=x, y2=_height(share.high)))
     return [
         *parts,
-        element("line", class_="span", x1=x, y1=_height(share.low), x2=x, y2=_height(share.high)),
         element("circle", class_="point", cx=x, cy=_height(share.rate), r=radius),
     ]
 

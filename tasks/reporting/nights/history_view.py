@@ -27,8 +27,8 @@ class NightView:
     """Address of its report from the page; empty where there is none."""
     outcome: Outcome
     changed: str
-    interrupted: str
-    """How often its processes died; empty: none did."""
+    remark: str
+    """Number of its processes that died, and its answer if it ran beside an earlier one; empty: nothing of both."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,8 @@ def _view_night(night: Night, folder: Path) -> NightView:
     states = {"succeeded": Outcome.PASSED, "failed": Outcome.FAILED, "broken": Outcome.BROKEN}
     outcome = states.get(night.state, Outcome.CANCELED if night.state == "canceled" else Outcome.UNFINISHED)
     changed = ", ".join(map(change_in_words, night.changed))
-    return NightView(night, link, outcome, changed, interrupted_briefly(night.interruptions))
+    remark = "; ".join(filter(None, [interrupted_briefly(night.interruptions), night.against]))
+    return NightView(night, link, outcome, changed, remark)
 
 
 def _title(view: NightView) -> str:

@@ -15,7 +15,7 @@ from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop, 
 
 CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
 GREETING_TIMEOUT_S = 5.0
-"""How long a connection may say nothing while another one waits; a robot that is alone may take its time."""
+"""Time that a connection may say nothing while another one waits; a robot that is alone may take its time."""
 WARN_AFTER_S = 10.0
 """Time after which the log says that the robot's program has not connected."""
 CRASH = "RobotApplicationCrash"

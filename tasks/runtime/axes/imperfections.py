@@ -1,7 +1,7 @@
-"""Imperfections of a robot that are no part of its model: errors of its lidar, and a delay of its commands.
+"""Imperfections of a robot that are no part of its model: errors of its lidar, delay and gains of its commands.
 
-An environment that has them as `lidar_errors` and `command_delay` lets axes of trials change them. They count from the
-next `reset` on.
+An environment that has them as `lidar_errors`, `command_delay` and `command_gains` lets axes of trials change them.
+They count from the next `reset` on.
 """
 
 import math
@@ -59,6 +59,32 @@ class CommandDelay:
     """Simulated time from a command to the motors."""
 
 
+@dataclass
+class CommandGains:
+    """Factors on the commands of an agent."""
+
+    whole: float = 1.0
+    """Factor on all numbers of a command."""
+    turn: float | None = 1.0
+    """Factor on the turning rate besides, the second of a command's two numbers; None: commands have none."""
+
+    @property
+    def change_nothing(self) -> bool:
+        """Whether commands stay as they are."""
+        return self.whole == 1 and self.turn in (1, None)
+
+    def scale(self, action: Any) -> Any:
+        """Returns a command times the factors; one that is not made of numbers stays, for the robot to refuse."""
+        try:
+            values = np.array(action, np.float64)
+        except (TypeError, ValueError):
+            return action
+        values *= self.whole
+        if self.turn is not None and values.shape == (2,):
+            values[1] *= self.turn
+        return values
+
+
 _Item = TypeVar("_Item")
 
 
@@ -92,6 +118,32 @@ class _Controller(Protocol):
     def state(self) -> Any: ...
     def restore(self, state: Any) -> None: ...
     def command(self, action: Any) -> bool: ...
+
+
+class ScaledController:
+    """Controller that passes commands to another one, times some factors."""
+
+    def __init__(self, controller: _Controller, gains: CommandGains) -> None:
+        """Takes the factors as they are now.
+
+        Args:
+            controller: Carries the commands out.
+            gains: The factors.
+        """
+        self._controller = controller
+        self._gains = copy(gains)
+        self.substep = controller.substep
+        self.reset = controller.reset
+        self.state = controller.state
+        self.restore = controller.restore
+
+    def command(self, action: Any) -> bool:
+        """Passes a command on, and returns whether it tells the robot to stand still.
+
+        Raises:
+            ActionError: It is no action of this robot.
+        """
+        return self._controller.command(self._gains.scale(action))
 
 
 class DelayedController(KeepsAttributes):

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.runs.axis_kinds.kind import AxisError, CommandDelay, LidarErrors
+from ....schemas.runs.axis_kinds.kind import AxisError, CommandDelay, CommandGains, LidarErrors
 from ..episode.physics import acting_body, actuators_of, floor_geoms, raw_physics, robot_bodies
 
 _DERIVED = (
@@ -115,6 +115,18 @@ class ModelRig:
         return np.flatnonzero(limited)
 
     @property
+    def first_motor(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Number of the first motor, and of the joint that it moves, if that limits the force.
+
+        Raises:
+            AxisError: No motor moves the robot, or one whose force cannot be scaled.
+        """
+        first = self.motors[:1]
+        moves_joint = self._model.actuator_trntype[first[0]] == int(mujoco.mjtTrn.mjTRN_JOINT)
+        joint = self._model.actuator_trnid[first[0], 0] if moves_joint else -1
+        return first, self.motor_joints[self.motor_joints == joint]
+
+    @property
     def lidar(self) -> LidarErrors:
         """Errors of the robot's lidar.
 
@@ -131,6 +143,15 @@ class ModelRig:
             AxisError: The environment cannot delay them.
         """
         return self._part("command_delay", "commands of a robot")
+
+    @property
+    def command_gains(self) -> CommandGains:
+        """Factors on the robot's commands.
+
+        Raises:
+            AxisError: The environment cannot scale them.
+        """
+        return self._part("command_gains", "commands of a robot")
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
         """Writes a factor times the numbers that a field of the model was built with; see `Rig`.
@@ -187,6 +208,8 @@ class ModelRig:
 
     def _part(self, name: str, words: str) -> Any:
         part = getattr(self._environment, name, None)
+        if part is None and hasattr(self._environment, name):
+            raise AxisError(f"the robot has no {words}")
         if part is None:
             raise AxisError(f"the environment ({type(self._environment).__name__}) has no {words} that axes can change")
         self._parts[name] = part

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ....schemas.runs.axes import AxisSetting, number_kind
-from ....schemas.runs.axis_kinds.kind import AxisError, Setter
+from ....schemas.runs.axis_kinds.kind import AxisError, Setter, refusal
 from ..episode.results import Observer
 from .rig import ModelRig
 
@@ -51,7 +51,7 @@ class Variation(Observer):
                 assert self._rig is not None
                 self._setters[name] = number_kind(kind).bind(self._rig)
         except AxisError as error:
-            raise AxisError(f"trials.axes.{name}: {kind} cannot be applied: {error}") from None
+            raise AxisError(refusal(name, kind, error)) from None
 
     def set(self, settings: Mapping[str, AxisSetting]) -> None:
         """Applies the values of a trial, before the environment's `reset`; what it does not name is put back.

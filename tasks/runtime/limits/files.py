@@ -61,7 +61,7 @@ class HeldFile(NamedTuple):
 
     path: str
     changed_s: float
-    """When it was last written, moved or given other rights, in seconds since 1970 (`st_ctime`)."""
+    """Time at which it was last written, moved or given other rights, in seconds since 1970 (`st_ctime`)."""
 
     device: int
 

@@ -17,7 +17,7 @@ from .processes import ProcessState, descendants_of, proportional_bytes, written
 
 METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
-"""When the whole machine runs out of memory, the kernel kills runs before job workers."""
+"""Score for the kernel, which kills runs before job workers when the whole machine runs out of memory."""
 _MANY = 64
 _PATIENCE_S = 0.03
 _MAX_PATIENCE_S = 1.0

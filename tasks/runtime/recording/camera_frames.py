@@ -20,10 +20,10 @@ WORLD = "world"
 """Name of MuJoCo's body 0, which everything fixed belongs to."""
 
 TO_OPTICAL = ros.Transform(rotation=ros.Quaternion(-0.5, 0.5, -0.5, 0.5))
-"""From a camera's frame to its optical one."""
+"""Rotation from a camera's frame to its optical one."""
 
 _FROM_MUJOCO = np.array((0.5, -0.5, 0.5, 0.5))
-"""From the axes of MuJoCo's cameras (x to the right, y up, looking along -z) to a camera's frame; w first."""
+"""Rotation from the axes of MuJoCo's cameras (x right, y up, looking along -z) to a camera's frame; w first."""
 
 _BODY = mujoco.mjtObj.mjOBJ_BODY.value
 _AS = ', such as {"world": "map", "chassis": "base_link"}'

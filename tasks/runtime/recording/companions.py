@@ -23,7 +23,7 @@ _DRAWN: Mapping[str, dict[str, Any]] = {
     "nav_msgs/msg/Path": {"type": "line", "lineWidth": 0.03, "gradient": ["#28c76fff", "#28c76fff"]},
     "visualization_msgs/msg/MarkerArray": {},
 }
-"""How the 3D panel draws topics, by type."""
+"""Settings by which the 3D panel draws topics, by type."""
 
 Panel = tuple[str, dict[str, Any]]
 
@@ -238,7 +238,7 @@ class RecordedTopic(NamedTuple):
     """Number of messages."""
 
     offer: Offer | None = None
-    """How it was offered; `None`: as the simulation offers a topic of this name."""
+    """Quality of service at which it was offered; `None`: as the simulation offers a topic of this name."""
 
 
 def channel_metadata(topic: str, type_hash: str, offer: Offer | None = None) -> dict[str, str]:

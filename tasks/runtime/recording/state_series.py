@@ -15,7 +15,7 @@ from .links import Links
 from .recording import DEFAULT_FRAMES, Frames, Recorder
 
 STATE_RATE_HZ = 50.0
-"""How often states are recorded, if the environment steps as often."""
+"""Rate at which states are recorded, if the environment steps as often."""
 
 _MAX_SAMPLES = 1024
 _MAX_BYTES = 768 * 1024

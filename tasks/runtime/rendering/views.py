@@ -23,7 +23,7 @@ SHOWN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
 _ELEVATION_DEG = -32.0
 _STEEPER_DEG, _STEEPEST_DEG = 15.0, -75.0
-"""How a camera rises where something is in between, in steps: straight down there is no behind any more."""
+"""Angles at which a camera rises where something is in between: straight down there is no behind any more."""
 _UPRIGHT = 0.5
 """Cosine of the tilt beyond which a body lies rather than stands, so that its front says nothing of a direction."""
 _SIDE_DEG = 55.0

@@ -26,18 +26,18 @@ class LegGeometry:
     """Lengths of a walking robot's legs, and where they are attached; metres."""
 
     hip_x_m: float
-    """From the body's middle to the abduction joints, forward."""
+    """Distance from the body's middle to the abduction joints, forward."""
 
     hip_y_m: float
     """Likewise, sideways."""
 
     offset_m: float
-    """From the abduction joint's axis out to the plane that hip and knee move in."""
+    """Distance from the abduction joint's axis out to the plane that hip and knee move in."""
 
     thigh_m: float
     shank_m: float
     stance_height_m: float
-    """From the feet's middles up to the abduction joints."""
+    """Height of the abduction joints above the feet's middles."""
 
     @property
     def hips(self) -> tuple[tuple[float, float], ...]:
@@ -51,7 +51,7 @@ class GaitSettings:
     """Step frequency, height and other settings of a trot gait."""
 
     period_s: float = 0.24
-    """From one step of a foot to its next."""
+    """Time from one step of a foot to its next."""
 
     stance_share: float = 0.56
     """Share of the period that a foot is on the floor; above a half, so that at times all four are."""
@@ -63,7 +63,7 @@ class GaitSettings:
     """Share of the body's tilt that the legs take back."""
 
     placing_s: float = 0.05
-    """How far ahead a foot lands per m/s that the body is too fast."""
+    """Distance ahead at which a foot lands, per m/s that the body is too fast."""
 
     speed_gain: float = 0.6
     """Gain of the speed correction: by how much a command is raised, per m/s or rad/s that is missing."""

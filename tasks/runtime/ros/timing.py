@@ -1,4 +1,4 @@
-"""How simulated time passes while ROS nodes drive: paced, free, or in lock-step."""
+"""Passing of simulated time while ROS nodes drive: paced, free, or in lock-step."""
 
 import math
 import time

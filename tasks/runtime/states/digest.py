@@ -73,7 +73,7 @@ class StateDigest:
         self.joints: list[JointPlace] = []
         """Joints of the first model."""
         self.positions = 0
-        """How many the first model has."""
+        """Number that the first model has."""
 
     def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Adds the current state to the hash chain.

@@ -43,7 +43,7 @@ class ProgramResult:
     """The result; `None`: there is no file, or it is no result."""
 
     problem: str | None = None
-    """Why the file is no result; `None`: it is one, or there is none."""
+    """Reason why the file is no result; `None`: it is one, or there is none."""
 
     is_changed: bool = False
     """Whether the file does not have the result's form, so that it has to be written anew."""

@@ -316,7 +316,7 @@ class _Server:
             kind = LaunchInterruptedError if process.returncode == -signal.SIGKILL else LaunchError
             raise kind(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
         self.confinement = Confinement(*json.loads(answer.removeprefix(READY)))
-        """How runs are confined on this machine."""
+        """Confinement of runs on this machine."""
 
     def alive(self) -> bool:
         return self._process.poll() is None

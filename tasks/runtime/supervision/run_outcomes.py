@@ -37,7 +37,7 @@ class Crash:
     """The application that it is or belongs to."""
 
     what: str
-    """How the process ended, in words: `exited with code 3`."""
+    """End of the process, in words: `exited with code 3`."""
 
     program: str | None = None
     """Name of the program; None: the run's process."""

@@ -51,7 +51,7 @@ class TrialJournal:
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.rows, size_bytes = 0, 0
-        """How many there are."""
+        """Number of trials."""
         for row, end in _rows(path):
             take(row)
             self.rows, size_bytes = self.rows + 1, end
@@ -168,7 +168,7 @@ def read_row(path: Path, number: int) -> TrialRow | None:
 
 
 ALL_RAN = "environment"
-"""Why a job ended when all of its trials ran, in the words of `RunResult.ended_by`."""
+"""Reason of the end of a job whose trials all ran, in the words of `RunResult.ended_by`."""
 
 
 def complete_trials(plan: RunPlan, ended_by: str, tally: Tally | None = None) -> RunResult:

@@ -21,7 +21,7 @@ from ..episode.results import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisParts, Part
 
 MAX_NAMES = 200
-"""How many metrics, and how many requirements, are counted; those that came first."""
+"""Limit on the metrics, and on the requirements, that are counted; those that came first."""
 OF_ALL_TRIALS = "trials"
 """Name of the job's own requirement, that no trial fails."""
 _NAMED = 10
@@ -58,7 +58,7 @@ class Tally:
         self._sim_time_s = self._wall_time_s = 0.0
         self._steps = 0
         self.rows = 0
-        """How many trials were counted."""
+        """Number of counted trials."""
         self.unanswered = ""
         """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
 
@@ -224,7 +224,7 @@ class _Mean:
 
 @dataclass
 class _RequirementCount:
-    """How many trials met one requirement."""
+    """Number of trials that met one requirement."""
 
     trials: int = 0
     met: int = 0

@@ -41,7 +41,7 @@ class VideoSettings:
     """Pictures per simulated second."""
 
     appearance: str | None = None
-    """How a world is lit for cameras, `random` included; None: as its model says."""
+    """Light of a world for cameras, `random` included; None: as its model says."""
 
     seed: int = 0
     """Seed of the appearance that `random` chooses."""
@@ -130,7 +130,7 @@ class CameraRecording(NamedTuple):
     """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
 
     appearance: str | None = None
-    """How a world is lit; see `VideoSettings`."""
+    """Light of a world; see `VideoSettings`."""
 
     seed: int = 0
     """Seed of the appearance that `random` chooses."""

@@ -1,1 +1,1 @@
-"""From the request of a job to a run plan: applications, launch configurations, resumed runs."""
+"""Makes run plans of jobs' requests: applications, launch configurations, resumed runs."""

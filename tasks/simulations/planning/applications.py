@@ -18,7 +18,7 @@ from ...service.service import Service
 
 LATEST = "$LATEST"
 MAX_VERSIONS = 40
-"""How many versions an application may have at once."""
+"""Limit on the versions that an application has at once."""
 
 _PYTHON = "python"
 _DIGEST = re.compile("sha256:[0-9a-f]{64}", re.IGNORECASE)

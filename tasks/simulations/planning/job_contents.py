@@ -350,7 +350,7 @@ def _world(request: Mapping[str, Any], service: Service) -> str | None:
 
 
 def _program_of(role: ApplicationRole, config: Mapping[str, Any], application: Resource) -> str | None:
-    """Why a configured application is a program, as far as its request tells."""
+    """Reason why a configured application is a program, as far as its request tells."""
     launch = config["launchConfig"]
     if image_of(application) is not None:
         return f"the {role} application is a container, whose timing no seed repeats"
@@ -360,13 +360,13 @@ def _program_of(role: ApplicationRole, config: Mapping[str, Any], application: R
 
 
 def _programs_of(plan: RunPlan) -> str | None:
-    """Why a plan has programs."""
+    """Reason why a plan has programs."""
     programs = ", ".join(dict.fromkeys(program.name for program in plan.programs))
     return f"it runs programs ({programs}), whose timing no seed repeats" if programs else None
 
 
 def _unknown(*contents: str | None) -> str | None:
-    """Why the content of an application is not known."""
+    """Reason why the content of an application is not known."""
     return "the package of an application is not installed, or cannot be read" if "" in contents else None
 
 

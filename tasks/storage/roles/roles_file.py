@@ -80,7 +80,7 @@ class Keys:
     secret_access_key: str = field(repr=False)
     session_token: str | None = field(default=None, repr=False)
     expires_at: datetime | None = None
-    """When they run out; `None`: they do not, or it is not said when."""
+    """Time at which they run out; `None`: they do not, or it is not said when."""
 
 
 _READ = ("s3:GetObject",)

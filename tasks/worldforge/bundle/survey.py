@@ -36,6 +36,8 @@ _SKIN_M = 1e-3
 _DEEPEST_M = 3.0
 _FLOOR_BAND_M = (-0.05, LOW_M)
 """Heights over the floor in which something has to be for a robot to stand on."""
+_STANDING = 0.1
+"""Upward part of the normal below which a plane is a wall: nothing stands on it."""
 _MARGIN_M = 1.0
 _MOST_SIDE_M = 200.0
 """Longest side of a map; 4,000 cells."""
@@ -168,7 +170,7 @@ def ground_at(
     owners = np.full(grid.occupied.shape, -1, np.int32)
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity != 0):
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
-            _fill_plane(data, int(geom), floor_m, grid, supported)
+            _fill_plane(data, int(geom), floor_m, high_m, grid, supported)
         elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_HFIELD:
             _fill_terrain(model, data, int(geom), floor_m, grid, supported)
     blocked = grid.occupied.copy()
@@ -223,17 +225,20 @@ def _fill_plane(
     data: mujoco.MjData,
     geom: int,
     floor_m: float,
+    high_m: float,
     grid: OccupancyGrid,
     supported: NDArray[np.bool_],
 ) -> None:
-    """Marks where a plane is the floor, and where it rises above it."""
+    """Marks where a plane is the floor, and where a robot would be behind it: all that is there is solid."""
     normal, place = data.geom_xmat[geom].reshape(3, 3)[:, 2], data.geom_xpos[geom]
     x, y = _centers(grid)
-    if normal[2] < 0.1:
+    lowest = floor_m + (LOW_M if normal[2] >= 0 else high_m) - place[2]
+    behind = (x - place[0]) * normal[0] + (y - place[1]) * normal[1] + lowest * normal[2] < 0
+    grid.occupied[:] |= np.broadcast_to(behind, supported.shape)
+    if normal[2] < _STANDING:
         return  # a wall without an end, or a ceiling
     height = place[2] - ((x - place[0]) * normal[0] + (y - place[1]) * normal[1]) / normal[2] - floor_m
     supported |= np.broadcast_to((height >= _FLOOR_BAND_M[0]) & (height <= _FLOOR_BAND_M[1]), supported.shape)
-    grid.occupied[:] |= np.broadcast_to(height > LOW_M, supported.shape)
 
 
 def _fill_terrain(

@@ -59,7 +59,7 @@ def _middle(world: World) -> Vector:
 
 
 def _sun_direction(world: World) -> Vector:
-    """From the south-east or the south-west: where there is more glass."""
+    """Direction of the sun, from the south-east or the south-west: where there is more glass."""
     east = west = 0.0
     for face in faces(world):
         for _, (low, high) in face.windows:

@@ -143,7 +143,7 @@ def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]
 FULLY_OPEN_PERCENT = 100.0
 
 HANDLE_M = 0.06
-"""How far handles stand off the leaf."""
+"""Distance that handles stand off the leaf."""
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
@@ -203,7 +203,7 @@ _FRICTION_NM = 0.4
 _DAMPING_NMS = 0.8
 
 WriteGeom = Callable[[Solid, str], str]
-"""From a solid and its physics to a line of MJCF."""
+"""Writer of a solid with its physics as a line of MJCF."""
 
 
 def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:

@@ -13,7 +13,7 @@ from .drawn_shapes import Line
 from .squaring import Lines
 
 _REACH = 8
-"""How far from a wall's centre line what is drawn in it may lie, in units."""
+"""Largest distance from a wall's centre line of what is drawn in it, in units."""
 _LEAST: dict[PassageKind, int] = {"Doorway": 17, "Opening": 16}
 """Least widths of ways, in units: 0.8 m stay clear, beside an open leaf, too."""
 _NARROWEST_M = 0.5
@@ -38,7 +38,7 @@ class DrawnWay(NamedTuple):
     lines: tuple[Line, ...]
     """Lines from end to end that it may lie along: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
-    """How far a door is open; None: the drawing does not say."""
+    """Opening of a door; None: the drawing does not say."""
     told: bool | None = True
     """Whether the first of several lines is likelier, where all lie in walls; `None`: the nearest to a wall is."""
     required: bool = True

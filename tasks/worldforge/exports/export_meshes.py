@@ -16,6 +16,8 @@ from .export_scene import Kind, Shape, texture_pixels
 
 _SEGMENTS = 24
 _RINGS = 12
+_NO_AREA_M2 = 1e-12
+"""Twice the area of a face that has none, and so no normal."""
 _LEVEL = 0.9
 """Upward part of the normal from which a face is an end of a cylinder."""
 
@@ -89,6 +91,56 @@ def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     )
 
 
+def terrain_mesh(model: mujoco.MjModel, field: int) -> Mesh:
+    """Returns the surface of a height field of the MuJoCo model, with the sides and the bottom of the solid below it.
+
+    The triangles of the surface are those that MuJoCo collides with, their normals are smooth.
+
+    Args:
+        model: the compiled model.
+        field: index of the height field.
+    """
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    start = int(model.hfield_adr[field])
+    half_x, half_y, top, base = (float(value) for value in model.hfield_size[field])
+    heights = model.hfield_data[start : start + rows * columns].astype(np.float64) * top
+    x, y = np.meshgrid(np.linspace(-half_x, half_x, columns), np.linspace(-half_y, half_y, rows))
+    surface = np.column_stack([x.ravel(), y.ravel(), heights])
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    south_west, south_east, north_west, north_east = corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]
+    # MuJoCo cuts each cell from its south-western to its north-eastern corner.
+    halves = [(south_west, south_east, north_east), (south_west, north_east, north_west)]
+    triangles = np.concatenate([np.stack(half, axis=-1).reshape(-1, 3) for half in halves])
+    sides = [_side(surface, edge, -base) for edge in (corner[0], corner[:, -1], corner[-1, ::-1], corner[::-1, 0])]
+    bottom = surface[[0, columns - 1, -1, -columns]] * [1, 1, 0] - [0, 0, base]
+    flat = np.concatenate([*sides, bottom[[[0, 2, 1], [0, 3, 2]]]])
+    crossed = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
+    away = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), _NO_AREA_M2)
+    return Mesh(
+        np.concatenate([surface, flat.reshape(-1, 3)]),
+        np.concatenate([_smooth(surface, triangles), np.repeat(away, 3, axis=0)]),
+        np.concatenate([triangles, len(surface) + np.arange(3 * len(flat)).reshape(-1, 3)]),
+    )
+
+
+def _side(surface: NDArray[np.float64], edge: NDArray[np.int64], bottom_m: float) -> NDArray[np.float64]:
+    """Triangles below an edge of terrain that runs counter-clockwise, down to a height."""
+    high = surface[edge]
+    low = high * [1, 1, 0] + [0, 0, bottom_m]
+    return np.concatenate([
+        np.stack([low[:-1], low[1:], high[1:]], axis=1), np.stack([low[:-1], high[1:], high[:-1]], axis=1)
+    ])  # fmt: skip
+
+
+def _smooth(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """A normal for each point: the mean of those of the faces around it, by their areas."""
+    one, two, three = (points[triangles[:, corner]] for corner in range(3))
+    normals = np.zeros_like(points)
+    for corner in range(3):
+        np.add.at(normals, triangles[:, corner], np.cross(two - one, three - one))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
     """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none.
 
@@ -101,7 +153,7 @@ def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | No
     return model.mesh_texcoord[start + model.mesh_facetexcoord[first : first + faces].ravel()].astype(np.float64)
 
 
-def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = "") -> str:
+def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = "", *, digits: int = 5) -> str:
     """Formats a mesh as a Wavefront OBJ file.
 
     Args:
@@ -109,12 +161,16 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
         places: on a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
             right and up; without, it has none.
         look: name of its material, and of the `.mtl` file beside it that has that.
+        digits: of each coordinate.
     """
     head = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
     corners = mesh.triangles + 1
     normals = np.repeat(np.arange(1, len(corners) + 1), 3).reshape(-1, 3) if mesh.flat else corners
     spots = np.arange(1, corners.size + 1).reshape(-1, 3) if mesh.flat else corners
-    parts = [_lines("v %.5g %.5g %.5g", mesh.positions + 0.0), _lines("vn %.4g %.4g %.4g", mesh.normals + 0.0)]
+    parts = [
+        _lines(" ".join(["v", *[f"%.{digits}g"] * 3]), mesh.positions + 0.0),
+        _lines("vn %.4g %.4g %.4g", mesh.normals + 0.0),
+    ]
     if places is None:
         parts.append(_lines("f %d//%d %d//%d %d//%d", np.stack([corners, normals], axis=2)))
     else:
@@ -145,6 +201,8 @@ def drawn_mesh(model: mujoco.MjModel, shape: Shape) -> Mesh:
         return capsule_mesh(shape.half[0], shape.half[2])
     if shape.kind == "mesh":
         return compiled_mesh(model, shape.mesh)
+    if shape.kind == "terrain":
+        return terrain_mesh(model, shape.mesh)
     if shape.ceiling and shape.kind == "box":
         mesh = unit_mesh("plane")
         return Mesh(mesh.positions * shape.half, -mesh.normals, mesh.triangles[:, ::-1])

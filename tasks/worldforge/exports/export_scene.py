@@ -23,7 +23,7 @@ from PIL import Image
 from ....schemas.worlds.world import Furniture, World
 from ..bundle.bundle import MODEL_FILE, read_world
 
-Kind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "plane", "mesh"]
+Kind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "plane", "mesh", "terrain"]
 ThingKind = Literal["building", "furniture", "body"]
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -40,6 +40,7 @@ _KINDS: dict[int, Kind] = {
     mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
     mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+    mujoco.mjtGeom.mjGEOM_HFIELD: "terrain",
 }
 _JOINT_KINDS: dict[int, Literal["revolute", "prismatic", "ball"]] = {
     mujoco.mjtJoint.mjJNT_HINGE: "revolute",
@@ -62,7 +63,8 @@ class Shape:
     kind: Kind
     half: tuple[float, float, float]
     """Half extents along its own axes, metres; a capsule's round ends come on top of the third; of a
-    plane the third means nothing, and 0 in the others means that it has no end."""
+    plane the third means nothing, and 0 in the others means that it has no end; of terrain the third is its whole
+    height above its own origin."""
     position: Vector
     rotation: Matrix
     color: tuple[float, float, float, float]
@@ -70,9 +72,10 @@ class Shape:
     material: int
     """Index in the compiled model, or -1."""
     mesh: int
-    """Index in the compiled model, or -1."""
+    """Index of the mesh in the compiled model, of terrain that of its height field, or -1."""
     mesh_name: str
-    """Good as a part of a file's name, and the same in all worlds that have this mesh; empty: it is none."""
+    """Good as a part of a file's name, and the same in all worlds that have this mesh; empty: it is none. Terrain has a
+    name of its world."""
     drawn: bool
     ceiling: bool
     """Seen from below only, so that one can look into rooms from above."""
@@ -247,7 +250,9 @@ def _shape(model: mujoco.MjModel, geom: int, colors: list[Vector]) -> Shape:
     if material >= 0 and np.allclose(color, _DEFAULT_COLOR):
         color = colors[material]
     group = int(model.geom_group[geom])
-    half, position = _half(kind, model.geom_size[geom]), model.geom_pos[geom].copy()
+    form = int(model.geom_dataid[geom]) if kind in ("mesh", "terrain") else -1
+    size = model.hfield_size[form, :3] if kind == "terrain" else model.geom_size[geom]
+    half, position = _half(kind, size), model.geom_pos[geom].copy()
     rotation = matrix_of(model.geom_quat[geom])
     ceiling = group == _CEILING_GROUP or (kind == "mesh" and name.startswith(_CEILING))
     if ceiling and kind == "mesh":
@@ -261,8 +266,8 @@ def _shape(model: mujoco.MjModel, geom: int, colors: list[Vector]) -> Shape:
         rotation=rotation,
         color=tuple(round(float(value), 3) for value in color),  # pyright: ignore[reportArgumentType]
         material=material,
-        mesh=int(model.geom_dataid[geom]) if kind == "mesh" else -1,
-        mesh_name=_mesh_name(model, int(model.geom_dataid[geom])) if kind == "mesh" else "",
+        mesh=form if kind in ("mesh", "terrain") else -1,
+        mesh_name=_mesh_name(model, kind, form),
         drawn=group != _NOT_DRAWN_GROUP,
         ceiling=ceiling,
         collides=bool(model.geom_contype[geom] or model.geom_conaffinity[geom]),
@@ -270,9 +275,11 @@ def _shape(model: mujoco.MjModel, geom: int, colors: list[Vector]) -> Shape:
     )
 
 
-def _mesh_name(model: mujoco.MjModel, mesh: int) -> str:
-    name = model.mesh(mesh).name
-    return name if _FILE_NAME.fullmatch(name) else str(mesh)
+def _mesh_name(model: mujoco.MjModel, kind: Kind, form: int) -> str:
+    if kind not in ("mesh", "terrain"):
+        return ""
+    name = model.mesh(form).name if kind == "mesh" else f"field_{model.hfield(form).name}"
+    return name if _FILE_NAME.fullmatch(name) else str(form)
 
 
 def _surrounding_box(

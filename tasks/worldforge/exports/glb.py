@@ -22,7 +22,7 @@ with held_signals():
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-from .export_meshes import Mesh, capsule_mesh, compiled_mesh, is_pictured, linear, picture_coordinates, unit_mesh
+from .export_meshes import Mesh, drawn_mesh, is_pictured, linear, picture_coordinates, unit_mesh
 from .export_scene import Matrix, Scene, Shape, Thing, Vector, material_png, read_scene, texture_name, with_hung
 
 _TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -127,7 +127,7 @@ class _Writer:
             position = position - shape.rotation[:, 2] * shape.half[2]
         material, textured = self._material(shape)
         form = "ceiling" if ceiling else shape.kind
-        fixed = textured or form in ("capsule", "mesh")
+        fixed = textured or form in ("capsule", "mesh", "terrain")
         key = f"{form} {shape.half if fixed else ''} {shape.mesh} {material}"
         if key not in self._built.geometry:
             mesh = _mesh_of(self._model, shape, form, scaled=textured).apart()
@@ -166,10 +166,8 @@ class _Writer:
 
 
 def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) -> Mesh:
-    if form == "capsule":
-        return capsule_mesh(shape.half[0], shape.half[2])
-    if form == "mesh":
-        return compiled_mesh(model, shape.mesh)
+    if form in ("capsule", "mesh", "terrain"):
+        return drawn_mesh(model, shape)
     mesh = unit_mesh("plane") if form == "ceiling" else unit_mesh(shape.kind)
     if form == "ceiling":
         mesh = Mesh(mesh.positions, -mesh.normals, mesh.triangles[:, ::-1])

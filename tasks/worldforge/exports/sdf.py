@@ -1,7 +1,8 @@
 """Models in SDF 1.6, which Gazebo 9 and 11 read as well as Gazebo Sim.
 
 That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for the eye become meshes,
-those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres.
+those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as
+Gazebo reads height maps of some pictures only.
 """
 
 import xml.etree.ElementTree as ET
@@ -13,7 +14,15 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from .export_meshes import compiled_mesh, drawn_mesh, is_pictured, obj_text, picture_coordinates, unit_mesh
+from .export_meshes import (
+    compiled_mesh,
+    drawn_mesh,
+    is_pictured,
+    obj_text,
+    picture_coordinates,
+    terrain_mesh,
+    unit_mesh,
+)
 from .export_scene import Inertia, Joint, Matrix, Placed, Scene, Shape, Thing, Vector, texture_file, with_hung
 
 SDF_VERSION = "1.6"
@@ -22,6 +31,8 @@ _ENDLESS_PLANE_M = 100.0
 """Side of a plane without an end, where it has to be told."""
 _SAME_VOLUME = (pi / 6) ** (1 / 3)
 """A box of this share of an ellipsoid's extents has its volume."""
+_TERRAIN_DIGITS = 8
+"""Digits of places on terrain: it may be kilometres wide, and a millimetre counts."""
 _SPECULAR = "0.05 0.05 0.05 1"
 
 Pictures = dict[str, tuple[str, str]]
@@ -50,6 +61,8 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
             meshes[_mesh_path(shape)] = _ellipsoid_obj()
         elif shape.kind == "mesh" and (shape.collides or shape.name not in pictures):
             meshes[_mesh_path(shape)] = obj_text(compiled_mesh(scene.model, shape.mesh))
+        elif shape.kind == "terrain":
+            meshes[_mesh_path(shape)] = obj_text(terrain_mesh(scene.model, shape.mesh), digits=_TERRAIN_DIGITS)
     return {"model.config": _config(thing, name), "model.sdf": model_sdf(thing, name, pictures), **meshes}
 
 
@@ -193,7 +206,7 @@ def _visual(link: ET.Element, shape: Shape, model: str, pictured: tuple[str, str
 
 def _geometry(parent: ET.Element, shape: Shape, model: str) -> None:
     geometry = ET.SubElement(parent, "geometry")
-    kind = "mesh" if shape.kind == "ellipsoid" else shape.kind
+    kind = "mesh" if shape.kind in ("ellipsoid", "terrain") else shape.kind
     element = ET.SubElement(geometry, kind)
     size = [2 * half for half in shape.half]
     if kind == "box":

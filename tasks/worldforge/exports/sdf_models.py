@@ -12,7 +12,7 @@ from .export_scene import BUILDING, Joint, Matrix, Scene, Shape, Thing
 from .sdf import SDF_VERSION, model_files, pose_text, xml_text
 
 _SAME_M = 6e-4
-"""How far equal pieces may differ: the MJCF's numbers have four digits, poses in `world.json` three."""
+"""Largest difference of equal pieces: the MJCF's numbers have four digits, poses in `world.json` three."""
 
 
 class SharedModels:

@@ -27,6 +27,8 @@ _HEAD = """\
 )
 
 """
+_MESHES = ("mesh", "ellipsoid", "terrain")
+"""Kinds of shapes that USD has no primitive of."""
 _PLACED = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]'
 _SCALED = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient", "xformOp:scale"]'
 
@@ -99,7 +101,7 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
     """A prim for the eye, one that collides, or one that does both."""
     seen = shape.drawn and shape.color[3] > 0 and not shape.endless
     pictured = seen and (is_pictured(scene.model, shape) or shape.ceiling)
-    as_mesh = shape.kind in ("mesh", "ellipsoid") or pictured
+    as_mesh = shape.kind in _MESHES or pictured
     made = []
     if seen:
         name = names.take(shape.name)
@@ -109,7 +111,7 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
         made.append(prim)
     if shape.collides and (pictured or not seen):
         name = names.take(f"{shape.name}_collider" if seen else shape.name)
-        prim = _mesh(scene, shape, name) if shape.kind in ("mesh", "ellipsoid") else _solid(shape, name)
+        prim = _mesh(scene, shape, name) if shape.kind in _MESHES else _solid(shape, name)
         prim.metadata += _called(name, shape.name)
         prim.set("uniform token", "purpose", '"guide"')
         made.append(prim)
@@ -118,7 +120,9 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
         prim.schemas.append("PhysicsCollisionAPI")
         if prim.kind == "Mesh":
             prim.schemas.append("PhysicsMeshCollisionAPI")
-            prim.set("uniform token", "physics:approximation", '"convexHull"')
+            # The hull of terrain would fill its valleys.
+            form = "none" if shape.kind == "terrain" else "convexHull"
+            prim.set("uniform token", "physics:approximation", quoted(form))
         looks.grip(prim, shape.friction)
     return made
 

@@ -74,7 +74,7 @@ THROUGHNESS: dict[RoomType, float] = {
     "Office": 0.4,
     "Storage": 0.1,
 }
-"""How acceptable it is to pass through a room of this type on the way to another."""
+"""Acceptability of passing through a room of this type on the way to another."""
 
 _AFFINITY: dict[RoomType, tuple[float, ...]] = {
     "Bathroom": (0.05,),
@@ -87,7 +87,7 @@ _AFFINITY: dict[RoomType, tuple[float, ...]] = {
     "Office": (0.1, 0.35, 0.3, 0.4, 1.0, 0.15, 0.8, 0.3),
     "Storage": (0.2, 0.15, 0.1, 0.3, 0.9, 0.9, 0.35, 0.3, 0.05),
 }
-"""How sensible a door is to a room of each type above and of the same type, in this order."""
+"""Sense of a door to a room of each type above and of the same type, in this order."""
 
 
 def affinity(one: RoomType, other: RoomType) -> float:
@@ -232,7 +232,7 @@ Set = TypeVar("Set", bound=TargetedSet)
 
 
 def _for_room(target: RoomTarget, room: Room) -> int | None:
-    """How a target means a room: 0 by name, 1 by type, 2 with all others; None: it does not."""
+    """Way in which a target means a room: 0 by name, 1 by type, 2 with all others; None: it does not."""
     if isinstance(target, str):
         return 2
     if room.name in (target.RoomNames or []):

@@ -21,7 +21,7 @@ from .partition import Contact, Corners, Partition, area, contacts, extent, slen
 _MAX_WAYS_PER_ROOM = 4
 _OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
 _OPEN_PLAN_SHARE = 0.35
-"""How often a way that the template does not ask for, between rooms of these types, is an opening."""
+"""Share of openings among the ways between rooms of these types that the template does not ask for."""
 
 _LONGEST_HALLWAY_OPENING = 52
 """A hallway is open towards a room at its end, not along its side, unless that is preferred; in units."""

@@ -55,7 +55,7 @@ _PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 _AREA_WEIGHT = 0.25
 _SETTLINGS = 3
-"""How often what walls take is measured and a plan cut again."""
+"""Number of times that a plan is cut again after measuring the area that walls take."""
 
 
 class Draft(NamedTuple):

@@ -320,12 +320,12 @@ class BatchEvaluator:
         return np.maximum(sides - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
 
     def _off_footprint(self, cuts: Cuts) -> Floats:
-        """How far outlines are off their ratio."""
+        """Deviation of outlines from their ratio."""
         width, height = cuts.high.max(axis=1)
         return np.abs(np.log(width / height) - self.footprint)
 
     def _off(self, cuts: Cuts, *, roughly: bool = False) -> tuple[Floats, Floats, Floats]:
-        """How far rooms are off their ratios, by how many units too narrow, and how far off their areas."""
+        """Deviation of rooms from their ratios, from the least width in units, and from their areas."""
         sides = self.floors(cuts, roughly=roughly)
         off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
         narrow = np.maximum(0.0, self.least - (cuts.high - cuts.low).min(axis=0))

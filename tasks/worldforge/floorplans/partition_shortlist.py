@@ -30,7 +30,7 @@ _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
 
 _FEW_ROOMS = 5
 SETTLINGS = 2
-"""How often what walls take is measured and a plan cut again."""
+"""Number of times that a plan is cut again after measuring the area that walls take."""
 
 _BENT_AREA = 0.015
 _BENT_FOOTPRINT = 0.03
@@ -119,7 +119,7 @@ class Shortlist(NamedTuple):
     """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
     tried: int
-    """How many plans were compared."""
+    """Number of compared plans."""
     forms: NDArray[np.int64]
     """Numbers of the plans' forms; see `plan_signature`."""
     plain: Flags

@@ -38,13 +38,13 @@ class Rule:
     around_m: float = 0.0
     """Free space on every side of a piece in the open, in metres."""
     relation: Relation = ""
-    """How it stands to the kinds in `near`, tried before `spot`."""
+    """Position relative to the kinds in `near`, tried before `spot`."""
     near: tuple[str, ...] = ()
     """Kinds it belongs to."""
     bound: bool = False
     """Whether it makes no sense away from those kinds where the room has one."""
     seat_m: float = 0.0
-    """How far a chair will stand before it, so that the place must not be at a door."""
+    """Depth that a chair before it takes, so that the place must not be at a door."""
     gap_m: float = 0.0
     """Distance for `before` and `gathered`."""
     hides_window: bool = False
@@ -81,9 +81,9 @@ class Kind:
     """Makes the parts of one of its styles."""
     styles: tuple[Style, ...]
     rule: Rule | None = None
-    """How rooms are furnished with it; loose objects have none."""
+    """Rule by which rooms are furnished with it; loose objects have none."""
     symbol: str = "plain"
-    """How plans draw it: a name in `pictures/plan_symbols.py`."""
+    """Symbol in plans: a name in `pictures/plan_symbols.py`."""
 
 
 # In the order of placing: what rooms are arranged around comes first.
@@ -343,7 +343,7 @@ CATALOGUE: dict[str, Kind] = {
 }
 
 RULES: dict[str, Rule] = {name: kind.rule for name, kind in CATALOGUE.items() if kind.rule}
-"""How each kind is placed, in the order of placing."""
+"""Placement of each kind, in the order of placing."""
 
 
 def styles_of(model_type: str) -> tuple[Style, ...]:

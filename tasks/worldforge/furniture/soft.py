@@ -21,7 +21,7 @@ from ..geometry.parts import (
 )
 
 _GIVES_M = 0.02
-"""How far things sink into a cushion."""
+"""Depth that things sink into a cushion."""
 
 
 def bed(style: Style) -> list[Part]:

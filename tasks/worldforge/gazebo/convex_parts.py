@@ -28,6 +28,12 @@ _WELD_M = 1e-5
 _PARALLEL = np.cos(np.radians(0.5))
 _SMALLEST_M2 = 1e-4
 """Faces of less than a square centimetre are left out: screws, letters."""
+_FINE_M2 = 2e-3
+"""Area from which on such faces that hang together count: those of a bowl or of a bent tube, cut finely."""
+_NARROW_M = 1e-4
+"""Width of faces that are none: MuJoCo refuses hulls of them."""
+_FINE_PITCH_M = 0.015, 0.08
+"""Least and greatest cells of boxes in place of fine faces."""
 
 Points = NDArray[np.float64]
 
@@ -66,18 +72,28 @@ class _Faces(NamedTuple):
     areas_m2: NDArray[np.float64]
 
 
-def convex_parts(triangles: Triangles) -> list[ConvexPart]:
+class Split(NamedTuple):
+    """A mesh in convex parts."""
+
+    parts: list[ConvexPart]
+    """The largest faces first."""
+    is_coarse: bool
+    """Whether boxes stand for faces that are too small for prisms."""
+
+
+def convex_parts(triangles: Triangles, *, is_loose: bool = False) -> Split:
     """Splits a mesh into convex parts, which MuJoCo can collide.
 
     Args:
         triangles: the mesh.
+        is_loose: whether its body moves, so that nothing may grow: small faces become prisms, too, in place of boxes.
 
     Returns:
-        Its parts, the largest faces first; none where all its faces are too small.
+        Its parts; none where it is too small to be met.
     """
     mesh = _welded(triangles)
     if not len(mesh.faces):
-        return []
+        return Split([], False)
     parts: list[ConvexPart] = []
     left: list[NDArray[np.intp]] = []
     for piece in _pieces(mesh):
@@ -86,9 +102,16 @@ def convex_parts(triangles: Triangles) -> list[ConvexPart]:
             parts.append(whole)
         else:
             left.append(piece)
-    if left:
-        parts += _prisms(mesh, np.concatenate(left))
-    return parts
+    if not left:
+        return Split(parts, False)
+    polygons = _polygons(mesh, np.concatenate(left))
+    small = [each for each in polygons if each.area_m2 < _SMALLEST_M2]
+    fine = _fine(mesh, small) if small else []
+    polygons = [each for each in polygons if each.area_m2 >= _SMALLEST_M2]
+    parts += _prisms(mesh, [*polygons, *(fine if is_loose else [])])
+    if is_loose or not fine:
+        return Split(parts, False)
+    return Split([*parts, *_boxes(mesh, fine)], True)
 
 
 def _welded(triangles: Triangles) -> _Faces:
@@ -174,15 +197,54 @@ def _as_box(corners: Points) -> BoxPart | None:
     return BoxPart(center, rotation, half)
 
 
-def _prisms(mesh: _Faces, faces: NDArray[np.intp]) -> list[ConvexPart]:
-    """Convex polygons of the faces in one plane, each with a thickness inwards."""
-    polygons: list[tuple[float, list[int], Points]] = []
+class _Polygon(NamedTuple):
+    """A convex polygon of a mesh."""
+
+    area_m2: float
+    ring: list[int]
+    """Its corners, counter-clockwise seen from outside."""
+    normal: Points
+
+
+def _polygons(mesh: _Faces, faces: NDArray[np.intp]) -> list[_Polygon]:
+    """Joins the faces in one plane to convex polygons."""
+    found: list[_Polygon] = []
     for flat in _flats(mesh, faces):
         normal = (mesh.normals[flat] * mesh.areas_m2[flat, None]).sum(axis=0)
         normal /= np.linalg.norm(normal)
-        polygons += [(_area(mesh.points[ring], normal), ring, normal) for ring in _joined(mesh, flat, normal)]
-    polygons = [each for each in polygons if each[0] >= _SMALLEST_M2]
-    polygons.sort(key=lambda each: -each[0])
+        found += [_Polygon(_area(mesh.points[ring], normal), ring, normal) for ring in _joined(mesh, flat, normal)]
+    return found
+
+
+def _fine(mesh: _Faces, small: list[_Polygon]) -> list[_Polygon]:
+    """Those small polygons that make a large surface together: they hang together by edges."""
+    owner = np.repeat(np.arange(len(small)), [len(each.ring) for each in small])
+    starts = np.concatenate([each.ring for each in small])
+    ends = np.concatenate([each.ring[1:] + each.ring[:1] for each in small])
+    edges = np.sort(np.stack([starts, ends], axis=1), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    size = len(small) + int(edge.max()) + 1
+    graph = coo_array((np.ones(len(owner)), (owner, len(small) + edge.ravel())), shape=(size, size))
+    _, labels = connected_components(graph, directed=False)
+    areas = np.bincount(labels[: len(small)], [each.area_m2 for each in small])
+    found = [each for each, label in zip(small, labels, strict=False) if areas[label] >= _FINE_M2]
+    return [each for each in found if 2 * each.area_m2 > _NARROW_M * np.ptp(mesh.points[each.ring], axis=0).max()]
+
+
+def _boxes(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
+    """Boxes on a grid in place of polygons."""
+    fans = [(ring[0], ring[at], ring[at + 1]) for _, ring, _ in polygons for at in range(1, len(ring) - 1)]
+    triangles = mesh.points[np.array(fans)]
+    # Cells as large as a hundredth of it, within what is fine for a robot.
+    least, greatest = _FINE_PITCH_M
+    return voxel_boxes(
+        triangles, min(max(float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) / 100, least), greatest)
+    )
+
+
+def _prisms(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
+    """Gives each polygon a thickness inwards, the largest first."""
+    polygons = sorted(polygons, key=lambda each: -each.area_m2)
     if not polygons:
         return []
     depths = _depths(mesh, polygons)
@@ -315,7 +377,7 @@ _CHUNK = 4_000_000
 """Pairs of rays and triangles at a time: 100 MB."""
 
 
-def _depths(mesh: _Faces, polygons: list[tuple[float, list[int], Points]]) -> list[float]:
+def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
     """Thickness of each polygon's prism: up to the mesh's other side, where that is near.
 
     The nearest back side counts, from the polygon's middle and from spots towards its corners.

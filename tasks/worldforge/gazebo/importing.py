@@ -324,7 +324,7 @@ def _moved_point(point: Point, shift: Pose) -> Point:
 
 
 def _moved_solid(solid: Solid, shift: Pose) -> Solid:
-    return Solid(solid.kind, shift @ solid.pose, solid.size, solid.friction, solid.corners, solid.geometry)
+    return replace(solid, pose=shift @ solid.pose)
 
 
 def _move_body(body: Body, turn: Pose) -> None:

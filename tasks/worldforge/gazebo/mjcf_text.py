@@ -93,7 +93,8 @@ def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps
     lines: list[str] = []
     for piece, solid in scene.fixed:
         tied = _NOT_EACH_OTHER["frame"] if piece in scene.tied_pieces else ""
-        lines.append(geoms.solid(piece, solid, solid.pose, tied + (_HIDDEN if visuals is not None else "")))
+        is_hidden = visuals is not None and not _is_drawn(solid)
+        lines.append(geoms.solid(piece, solid, solid.pose, tied + (_HIDDEN if is_hidden else "")))
     for piece, seen in scene.seen if visuals is not None else ():
         lines.append(geoms.seen(piece, seen, seen.pose))
     lines += _bodies(scene, geoms, visuals is not None)
@@ -117,6 +118,11 @@ def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps
         "</mujoco>",
         "",
     ])  # fmt: skip
+
+
+def _is_drawn(solid: Solid) -> bool:
+    """Whether the shape that collides is also what is drawn: terrain of a picture."""
+    return solid.kind == "hfield" and solid.terrain is None
 
 
 class _Geoms:
@@ -149,16 +155,22 @@ class _Geoms:
         if solid.kind == "hull":
             return f'type="mesh" mesh="{self._hull(solid)}" {pose_attributes(pose)}'
         if solid.kind == "hfield":
-            assert solid.geometry is not None
-            name, line = self._heightmaps.asset(solid.geometry)
-            if line not in self.assets:
-                self.assets.append(line)
-            lowest = np.array([0.0, 0.0, float(self._heightmaps.heights(solid.geometry).min())])
-            return f'type="hfield" hfield="{name}" {pose_attributes(pose @ Pose(lowest, np.eye(3)))}'
+            return self._terrain(solid, pose)
         if solid.kind == "plane":
             # MuJoCo's planes collide without an end, whatever they are drawn like.
             return f'type="plane" size="{numbers(*solid.size, 1.0)}" {pose_attributes(pose)}'
         return f'type="{solid.kind}" size="{_sizes(solid.size)}" {pose_attributes(pose)}'
+
+    def _terrain(self, solid: Solid, pose: Pose) -> str:
+        if solid.terrain is not None:
+            name, line = self._heightmaps.asset_of(solid.terrain)
+        else:
+            assert solid.geometry is not None
+            name, line = self._heightmaps.asset(solid.geometry)
+            pose = pose @ Pose(np.array([0.0, 0.0, float(self._heightmaps.heights(solid.geometry).min())]), np.eye(3))
+        if line not in self.assets:
+            self.assets.append(line)
+        return f'type="hfield" hfield="{name}" {pose_attributes(pose)}'
 
     def _hull(self, solid: Solid) -> str:
         assert solid.corners is not None

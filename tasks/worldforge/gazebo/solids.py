@@ -1,16 +1,17 @@
 """Shapes that collide, as MuJoCo has them: primitives, boxes and convex hulls, at most 5,000 in a world."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from ...sdf.meshes import MeshError, Meshes, Triangles
 from ...sdf.sdf_types import Collision, Geometry, Link, Pose, SdfWorld
-from .convex_parts import BoxPart, ConvexPart, HullPart, Points, convex_parts, voxel_boxes
+from .convex_parts import BoxPart, ConvexPart, Points, convex_parts, voxel_boxes
+from .prisms import COMPOSED, prism_parts, prism_triangles
+from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
 """Shapes that collide in one world: beyond that a step takes milliseconds."""
@@ -20,11 +21,14 @@ _MOST_FACES = 6000
 """Triangles of a mesh whose faces are looked at one by one: some seconds."""
 _MOST_OF_LOOSE = 200
 """Shapes of a mesh of a body that moves: the largest faces, so that it never grows."""
+_MANY = 100
+"""Shapes of one mesh from which on a height field is looked for in their place."""
 _FIRST_PITCH_M = 0.015
 _LAST_PITCH_M = 2.0
 
-_LEAST_TURN_M2 = 1e-6
-"""Twice the area of a triangle that is none: its corners lie on a line."""
+_UPRIGHT = 1 - 1e-6
+"""Upward part of the vertical axis of what stands upright, within 0.1 degrees."""
+_Part = ConvexPart | Terrain
 
 SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "hull", "hfield"]
 COARSE = "collision meshes that are coarser than drawn"
@@ -44,6 +48,8 @@ class Solid:
     """Corners of a hull, in its own frame."""
     geometry: Geometry | None = None
     """The shape that it was made of, where it is the whole of it."""
+    terrain: Terrain | None = None
+    """Heights of a height field that was made of a mesh."""
 
 
 class _Key(NamedTuple):
@@ -65,6 +71,13 @@ class SolidMaker:
     def __init__(self, world: SdfWorld, meshes: Meshes, loose: Iterable[str]) -> None:
         self._world, self._meshes, self._loose = world, meshes, set(loose)
         self._triangles: dict[Geometry, Triangles | None] = {}
+        # Maps of terrain are drawn for terrain that stands upright.
+        self._tilted = {
+            collision.geometry
+            for link in world.links
+            for collision in link.collisions
+            if collision.pose.rotation[2, 2] < _UPRIGHT
+        }
         self._parts = self._all_parts()
 
     def solids(self, link: Link) -> list[Solid]:
@@ -75,22 +88,25 @@ class SolidMaker:
         geometry, pose, friction = collision.geometry, collision.pose, collision.friction
         if (parts := self._parts.get(_Key(geometry, is_loose))) is not None:
             for part in parts:
-                if isinstance(part, BoxPart):
+                if isinstance(part, Terrain):
+                    placed = pose @ Pose(part.lowest, np.eye(3))
+                    yield Solid("hfield", placed, part.size, friction, terrain=part)
+                elif isinstance(part, BoxPart):
                     yield Solid("box", pose @ Pose(part.center, part.rotation), tuple(part.half.tolist()), friction)
                 else:
                     middle = part.corners.mean(axis=0)
                     yield Solid("hull", pose @ Pose(middle, np.eye(3)), (), friction, corners=part.corners - middle)
-        elif geometry.kind not in ("mesh", "prism"):
+        elif geometry.kind not in COMPOSED:
             yield primitive(geometry, pose, friction, is_static=not is_loose)
 
-    def _all_parts(self) -> Mapping[_Key, list[ConvexPart]]:
+    def _all_parts(self) -> Mapping[_Key, list[_Part]]:
         counts = Counter(
             _Key(collision.geometry, link.path in self._loose)
             for link in self._world.links
             for collision in link.collisions
         )
-        simple = sum(count for key, count in counts.items() if key.geometry.kind not in ("mesh", "prism"))
-        parts = {key: self._first(key) for key in counts if key.geometry.kind in ("mesh", "prism")}
+        simple = sum(count for key, count in counts.items() if key.geometry.kind not in COMPOSED)
+        parts = {key: self._first(key) for key in counts if key.geometry.kind in COMPOSED}
         pitches: dict[_Key, float] = defaultdict(lambda: _FIRST_PITCH_M)
         while simple + sum(counts[key] * len(made) for key, made in parts.items()) > MOST_SOLIDS:
             worst = max(
@@ -104,38 +120,47 @@ class SolidMaker:
             parts[worst] = self._coarser(worst, pitches[worst], parts[worst])
         return parts
 
-    def _first(self, key: _Key) -> list[ConvexPart]:
-        if key.geometry.kind == "prism":
-            return _prism_parts(key.geometry)
+    def _first(self, key: _Key) -> list[_Part]:
+        if key.geometry.kind != "mesh":
+            return [*prism_parts(key.geometry)]
         triangles = self._read(key.geometry)
         if triangles is None:
             return []
         if len(triangles) <= _MOST_FACES:
-            parts = convex_parts(triangles)
+            parts, is_coarse = convex_parts(triangles, is_loose=key.is_loose)
+            if len(parts) > _MANY and (terrain := self._terrain(key, triangles)) is not None and terrain.is_closed:
+                return [terrain]
             if len(parts) <= (_MOST_OF_LOOSE if key.is_loose else _MOST_OF_ONE):
-                return parts
+                if is_coarse:
+                    self._note(key)
+                return [*parts]
             if key.is_loose:
                 self._note(key)
-                return parts[:_MOST_OF_LOOSE]
+                return [*parts[:_MOST_OF_LOOSE]]
         elif key.is_loose:
             self._note(key)
             largest = np.argsort(-_areas(triangles), kind="stable")[:_MOST_FACES]
-            return convex_parts(triangles[largest])[:_MOST_OF_LOOSE]
+            return [*convex_parts(triangles[largest], is_loose=True).parts[:_MOST_OF_LOOSE]]
+        if (terrain := self._terrain(key, triangles)) is not None:
+            return [terrain]
         # Cells as large as a hundredth of the mesh, within what is fine for a robot.
         extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
         return self._coarser(key, min(max(extent / 100, _FIRST_PITCH_M), 0.08), None)
 
-    def _coarser(self, key: _Key, pitch_m: float, before: list[ConvexPart] | None) -> list[ConvexPart]:
+    def _terrain(self, key: _Key, triangles: Triangles) -> Terrain | None:
+        return None if key.is_loose or key.geometry in self._tilted else terrain_of(triangles)
+
+    def _coarser(self, key: _Key, pitch_m: float, before: list[_Part] | None) -> list[_Part]:
         """A mesh in fewer parts: of bodies that move the largest half of the faces, else boxes on a grid."""
         self._note(key)
-        if before is not None and (key.is_loose or key.geometry.kind == "prism"):
+        if before is not None and key.is_loose:
             return before[: max(1, len(before) // 2)]
-        triangles = self._read(key.geometry)
-        boxes = voxel_boxes(triangles, pitch_m) if triangles is not None else []
+        triangles = self._read(key.geometry) if key.geometry.kind == "mesh" else prism_triangles(key.geometry)
+        boxes: list[_Part] = [*voxel_boxes(triangles, pitch_m)] if triangles is not None else []
         return boxes if before is None or len(boxes) < len(before) else before
 
     def _note(self, key: _Key) -> None:
-        name = key.geometry.file.name if key.geometry.file else "polyline"
+        name = key.geometry.file.name if key.geometry.file else key.geometry.said
         if name not in self._world.left_out.names(COARSE):
             self._world.left_out.add(COARSE, name)
 
@@ -151,75 +176,6 @@ class SolidMaker:
 
 def _areas(triangles: Triangles) -> Points:
     return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-
-
-def _prism_parts(geometry: Geometry) -> list[ConvexPart]:
-    """A polyline's prism in convex pieces."""
-    outline = np.array(geometry.outline)
-    try:
-        hull = ConvexHull(outline)
-    except QhullError:
-        return []
-    whole = [range(len(outline))] if len(hull.vertices) == len(outline) else ears(geometry.outline)
-    low = np.column_stack([outline, np.zeros(len(outline))])
-    return [
-        HullPart(np.concatenate([low[list(ring)], low[list(ring)] + (0.0, 0.0, geometry.size[0])]))
-        for ring in whole
-        if len(ring) > 3 or abs(_turn(*outline[list(ring)])) > _LEAST_TURN_M2
-    ]
-
-
-def ears(outline: Sequence[tuple[float, float]]) -> list[tuple[int, int, int]]:
-    """Triangulates a simple polygon (ear clipping); returns corner numbers.
-
-    Args:
-        outline: its corners, in either direction.
-    """
-    points = np.array(outline)
-    left = list(range(len(points)))
-    x, y = points.T
-    if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0:
-        left.reverse()
-    found: list[tuple[int, int, int]] = []
-    while len(left) > 3:
-        ear = next((at for at in range(len(left)) if _is_ear(points, left, at)), 0)
-        triangle = left[ear - 1], left[ear], left[(ear + 1) % len(left)]
-        found.append(triangle)
-        left.pop(ear)
-    return [*found, (left[0], left[1], left[2])]
-
-
-def _is_ear(points: Points, left: list[int], at: int) -> bool:
-    a, b, c = (points[left[index % len(left)]] for index in (at - 1, at, at + 1))
-    if _turn(a, b, c) <= 0:
-        return False
-    others = points[[index for index in left if index not in (left[at - 1], left[at], left[(at + 1) % len(left)])]]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    return not inside.any()
-
-
-def _turn(a: Points, b: Points, c: Points) -> Points:
-    """Twice the area of triangles; above 0 where they turn left."""
-    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
-
-
-def prism_triangles(geometry: Geometry) -> Triangles:
-    """Returns the surface triangles of an extruded polyline, which begins at z = 0.
-
-    Args:
-        geometry: a prism.
-    """
-    low = np.array([(x, y, 0.0) for x, y in geometry.outline])
-    high = low + np.array((0.0, 0.0, geometry.size[0]))
-    cut = np.array(ears(geometry.outline))
-    x, y = low[:, 0], low[:, 1]
-    following = np.roll(np.arange(len(low)), -1)
-    if (x * y[following] - x[following] * y).sum() < 0:
-        low, high = low[::-1], high[::-1]
-        cut = len(low) - 1 - cut
-    after = np.roll(np.arange(len(low)), -1)
-    sides = [np.stack([low, low[after], high[after]], axis=1), np.stack([low, high[after], high], axis=1)]
-    return np.concatenate([low[cut[:, ::-1]], high[cut], *sides])
 
 
 def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: bool = True) -> Solid:

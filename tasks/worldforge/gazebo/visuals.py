@@ -12,7 +12,9 @@ from PIL import Image
 from ...sdf.meshes import MeshError, Meshes, MeshPart
 from ...sdf.sdf_types import GRAY, Geometry, Link, Material, Omissions, Pose, Rgba, SdfError
 from ...sdf.xml_files import read_bytes
-from .solids import primitive, prism_triangles
+from .prisms import COMPOSED, prism_triangles
+from .solids import primitive
+from .terrain import Terrain
 
 MOST_PIXELS = 512
 """Side of a picture in a bundle; 1,024 made a world of 241 models 46 MB."""
@@ -68,7 +70,7 @@ class Visuals:
             geometry, pose = visual.geometry, visual.pose
             if visual.material.color[3] <= 0:
                 continue
-            if geometry.kind in ("mesh", "prism"):
+            if geometry.kind in COMPOSED:
                 for name, part in self._parts(geometry):
                     if name is not None:
                         stated = visual.material if visual.material.is_stated else part.material
@@ -76,7 +78,11 @@ class Visuals:
                         found.append(
                             SeenGeom("mesh", pose, (), name, self._material(stated, picture, part.places is not None))
                         )
-            elif geometry.kind != "heightmap":  # the shape that collides is drawn
+            elif geometry.kind == "heightmap":
+                # The shape that collides is drawn.
+                if not any(each.geometry.kind == "heightmap" for each in link.collisions):
+                    self._left_out.add("heightmaps that are drawn only", visual.name)
+            else:
                 solid = primitive(geometry, pose, 0.0)
                 size = (*solid.size, 1.0) if solid.kind == "plane" else solid.size
                 material = self._material(visual.material, None, True)
@@ -86,7 +92,7 @@ class Visuals:
     def _parts(self, geometry: Geometry) -> list[tuple[str | None, MeshPart]]:
         if geometry not in self._drawn:
             try:
-                if geometry.kind == "prism":
+                if geometry.kind != "mesh":
                     parts = (MeshPart(prism_triangles(geometry), None, Material()),)
                 else:
                     parts = self._meshes.parts(geometry)
@@ -101,12 +107,12 @@ class Visuals:
         triangles, places = part.triangles, part.places
         if len(triangles) > _MOST_DRAWN:
             triangles, places = _thinned(triangles, places)
-            name = geometry.file.name if geometry.file else "polyline"
+            name = geometry.file.name if geometry.file else geometry.said
             self._left_out.add(f"visual meshes drawn with fewer than {_MOST_DRAWN:,} triangles", name)
         text = _obj(triangles, places)
         if text is None:
             return None
-        stem = "".join(letter if letter.isalnum() else "_" for letter in geometry.file.stem)[:40] if geometry.file else "polyline"  # fmt: skip # noqa: E501
+        stem = "".join(letter if letter.isalnum() else "_" for letter in geometry.file.stem)[:40] if geometry.file else geometry.said  # fmt: skip # noqa: E501
         name = f"{stem}_{hashlib.sha256(text).hexdigest()[:10]}"
         path = f"meshes/{name}.obj"
         self.files[path] = text
@@ -217,6 +223,16 @@ def _short(value: float) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".") or "0"
 
 
+def _hfield(name: str, heights_m: NDArray[np.float64], extents: tuple[float, ...]) -> str:
+    """A height field that begins at its lowest spot, as a line of MJCF."""
+    top = max(float(heights_m.max()), 1e-3)
+    # MuJoCo stretches heights to 0 to 1 itself, whatever they are; the first row of the text is the northernmost.
+    shares = " ".join(f"{value:.6g}" for value in np.flipud(heights_m / top).ravel())
+    rows, columns = heights_m.shape
+    sizes = f"{extents[0] / 2:.7g} {extents[1] / 2:.7g} {top:.7g} 0.1"
+    return f'    <hfield name="{name}" nrow="{rows}" ncol="{columns}" size="{sizes}" elevation="{shares}"/>'
+
+
 class Heightmaps:
     """Terrain of an imported Gazebo world, as MuJoCo height fields."""
 
@@ -236,14 +252,13 @@ class Heightmaps:
     def asset(self, geometry: Geometry) -> tuple[str, str]:
         """Returns the name and MJCF line of a terrain's height field, which begins at its lowest point."""
         name, heights = self._of(geometry)
-        low = float(heights.min())
-        top = max(float(heights.max()) - low, 1e-3)
-        x, y, _ = geometry.size
-        # MuJoCo stretches heights to 0 to 1 itself, whatever they are.
-        shares = " ".join(f"{value:.4g}" for value in np.flipud((heights - low) / top).ravel())
-        rows, columns = heights.shape  # the first row of the text is the northernmost
-        sizes = f"{x / 2:.6g} {y / 2:.6g} {top:.6g} 0.1"
-        return name, f'    <hfield name="{name}" nrow="{rows}" ncol="{columns}" size="{sizes}" elevation="{shares}"/>'
+        return name, _hfield(name, heights - heights.min(), geometry.size[:2])
+
+    def asset_of(self, terrain: Terrain) -> tuple[str, str]:
+        """Returns the name and MJCF line of the height field of a mesh that is terrain."""
+        content = np.append(np.round(terrain.heights_m, 4), terrain.size).tobytes()
+        name = f"terrain_{hashlib.sha256(content).hexdigest()[:10]}"
+        return name, _hfield(name, terrain.heights_m, terrain.size[:2])
 
     def _of(self, geometry: Geometry) -> tuple[str, NDArray[np.float64]]:
         if geometry not in self._read:

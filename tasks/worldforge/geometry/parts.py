@@ -93,7 +93,7 @@ MIRROR = rgb("cfe0e8")
 SCREEN = rgb("1b2230")
 
 BEARING_M = 0.001
-"""How far bearings reach past the end of their cylinder: enough that it touches nothing, too little to be seen."""
+"""Length that bearings reach past the end of their cylinder: it touches nothing, and is not seen."""
 
 _SCHEMES: dict[str, tuple[Color, Color, Color]] = {
     "oak": (rgb("c89f6d"), rgb("dcb888"), rgb("5f7f92")),

@@ -11,7 +11,7 @@ from ..geometry.parts import Style
 from .placement import WALL_GAP_M, RoomSpace, Side
 
 TUCK_M = 0.13
-"""How far chairs are pushed under their table."""
+"""Distance that chairs are pushed under their table."""
 
 DESK_SEAT_M = 0.12
 """Distance of a chair to the left of its desk's middle: drawers are on the right."""
@@ -35,7 +35,7 @@ _BESIDE_GAP_M = 0.04
 _NEAREST_SCREEN_M = 1.7
 _FARTHEST_SCREEN_M = 4.2
 _BEST_SCREEN_M = 2.5
-"""From a screen's front to the sofa's: about three times the width of the screen."""
+"""Distance from a screen's front to the sofa's: about three times the width of the screen."""
 
 
 def against_walls(

@@ -36,7 +36,7 @@ _DOOR_DEPTH_M = 0.8
 _OPENING_DEPTH_M = 0.5
 _WINDOW_DEPTH_M = 0.4
 _GATE_M = 0.475
-"""From the middle of a wall to where its ways begin: the middle of a cell, as near as ways in hallways come."""
+"""Distance from the middle of a wall to the beginning of ways: the middle of a cell, as near as ways come."""
 
 
 class Side(NamedTuple):

@@ -14,7 +14,7 @@ from ..geometry.boxes import Box
 _CELL_M = 0.05
 _FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _GATE_REACH = 6
-"""How many cells beside a point a way to it may end, where a wall or an open door is too near to it."""
+"""Number of cells beside a point at which a way to it may end, where a wall or an open door is too near."""
 
 _LARGEST_POCKETS = 0.06
 """Share of a room's ways that furniture may cut off, such as the gap behind a sofa."""

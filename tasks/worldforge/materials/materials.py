@@ -29,7 +29,7 @@ class Finish:
     name: str
     """Unique among the finishes of its material."""
     pattern: Pattern
-    """How the colours are laid out."""
+    """Layout of the colours."""
     color: Color
     """Main colour of the surface."""
     second: Color

@@ -267,7 +267,7 @@ def _tiled(grid: Grid, finish: Finish, width: float, height: float, *, bond: boo
 
 
 def _mix(first: Any, second: Any, share: Array) -> Array:
-    """From the first colour to the second."""
+    """Gradient from the first colour to the second."""
     low = np.asarray(first, float)[..., :3]
     high = np.asarray(second, float)[..., :3]
     return low + (high - low) * np.asarray(share, float)[..., None]

@@ -123,7 +123,7 @@ SKY = "sky"
 """Its name."""
 
 LAYOUT = 'gridsize="3 4" gridlayout=".U..LFRB.D.."'
-"""How the picture's squares lie, as MJCF says it."""
+"""Layout of the picture's squares, as MJCF says it."""
 
 _SIDE_PIXELS = 160
 _SKY_COLORS = 96

@@ -12,7 +12,7 @@ from ..doors.door_parts import leaf_corners
 from ..furniture.catalogue import CATALOGUE
 
 Symbol = Callable[[float, float], str]
-"""From (depth, width) in metres to SVG elements."""
+"""Function from (depth, width) in metres to SVG elements."""
 
 
 def number(value: float) -> str:

@@ -19,7 +19,7 @@ class Overlap(NamedTuple):
     """Two solid parts of a world that overlap, and how deep."""
 
     depth_m: float
-    """How far one of them would have to be moved."""
+    """Distance that one of them would have to be moved."""
     parts: tuple[str, str]
     """Names of the geoms; empty of those that have none."""
     geoms: tuple[int, int]

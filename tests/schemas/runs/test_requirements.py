@@ -61,21 +61,21 @@ def problems(*arguments: Any, **members: Any) -> list[str]:
         ({"kind": "coverage", "name": "a", "min_share": 0.5}, "requirements[0].radius_m: is missing"),
         ({"kind": "all_rooms", "name": "a", "rooms": ["x"]}, "requirements[0].rooms: is not known"),
         ({"kind": "localization", "name": "a", "attribute": "f", "max_m": 1}, "requirements[0].attribute: is 'f'"),
-        (FORMULA, "requirements[0]: formula: column 8: there is no signal 'sped'; did you mean 'speed'?"),
-        ({**FORMULA, "formula": "always[0, 0.25] speed < 1"}, "requirements[0]: formula: the bound 0.25 is no multiple"
+        (FORMULA, "requirements[0].formula: column 8: there is no signal 'sped'; did you mean 'speed'?"),
+        ({**FORMULA, "formula": "always[0, 0.25] speed < 1"}, "requirements[0].formula: the bound 0.25 is no multiple"
          " of period_s, 0.1; write 0.2, or give a period_s that divides it"),
-        ({**FORMULA, "formula": "always[0, 600] speed < 1"}, "requirements[0]: formula: the bound 600 is more than "
+        ({**FORMULA, "formula": "always[0, 600] speed < 1"}, "requirements[0].formula: the bound 600 is more than "
          "3000 times period_s, 0.1; give a period_s of 0.2 or more"),
-        ({**FORMULA, "formula": "speed < 1", "stop": True}, "requirements[0]: stop: an expression is judged when"),
-        ({**FORMULA, "formula": "a < 1", "signals": {"a": "m.f", "b": "m.g"}}, "requirements[0]: signals: b is not in"),
-        ({**FORMULA, "signals": {"speed": "m.f"}}, "requirements[0]: signals: speed is a signal of every run;"),
+        ({**FORMULA, "formula": "speed < 1", "stop": True}, "requirements[0].stop: an expression is judged when"),
+        ({**FORMULA, "formula": "a < 1", "signals": {"a": "m.f", "b": "m.g"}}, "requirements[0].signals: b is not in"),
+        ({**FORMULA, "signals": {"speed": "m.f"}}, "requirements[0].signals: speed is a signal of every run;"),
         (TOPIC, "requirements[0]: none of min_hz, max_gap_s, field, nodes; a requirement asks for one of them"),
         ({**TOPIC, "min_hz": 1, "max_gap_s": 1}, "requirements[0]: both min_hz and max_gap_s; a requirement asks for"),
         ({**TOPIC, "field": "data"}, "requirements[0]: field needs min or max, or both"),
         ({**TOPIC, "min_hz": 1, "max": 1}, "requirements[0]: min and max need a field"),
-        ({**TOPIC, "field": "data", "min": 2, "max": 1}, "requirements[0]: min: 2 is above max, 1; swap them"),
+        ({**TOPIC, "field": "data", "min": 2, "max": 1}, "requirements[0].min: 2 is above max, 1; swap them"),
         ({**TOPIC, "min_hz": 1, "topic": "scan"}, "requirements[0].topic: is 'scan'; it has to be"),
-        ({**TOPIC, "min_hz": 1, "stop": True}, "requirements[0]: stop: topics are judged when the run is over"),
+        ({**TOPIC, "min_hz": 1, "stop": True}, "requirements[0].stop: topics are judged when the run is over"),
         ("goal", "requirements[0]: is 'goal'; it has to be a mapping"),
     ],
 )  # fmt: skip
@@ -97,7 +97,7 @@ def test_names_differ_and_goals_stand_below_those_they_come_after() -> None:
     assert "'quick' appears more than once" in problems([LIMIT, LIMIT])[0]
     assert problems([{**goal, "name": "a"}, {**goal, "name": "b", "after": "a"}]) == []
     (problem,) = problems([{**goal, "name": "b", "after": "a"}, {**goal, "name": "a"}])
-    assert problem == "requirements: b: after is 'a', no goal further up; there is none before it"
+    assert problem == "requirements[0]: b: after is 'a', no goal further up; there is none before it"
 
 
 def test_the_variable_says_the_same_as_the_member() -> None:

@@ -17,6 +17,7 @@ from prefect_robomaker.schemas.specs.parameter_values import param_options, set_
 from prefect_robomaker.schemas.specs.parameters import (
     AsText,
     Parameter,
+    kind_of_parameters,
     settle,
 )
 from prefect_robomaker.schemas.specs.references import parse_template
@@ -136,7 +137,7 @@ def test_what_a_value_breaks_is_told_where_it_is_used() -> None:
     ("declaration", "problem"),
     [
         ("{type: text}", "parameters.more.type: is 'text'; it has to be 'string', 'integer', 'number' or 'boolean'"),
-        ("{typ: string}", "parameters.more.typ: is not known; did you mean 'type'?"),
+        ("{typ: string, default: x}", "parameters.more.typ: is not known; did you mean 'type'?"),
         ("{type: integer, default: many}", "parameters.more.default: is 'many'; it has to be a whole number"),
         ("{type: integer, default: 0, minimum: 1}", "parameters.more.default: is 0; it has to be at least 1"),
         ("{default: [1]}", "parameters.more.default: is a list; it has to be text"),
@@ -360,7 +361,7 @@ def test_nothing_in_a_value_is_a_reference(first: str, second: str) -> None:
     assert isinstance(root, MappingNode)
     declared = {"first": Parameter(), "second": Parameter()}
 
-    folded, found = fold_parameters(root, declared, {"first": first, "second": second})
+    folded, found = fold_parameters(root, kind_of_parameters(declared), {"first": first, "second": second})
 
     request = plain(folded)["steps"]["one"]["input"]
     assert not found

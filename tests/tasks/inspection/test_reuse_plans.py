@@ -68,6 +68,12 @@ def test_what_was_never_made_is_run(plan: Plan) -> None:
     assert parts["loose"] == [PlannedPart("job", reuse=False, why=NO_SEED)]
 
 
+def test_trials_without_a_seed_begin_with_seed_0(plan: Plan) -> None:
+    parts = plan(drive=job(trials={"seeds": 2}))
+
+    assert parts["drive"] == [PlannedPart("job", reuse=False, why="no job had these inputs yet")]
+
+
 def test_what_only_the_run_knows_is_said_to_be_so(plan: Plan) -> None:
     parts = plan(list={"operation": "ListWorlds"}, drive=job(world="${{ list.worldSummaries[0].arn }}", seed=1))
 

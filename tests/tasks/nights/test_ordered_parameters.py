@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from prefect_robomaker.schemas.reports.against import Against
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.model import with_seed
 from prefect_robomaker.schemas.specs.text import plain
 from prefect_robomaker.tasks.nights.ending import RunFacts
 from prefect_robomaker.tasks.nights.open_runs import ORDER
-from prefect_robomaker.tasks.nights.run_orders import keep_order, ordered_spec
+from prefect_robomaker.tasks.nights.run_orders import as_ordered, keep_order, ordered_spec
 from prefect_robomaker.tasks.service.service import Service
 
 SPEC = """\
@@ -40,6 +41,7 @@ def test_the_kept_order_makes_the_specification_that_was_ordered(service: Servic
         rerun_of=None,
         is_probe=False,
         folder=folder,
+        against=Against(run_id="flats-0", alpha=0.01, margin=0.1),
     )
 
     begun = keep_order(
@@ -53,6 +55,7 @@ def test_the_kept_order_makes_the_specification_that_was_ordered(service: Servic
     )
     assert begun is not None
     kept = Order.model_validate_json((folder / ORDER).read_bytes())
+    assert as_ordered(begun)["against"] == kept.against == facts.against
     begun.end()
 
     again = ordered_spec(kept)

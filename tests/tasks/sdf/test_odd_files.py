@@ -195,3 +195,80 @@ def test_a_submesh_of_a_dae_file_is_the_node_of_that_name(tmp_path: Path) -> Non
     assert submesh_in(tmp_path, "two.dae", both, "box").tolist() == [[0, 0, 0], [1, 1, 1]]
     with pytest.raises(MeshError, match="it has no submesh 'cup'; it has lid, box"):
         submesh_in(tmp_path, "two.dae", both, "cup")
+
+
+ENDS = """<model name="m"><pose>5 0 0 0 0 0</pose><link name="post"/>
+<frame name="edge" attached_to="post"><pose>0.5 0 0 0 0 0</pose></frame>
+<frame name="rim" attached_to="edge"><pose>0 0 1 0 0 0</pose></frame>
+<model name="leaf"><pose>1 0 0 0 0 0</pose><link name="a"/><link name="b"/>
+<joint name="j" type="fixed"><parent>a</parent><child>b</child></joint></model>
+<joint name="hinge" type="revolute"><parent>rim</parent><child>{child}</child><axis><xyz>0 0 1</xyz></axis></joint>
+</model>"""
+
+
+@pytest.mark.parametrize(
+    ("child", "link"), [("leaf", "a"), ("leaf::__model__", "a"), ("leaf::b", "b"), ("leaf::j", "b")]
+)
+def test_a_joint_may_name_its_ends_by_frames(tmp_path: Path, child: str, link: str) -> None:
+    """They were joints without their links, and doors fell out of their frames."""
+    world = read(tmp_path, ENDS.format(child=child), "1.9")
+    [joint] = [each for each in world.joints if each.kind == "hinge"]
+    assert (joint.parent, joint.child) == ("m::post", f"m::leaf::{link}")
+    assert joint.pose.position.tolist() == [6, 0, 0]
+
+
+def test_what_a_file_takes_out_of_the_world_is_listed(tmp_path: Path) -> None:
+    def collision(name: str, contact: str) -> str:
+        return f'<collision name="{name}">{BOX}<surface><contact>{contact}</contact></surface></collision>'
+
+    shapes = collision("a", "<collide_bitmask>0x00</collide_bitmask>") + collision(
+        "b", "<collide_without_contact>true</collide_without_contact>"
+    )
+    solid = collision("c", "<collide_bitmask>0x10</collide_bitmask>") + collision("d", "<ode/>")
+    world = read(tmp_path, f'<gravity>0 0 -1.62</gravity><model name="m"><link name="l">{shapes}{solid}</link></model>')
+    assert [each.name for each in world.links[0].collisions] == ["m::l::c", "m::l::d"]
+    assert [(left.what, left.names) for left in world.left_out.as_list()] == [
+        ("collision shapes that collide with nothing, as the file says", ["m::l::a", "m::l::b"]),
+        ("gravities other than that of the earth", ["0 0 -1.62"]),
+    ]
+    assert read(tmp_path, "<gravity>0 0 -9.80665</gravity>").left_out.as_list() == []
+
+
+def test_only_the_first_model_of_a_file_is_included_and_changes_of_it_are_not_made(tmp_path: Path) -> None:
+    link = '<link name="l"/>'
+    include = write_model(
+        tmp_path, "two", f'<sdf version="1.6"><model name="a">{link}</model><model name="b">{link}</model></sdf>'
+    )
+    params = '<experimental:params><link element_id="l" action="remove"/></experimental:params></include>'
+    world = read(tmp_path, include.replace("</include>", params), "1.8")
+    assert [each.path for each in world.links] == ["a::l"]
+    assert [(left.what, left.names) for left in world.left_out.as_list()] == [
+        ("changes of included models (experimental:params)", ["a"]),
+        ("models after the first of a file", ["model.sdf of a: b"]),
+    ]
+
+
+SKIN = """<library_controllers><controller id="k"><skin source="#g">
+<bind_shape_matrix>1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1</bind_shape_matrix>
+<source id="j"><Name_array id="ja" count="1">bone</Name_array><technique_common><accessor source="#ja" count="1">
+<param name="JOINT" type="Name"/></accessor></technique_common></source>
+<source id="b"><float_array id="ba" count="16">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</float_array><technique_common>
+<accessor source="#ba" count="1" stride="16"><param name="T" type="float4x4"/></accessor></technique_common></source>
+<source id="w"><float_array id="wa" count="1">1</float_array><technique_common><accessor source="#wa" count="1">
+<param name="W" type="float"/></accessor></technique_common></source>
+<joints><input semantic="JOINT" source="#j"/><input semantic="INV_BIND_MATRIX" source="#b"/></joints>
+<vertex_weights count="36"><input semantic="JOINT" source="#j" offset="0"/>
+<input semantic="WEIGHT" source="#w" offset="1"/><vcount>{counts}</vcount><v>{weights}</v></vertex_weights>
+</skin></controller></library_controllers>"""
+
+
+def test_a_mesh_with_bones_stands_as_it_was_bound(tmp_path: Path) -> None:
+    """Beside a mesh without bones it was left out unsaid."""
+    skin = SKIN.format(counts="1 " * 36, weights="0 0 " * 36)
+    text = dae(triangles_of((0, 0, 0, 1, 1, 1))).replace("<library_visual_scenes>", f"{skin}<library_visual_scenes>")
+    node = '<node id="q"><instance_controller url="#k"/></node></visual_scene>'
+    (tmp_path / "both.dae").write_text(text.replace("</visual_scene>", node))
+    meshes = Meshes(Lookup(tmp_path / "some.world", [], {"HOME": str(tmp_path)}))
+    corners = meshes.triangles(Geometry("mesh", file=tmp_path / "both.dae")).reshape(-1, 3)
+    assert len(corners) == 2 * 36
+    assert [corners.min(axis=0).tolist(), corners.max(axis=0).tolist()] == [[0, 0, 0], [6, 1, 1]]

@@ -71,7 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:
-    """Why there is no history."""
+    """Reason why there is no history."""
     from .....tasks.inspection.run_records import names_of_specifications
 
     if found.unreadable:

@@ -13,6 +13,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker report` to its parser."""
     parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
     parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
+    parser.add_argument(
+        "--markdown", metavar="FILE", help="write it as Markdown too, for comments on pull requests and CI summaries"
+    )
     add_output(parser, "text", "json")
     add_open(parser, "show it in a browser")
 
@@ -22,13 +25,14 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
 
     junit = output_file(arguments.junit, "--junit")
+    markdown = output_file(arguments.markdown, "--markdown")
     settings = Settings.from_environment(os.environ)
     record = read_record(settings.home / "runs", arguments.run)
 
     from .....tasks.inspection.reports import rebuild_report
     from .....tasks.service.service import Service
 
-    summary = rebuild_report(record, Service.open(settings), junit)
+    summary = rebuild_report(record, Service.open(settings), junit=junit, markdown=markdown)
     if arguments.output == "json":
         sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:

@@ -1,6 +1,8 @@
 """Run a specification and report what came of it.
 
-The exit code says how it ended; `robomaker --help` lists them.
+The exit code says how it ended; `robomaker --help` lists them. With `--against` it is the answer's, once the run came
+to its end: 0 better, or with `--margin` not worse; 1 worse, 6 no difference shown, 7 not comparable, also where trials
+fail; what broke or was cancelled goes first.
 """
 
 import argparse
@@ -10,11 +12,12 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_open, add_output, add_parameters, add_report, add_spec, given_options
-from ...inputs.options import output_file, spec_name
+from ...inputs.options import find_record, output_file, percentage, spec_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from .....schemas.reports.against import Against
     from .....schemas.settings import Settings
     from .....schemas.specs.model import CheckedSpec
     from .....schemas.specs.parameter_values import ParameterValue
@@ -31,6 +34,23 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reuse", action="store_true", help="take over worlds and results of earlier runs that had the same inputs"
     )
+    parser.add_argument(
+        "--against",
+        metavar="RUN",
+        help="carry it out beside this earlier run, trial by trial, and stop when it is decided whether it is better",
+    )
+    parser.add_argument(
+        "--alpha",
+        type=float,
+        metavar="P",
+        help="with --against: error probability of all answers together (default: 0.05)",
+    )
+    parser.add_argument(
+        "--margin",
+        metavar="POINTS",
+        help="with --against: fall of the pass rate, in percentage points, that would matter; it is decided, too, "
+        "where the run is shown to have fallen by less",
+    )
     add_backend(parser)
     add_report(parser)
     add_output(parser, "text", "json")
@@ -43,6 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     spec = _chosen(arguments)
     settings = settings_of(arguments)
+    against = _question(arguments, settings)
     report = output_file(arguments.report, "--report")
     if arguments.reuse:
         _say_why_nothing_is_reused(spec, settings)
@@ -54,7 +75,36 @@ def execute(arguments: argparse.Namespace) -> int:
         report=report,
         spec_path=arguments.spec,
         reuse=arguments.reuse,
+        against=against,
     )
+
+
+def _question(arguments: argparse.Namespace, settings: "Settings") -> "Against | None":
+    """The earlier run beside which it is to be carried out.
+
+    Raises:
+        ConfigurationError: there is no such run, or a number is out of range, or stands for nothing.
+    """
+    if arguments.against is None:
+        for name in ("alpha", "margin"):
+            if getattr(arguments, name) is not None:
+                raise ConfigurationError(f"--{name} is about --against, which is not given; name the earlier run")
+        return None
+    alpha = 0.05 if arguments.alpha is None else arguments.alpha
+    if not 0 < alpha < 1:
+        raise ConfigurationError(f"--alpha is {alpha:g}; it has to be above 0 and below 1, such as 0.05")
+    margin = percentage(arguments.margin, "--margin")
+    from .....schemas.reports.against import Against
+    from .....tasks.inspection.run_records import ORDER_NAME
+
+    runs = settings.home / "runs"
+    if (runs / arguments.against / ORDER_NAME).is_file():
+        raise ConfigurationError(f"--against is {arguments.against}, which has not ended; a run that has would do")
+    record = find_record(runs, arguments.against)
+    if record.parent.absolute().parent != runs.absolute():
+        raise ConfigurationError(f"--against is {arguments.against}; the id of a run in {runs} would be right")
+    arguments.against = record.parent.name  # the command that does the same again may not say `latest`
+    return Against(run_id=arguments.against, alpha=alpha, margin=margin)
 
 
 def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> None:
@@ -81,7 +131,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
     from .....schemas.specs.parameter_values import set_options
 
     command = ["robomaker", "run", arguments.spec, *set_options(parameters)]
-    command += given_options(arguments, "name", "seed", "backend", "report")
+    command += given_options(arguments, "name", "seed", "against", "alpha", "margin", "backend", "report")
     return [*command, "--reuse"] if arguments.reuse else command
 
 

@@ -1,6 +1,7 @@
 """Check specifications without running anything.
 
-Every problem is printed as file:line:column: path: message.
+Every problem is printed as file:line:column: path: message, and all of a file at once. A note is about what may be
+wrong, and no problem: an application that only the catalog may know. docs/specification.md has the language.
 """
 
 import argparse
@@ -27,15 +28,20 @@ def execute(arguments: argparse.Namespace) -> int:
     given = given_parameters(arguments)
     answers: list[dict[str, Any]] = []
     problems: list[Problem] = []
+    notes: list[Problem] = []
     for path in arguments.specs:
         try:
             spec = read_spec(path, given, is_complete=False)
+            notes += spec.notes
             answers.append({"file": path, "valid": True, "steps": len(spec.steps), "problems": []})
+            answers[-1]["notes"] = [_as_json(each) for each in spec.notes]
             if spec.missing:
                 answers[-1]["missing_parameters"] = list(spec.missing)
         except SpecError as error:
             problems += error.problems
+            notes += error.notes
             answers.append({"file": path, "valid": False, "problems": [_as_json(each) for each in error.problems]})
+            answers[-1]["notes"] = [_as_json(each) for each in error.notes]
         except InputFileError as error:
             sys.stderr.write(f"robomaker: {error}\n")
             answers.append({"file": path, "valid": False, "problems": [{"message": str(error)}]})
@@ -51,6 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         if problems:
             print_problems(problems)
+        for note in notes:
+            sys.stderr.write(f"{note.place}: {note.path}: note: {note.message}\n")
     return 0 if all(answer["valid"] for answer in answers) else ConfigurationError.exit_code
 
 

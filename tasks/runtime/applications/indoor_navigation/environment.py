@@ -10,7 +10,7 @@ from pathlib import Path
 from .....schemas.runs.variables import number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
-from ...axes.imperfections import CommandDelay, LidarErrors
+from ...axes.imperfections import CommandDelay, CommandGains, LidarErrors
 from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...episode.results import EnvironmentReport
@@ -56,6 +56,11 @@ class IndoorNavigation(ResumableEnvironment):
     def command_delay(self) -> CommandDelay:
         """Delay of the agent's commands, which axes of trials change."""
         return self._navigation.command_delay
+
+    @property
+    def command_gains(self) -> CommandGains:
+        """Factors on the agent's commands, which axes of trials change."""
+        return self._navigation.command_gains
 
     @cached_property
     def tf_frames(self) -> dict[int, str]:

@@ -236,7 +236,7 @@ _LEVEL = 0.01
 """Sine of the tilt up to which a lidar counts as level; Scout on its slides stays under 0.008."""
 
 _SWAY_M = 0.005
-"""How far a level lidar may rise or sink."""
+"""Largest rise or sinking of a lidar that counts as level."""
 
 _MARGIN_M = 0.002
 """Margin added to the radii of the spheres around things that MuJoCo is asked about, in metres."""

@@ -20,11 +20,18 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from .....schemas.worlds.world import World
-from ...axes.imperfections import CommandDelay, DelayedController, LateItems, LidarErrors
+from ...axes.imperfections import (
+    CommandDelay,
+    CommandGains,
+    DelayedController,
+    LateItems,
+    LidarErrors,
+    ScaledController,
+)
 from ...episode.occupancy_map import OccupancyMap
 from ...episode.results import EnvironmentReport
 from ...recording.recording import Frames, Recorder
-from ...robots.drives import bind_base, take_home_pose
+from ...robots.drives import VelocityDrive, bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
 from .mission import CollisionMonitor, Mission
@@ -77,6 +84,7 @@ class NavigationTask(Task):
         self.lidar_errors = LidarErrors(robot.lidar.noise_std_m) if robot.lidar else None
         """Errors of the lidar; None: the robot has none."""
         self.command_delay = CommandDelay()
+        self.command_gains = CommandGains(turn=1.0 if isinstance(robot.drive, VelocityDrive) else None)
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
 
@@ -91,6 +99,8 @@ class NavigationTask(Task):
         mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
         self._start_sensing(physics)
         self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
+        if not self.command_gains.change_nothing:
+            self._controller = ScaledController(self._controller, self.command_gains)
         if self.command_delay.delay_s > 0:
             self._controller = DelayedController(self._controller, self.command_delay.delay_s)
         physics.between_substeps = self._between_substeps()

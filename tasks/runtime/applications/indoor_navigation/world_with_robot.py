@@ -25,7 +25,7 @@ CONTACT_SAMPLE_STEPS = 5
 """Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
 
 _SCAN_TILT = 0.1 / 3.5
-"""How far the lidar's plane may rise or sink per metre of its range while the robot rocks, about 1.6 degrees."""
+"""Rise of the lidar's plane per metre of its range while the robot rocks, about 1.6 degrees."""
 
 _DRAWN_GROUPS = 3
 """Geom groups below this are drawn by cameras."""

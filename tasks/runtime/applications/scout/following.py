@@ -17,7 +17,7 @@ _LATERAL_MPS2 = 0.45
 
 _ARRIVED_M = 0.08
 _SEARCH_POINTS = 12
-"""How far ahead of the last nearest point the next one is looked for."""
+"""Number of points ahead of the last nearest one among which the next is looked for."""
 
 
 class PathFollower:

@@ -91,13 +91,13 @@ _LEAST_COMFORT_M = 0.1
 """Least comfortable clearance beyond what the way needs, in metres, however large the robot is."""
 
 _NARROWNESS_COST = 5.0
-"""How many times more a way costs that just fits, added to one that is comfortable."""
+"""Added cost of a way that just fits, as a multiple of a comfortable one."""
 
 _PUSHING_COST = 40.0
-"""How many times more a way costs that leads through an obstacle besides the map."""
+"""Added cost of a way through an obstacle that the map lacks, as a multiple of a free one."""
 
 _SNAP_M = 0.5
-"""How far a start or a goal may lie from a cell where the disc fits."""
+"""Largest distance of a start or a goal from a cell where the disc fits."""
 
 Path = NDArray[np.float64]
 """Points of shape (n, 2), metres."""
@@ -256,7 +256,7 @@ class _Grid:
 
 
 def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float64]:
-    """From the middles of cells to the face of the nearest one that is not free."""
+    """Distances from the middles of cells to the face of the nearest one that is not free."""
     distance = np.asarray(ndimage.distance_transform_edt(free, sampling=resolution_m))
     return np.maximum(distance - resolution_m / 2, 0.0)
 

@@ -1,5 +1,6 @@
 """Axes in the built-in environment: each value changes what robots do or see, the neutral one changes nothing."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,23 +11,28 @@ import numpy as np
 import pytest
 from helpers.robot_stands import CART_MAPPING, PLANAR, PLANAR_MAPPING, write_robot
 
-from prefect_robomaker.schemas.runs.axes import AXIS_KINDS, AxisSetting
-from prefect_robomaker.schemas.runs.axis_kinds.kind import AxisError
+from prefect_robomaker.schemas.runs.axes import AXIS_KINDS, AxisSetting, subject_of
+from prefect_robomaker.schemas.runs.axis_kinds.kind import AxisError, why_not_applicable
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.axes.variation import Variation
+from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
 
 NEUTRAL_AND_OTHER = {
     "robot_mass": (1.0, 1.3),
     "robot_friction": (1.0, 0.05),
     "motor_gain": (1.0, 0.5),
+    "first_motor_gain": (1.0, 0.5),
     "motor_delay_s": (0.0, 0.004),
+    "command_gain": (1.0, 0.9),
+    "turn_gain": (1.0, -1.0),
     "lidar_noise_std_m": (0.005, 0.006),
+    "lidar_noise_factor": (1.0, 10.0),
     "lidar_bias_m": (0.0, 0.001),
     "lidar_dropout": (0.0, 0.1),
     "lidar_latency_s": (0.0, 0.01),
 }
-OF_THE_MODEL = ("robot_mass", "robot_friction", "motor_gain")
+OF_THE_MODEL = ("robot_mass", "robot_friction", "motor_gain", "first_motor_gain")
 NO_EFFECT = {("planar", "robot_friction")}
 """Its base hovers."""
 
@@ -97,8 +103,9 @@ def test_values_change_episodes_and_neutral_ones_do_not(make_robot: MakeRobot, r
 
 
 def test_an_episode_after_another_value_is_that_of_a_fresh_environment(make_robot: MakeRobot) -> None:
-    kinds = {kind: kind for kind in NEUTRAL_AND_OTHER}
-    wanted = {kind: AxisSetting(kind=kind, value=other) for kind, (_, other) in NEUTRAL_AND_OTHER.items()}
+    subjects = {subject_of(kind): kind for kind in NEUTRAL_AND_OTHER}  # of which a job has one axis each
+    kinds = {kind: kind for kind in subjects.values()}
+    wanted = {kind: AxisSetting(kind=kind, value=NEUTRAL_AND_OTHER[kind][1]) for kind in kinds}
     environment, context = make_robot("scout")
     fresh = trace(Variation(kinds).applied(environment, wanted), context)
 
@@ -107,7 +114,10 @@ def test_an_episode_after_another_value_is_that_of_a_fresh_environment(make_robo
     variation.applied(environment, {"robot_mass": AxisSetting(kind="robot_mass", value=0.3)})
     trace(environment, context)
     variation.set(
-        {kind: AxisSetting(kind=kind, value=1.0) for kind in ("motor_gain", "lidar_latency_s", "lidar_dropout")}
+        {
+            kind: AxisSetting(kind=kind, value=1.0)
+            for kind in (subjects["force of motors"], "lidar_latency_s", "turn_gain")
+        }
     )
     trace(environment, context)
     variation.set(wanted)
@@ -131,8 +141,11 @@ def test_a_robot_without_a_lidar_has_no_axes_of_one(make_context: Any, tmp_path:
     plan = context.plan.model_copy(update={"robot_application": write_robot(tmp_path / "blind", blind)})
     environment = make_environment(replace(context, plan=plan))
     for kind in (name for name in NEUTRAL_AND_OTHER if name.startswith("lidar")):
-        with pytest.raises(AxisError, match=f"trials.axes.eye: {kind} cannot be applied: .*has no lidar"):
+        with pytest.raises(AxisError) as raised:
             Variation({"eye": kind}).applied(environment, {})
+        assert str(raised.value) == f"trials.axes.eye: {kind} cannot be applied: the robot has no lidar"
+        assert why_not_applicable(str(raised.value)) == "the robot has no lidar"
+    assert why_not_applicable("trials.axes: eye (lidar_dropout) cannot be applied: its model is another one") == ""
 
 
 def test_errors_of_the_lidar_are_as_large_as_they_say(make_robot: MakeRobot) -> None:
@@ -201,3 +214,40 @@ def test_commands_wait(make_robot: MakeRobot, delay_s: float, waits_s: float) ->
         environment.step(action)
         action[:] = 0.0  # the array is the agent's own
     assert moved[0] == pytest.approx(max(waits_s, 0.01), abs=1e-9)
+
+
+def test_a_swapped_robot_turns_the_other_way_and_an_idle_one_stays(make_robot: MakeRobot) -> None:
+    environment, context = make_robot("scout")
+
+    def moved(**values: float) -> Any:
+        variation = Variation({name: name for name in values})
+        variation.applied(environment, {name: AxisSetting(kind=name, value=value) for name, value in values.items()})
+        environment.renew(replace(context, rng=np.random.default_rng(4)))
+        start = environment.reset().observation["pose"]
+        for _ in range(12):
+            step = environment.step((0.3, 1.0))
+        variation.set({})
+        x, y, yaw = step.observation["pose"] - start
+        return np.array((x, y, math.remainder(yaw, math.tau)))
+
+    plain, swapped, idle = moved(), moved(turn_gain=-1), moved(command_gain=0)
+    assert plain[2] > 0.2
+    assert swapped[2] == pytest.approx(-plain[2], rel=0.01)
+    assert np.hypot(*swapped[:2]) == pytest.approx(np.hypot(*plain[:2]), rel=0.01)
+    assert idle == pytest.approx([0, 0, 0], abs=1e-3)
+    environment.reset()
+    for wrong in ("left", (1.0, 2.0, 3.0), (np.nan, 0.0)):
+        environment.command_gains.whole = 0.5
+        environment.reset()
+        with pytest.raises(ActionError):
+            environment.step(wrong)
+
+
+def test_a_robot_without_a_turning_rate_has_none_to_swap(make_context: Any, tmp_path: Path) -> None:
+    mapping = {**CART_MAPPING, "drive": {"kind": "actuators"}}
+    context = make_context()
+    plan = context.plan.model_copy(update={"robot_application": write_robot(tmp_path / "raw", mapping)})
+    environment = make_environment(replace(context, plan=plan))
+    with pytest.raises(AxisError, match="swap: turn_gain cannot be applied: the robot is commanded no turning rate"):
+        Variation({"swap": "turn_gain"}).applied(environment, {})
+    Variation({"idle": "command_gain"}).applied(environment, {})

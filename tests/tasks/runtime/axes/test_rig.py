@@ -66,6 +66,15 @@ def test_stronger_motors_are_those_that_would_have_been_compiled(factor: float) 
         assert value == pytest.approx(compiled[name], rel=1e-9, nan_ok=True), name
 
 
+def test_a_weak_first_motor_leaves_the_others_as_they_are() -> None:
+    found, built = applied("first_motor_gain", 0.5)[0].physics.model, model_of()
+    assert found.actuator_gainprm[0, 0] == 0.5 * built.actuator_gainprm[0, 0]
+    assert found.actuator_forcerange[0].tolist() == [-1.0, 1.0]
+    assert found.jnt_actfrcrange[found.joint("wheel").id].tolist() == [-1.5, 1.5]
+    assert found.actuator_gainprm[1:].tolist() == built.actuator_gainprm[1:].tolist()
+    assert found.actuator_biasprm[1:].tolist() == built.actuator_biasprm[1:].tolist()
+
+
 @pytest.mark.parametrize(("floor", "friction"), [(0.4, 1.0), (1.6, 1.6)])
 def test_friction_is_scaled_whether_wheel_or_floor_decides_it(floor: float, friction: float) -> None:
     def of_wheel(model: mujoco.MjModel) -> float:

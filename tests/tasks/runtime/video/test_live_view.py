@@ -209,7 +209,7 @@ def plan_of(make_plan: Any, run_id: str, arena: dict[str, str], **members: Any) 
 @pytest.mark.deep
 def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, make_plan: Any, tmp_path: Path) -> None:
     looked = tmp_path / "looked"
-    slowly = {"PAUSE_S": "0.1", "UNTIL": str(looked)}  # 15 s for the viewer, who needs less than one
+    slowly = {"PAUSE_S": "0.2", "UNTIL": str(looked)}  # 30 s for the viewer, who needs less than one
     alone, watched = plan_of(make_plan, "alone", {}), plan_of(make_plan, "watched", slowly, live_view_port=0)
     file = watched.work_dir / "live-view.json"
 
@@ -218,7 +218,9 @@ def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, mak
             time.sleep(0.001)
         url = json.loads(file.read_text())["url"]
         try:
-            return [get(url, "/frame.jpg")[0] for _ in range(2)]
+            while (first := get(url, "/frame.jpg")[0]) == 204:
+                pass  # no picture came in the time that an answer waits for one: the machine is busy
+            return [first, get(url, "/frame.jpg")[0]]
         finally:
             looked.touch()
 

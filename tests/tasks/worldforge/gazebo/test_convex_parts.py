@@ -60,7 +60,7 @@ def _first_hit(triangles: np.ndarray, start: np.ndarray, ray: np.ndarray) -> flo
 def test_walls_of_an_open_shell_stay_walls() -> None:
     """A hull would fill the rooms; walls may be off for 0.2 % of level rays."""
     triangles = np.array([each for box in WALLS for each in triangles_of(box, is_open=box[2] == 0)])
-    parts = convex_parts(triangles)
+    parts = convex_parts(triangles).parts
     assert len(parts) <= 5 * len(WALLS)
     assert all(isinstance(part, BoxPart) for part in parts)
     assert share_of_rays_off(parts, triangles) <= 0.002
@@ -70,7 +70,7 @@ def test_a_round_room_keeps_its_inside() -> None:
     import trimesh
 
     ring = trimesh.creation.annulus(2.0, 2.2, 2.5, sections=48)
-    parts = convex_parts(np.asarray(ring.triangles))
+    parts = convex_parts(np.asarray(ring.triangles)).parts
     assert share_of_rays_off(parts, np.asarray(ring.triangles)) <= 0.01
 
 
@@ -79,7 +79,7 @@ def test_convex_pieces_stay_whole_and_boxes_become_boxes() -> None:
 
     ball = trimesh.creation.icosphere(2).triangles
     box = np.array(triangles_of((3, 0, 0, 4, 1, 2)))
-    parts = convex_parts(np.concatenate([np.asarray(ball), box]))
+    parts = convex_parts(np.concatenate([np.asarray(ball), box])).parts
     assert len(parts) == 2
     [only] = [part for part in parts if isinstance(part, BoxPart)]
     assert sorted(only.half.tolist()) == pytest.approx([0.5, 0.5, 1.0], abs=1e-4)
@@ -87,7 +87,7 @@ def test_convex_pieces_stay_whole_and_boxes_become_boxes() -> None:
 
 def test_a_leg_that_meets_a_table_top_in_a_corner_stays_one_box() -> None:
     boxes = [(-0.4, -0.3, 0.7, 0.4, 0.3, 0.75), (-0.4, -0.3, 0.0, -0.35, -0.25, 0.7)]
-    parts = convex_parts(np.array([each for box in boxes for each in triangles_of(box)]))
+    parts = convex_parts(np.array([each for box in boxes for each in triangles_of(box)])).parts
     assert [type(part) for part in parts] == [BoxPart, BoxPart]
 
 
@@ -98,7 +98,7 @@ def test_nothing_grows() -> None:
         for box in ((-0.8, -0.4, 0.72, 0.8, 0.4, 0.76), (-0.78, -0.38, 0.0, -0.7, -0.3, 0.72))
         for each in triangles_of(box)
     ])  # fmt: skip
-    corners = np.concatenate([part.corners for part in convex_parts(table)])
+    corners = np.concatenate([part.corners for part in convex_parts(table).parts])
     assert (corners >= table.reshape(-1, 3).min(axis=0) - 1e-3).all()
     assert (corners <= table.reshape(-1, 3).max(axis=0) + 1e-3).all()
     leg = corners[corners[:, 2] < 0.7]
@@ -122,4 +122,29 @@ def test_boxes_on_a_grid_cover_a_surface_within_a_cell() -> None:
 
 
 def test_meshes_of_nothing_have_no_parts() -> None:
-    assert convex_parts(np.zeros((4, 3, 3))) == []
+    assert convex_parts(np.zeros((4, 3, 3))).parts == []
+
+
+def test_fine_meshes_do_not_vanish() -> None:
+    """Each face of this bowl is smaller than a square centimetre; a screw beside it is left out."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
+    bowl = np.asarray(ball.triangles)[ball.triangles_center[:, 2] < 0.05]
+    screw = np.asarray(trimesh.creation.annulus(0.001, 0.004, 0.01, sections=32).triangles) + np.array([1.0, 0, 0])
+    found = convex_parts(np.concatenate([bowl, screw]))
+    assert found.is_coarse
+    assert len(found.parts) < 400
+    assert max(part.corners[:, 0].max() for part in found.parts) < 0.2
+    middles = bowl.mean(axis=1)
+    inside = np.zeros(len(bowl), np.bool_)
+    for part in found.parts:
+        assert isinstance(part, BoxPart)
+        inside |= (np.abs((middles - part.center) @ part.rotation) <= part.half + 1e-3).all(axis=1)
+    assert inside.mean() > 0.99
+
+    loose = convex_parts(bowl, is_loose=True)
+    assert not loose.is_coarse
+    corners = np.concatenate([part.corners for part in loose.parts])
+    assert len(loose.parts) > 1000
+    assert np.linalg.norm(corners, axis=1).max() <= 0.1501  # nothing grows

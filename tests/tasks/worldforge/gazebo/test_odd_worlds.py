@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.gazebo_notes import GazeboNotes
 from prefect_robomaker.schemas.worlds.world import GazeboSource, World
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 from prefect_robomaker.tasks.worldforge.gazebo.convex_parts import voxel_boxes
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import MAX_DRIFT_M, violations
@@ -109,6 +110,25 @@ def test_terrain_is_as_high_as_in_gazebo(tmp_path: Path) -> None:
         for y in (4.5, 0.0, -4.5)
     ]
     assert heights == pytest.approx([2.0, 1.0, 1.0], abs=0.01)
+
+
+@pytest.mark.parametrize(("normal", "pose"), [("-1 0 0", "4 0 0 0 0 0"), ("0 0 1", "4 0 0 0 -1.5707963 0")])
+def test_an_upright_plane_is_a_wall_on_the_map(tmp_path: Path, normal: str, pose: str) -> None:
+    """All that is behind it is solid, however small it is drawn."""
+    plane = f"<geometry><plane><normal>{normal}</normal><size>1 1</size></plane></geometry>"
+    imported(
+        tmp_path,
+        f'<model name="wall"><static>true</static><pose>{pose}</pose><link name="l"><collision name="c">{plane}'
+        f'</collision></link></model><model name="box"><static>true</static><pose>7 5 0.5 0 0 0</pose><link name="l">'
+        f'<collision name="c">{boxed(1, 1, 1)}</collision></link></model>',
+    )
+    known = read_map(tmp_path / "bundle" / "map.yaml")
+    assert known.occupied is not None
+    row, wall = round(-known.origin[1] / known.resolution_m), round((4 - known.origin[0]) / known.resolution_m)
+    assert known.free[row, : wall - 1].sum() > 80
+    assert known.occupied.shape[1] >= wall + 4
+    assert not known.free[:, wall:].any()
+    assert known.occupied[row, wall : wall + 4].all()
 
 
 def test_what_hangs_on_a_body_comes_to_rest_with_it(tmp_path: Path) -> None:

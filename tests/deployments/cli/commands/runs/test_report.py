@@ -51,6 +51,16 @@ def test_numbers_and_junit_say_the_same(robomaker: Any, record: Path, tmp_path: 
     assert (root.get("tests"), root.get("errors")) == ("1", "1")
 
 
+def test_markdown_has_the_run_in_its_first_lines(robomaker: Any, record: Path, tmp_path: Path) -> None:
+    markdown = tmp_path / "report.md"
+
+    assert robomaker("report", "night-1", "--markdown", markdown).code == 0
+
+    first, _, heading, *_ = markdown.read_text().splitlines()
+    assert first.startswith("<!-- robomaker report: ")
+    assert heading.endswith(": broken")
+
+
 def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -> None:
     told = robomaker("report", "--junit", "/nowhere/junit.xml")
     assert told.code == 2

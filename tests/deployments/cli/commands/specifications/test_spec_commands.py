@@ -7,7 +7,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 SPECS = REPOSITORY / "deployments" / "specs"
-WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 1}}\n"
+WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 'arn:1'}}\n"
 
 COLUMN = WRONG.splitlines()[3].index("wrld") + 1
 
@@ -39,6 +39,35 @@ def test_problems_as_json(robomaker, spec) -> None:
     (unknown,) = [problem for problem in file["problems"] if problem["path"] == "steps.first.input.wrld"]
     assert (unknown["line"], unknown["column"]) == (4, COLUMN)
     assert unknown["message"] == "is not known; did you mean 'world'?"
+
+
+def test_an_application_that_only_the_catalog_may_know_is_noted_and_no_problem(robomaker, spec) -> None:
+    text = """\
+version: 1
+name: night
+steps:
+  drive:
+    operation: CreateSimulationJob
+    input:
+      iamRole: arn:aws:iam::000000000000:role/local
+      maxJobDurationInSeconds: 60
+      robotApplications: [{application: scouty, launchConfig: {}}]
+"""
+    path = spec(text)
+    said = (
+        "there is no built-in robot application 'scouty', and no step makes one; did you mean 'scout'? "
+        "If it is in the catalog, a run finds it"
+    )
+
+    ended = robomaker("validate", path)
+    assert (ended.code, ended.out) == (0, f"{path}: valid, 1 step\n")
+    assert ended.err == f"{path}:9:41: steps.drive.input.robotApplications[0].application: note: {said}\n"
+    (file,) = json.loads(robomaker("validate", path, "-o", "json").out)["files"]
+    assert (file["valid"], file["problems"], [note["message"] for note in file["notes"]]) == (True, [], [said])
+
+    ended = robomaker("validate", spec(text.replace("version: 1", "version: 2")))
+    assert ended.code == 2
+    assert f": note: {said}\n" in ended.err, "it is told beside problems"
 
 
 def test_github_gets_annotations(robomaker, spec, monkeypatch) -> None:

@@ -1,0 +1,71 @@
+"""A run that is compared with an earlier run while it goes on: the question, and its answer."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
+from ..wire.base import Model, optional
+
+Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
+
+ANSWER_EXIT_CODES: dict[Answer, int] = {
+    "better": OK,
+    "not worse": OK,
+    "worse": VERDICT_FAILED,
+    "no difference shown": NO_DIFFERENCE,
+    "not comparable": NOT_COMPARABLE,
+}
+"""Exit codes of `robomaker compare` and of `robomaker run --against`, by the answer."""
+
+
+FEWEST_WORLDS = 6
+"""Number of worlds from which on whole worlds are compared. Flipping the signs of fewer shows nothing at 5 %: five of
+five that got worse have p = 2 / 2**5 = 0.0625."""
+
+
+class Against(Model):
+    """The question with which a run is carried out beside an earlier one: `robomaker run --against`."""
+
+    run_id: str = Field(description="Id of the earlier run.")
+    alpha: float = Field(description="Error probability of all answers together.")
+    margin: float | None = optional("Fall of the pass rate that would matter, a share from 0 to 1; absent: any.")
+
+
+class AgainstAnswer(Against):
+    """The answer of a run that was carried out beside an earlier one."""
+
+    answer: Answer = Field(description="Whether the run is better or worse than the earlier one by its verdicts.")
+    why: str = Field(description="The answer's reason in words.")
+    pairs: int = Field(description="Pairs of trials that the answer rests on, in an order that the requests fix.")
+    planned: int = Field(description="Pairs of trials that the whole run would have.")
+    saved: int = Field(
+        default=0, description="Trials of those pairs that were not run, or cancelled, once it was clear."
+    )
+    e_values: dict[str, float] = Field(
+        default={},
+        description="Largest e-value by answer, the evidence for it: the answer is given where it is at least "
+        "2 / alpha.",
+    )
+
+    @property
+    def stopped_early(self) -> bool:
+        """Whether trials are missing because the run ended when it was clear."""
+        return self.saved > 0
+
+
+def in_words(found: AgainstAnswer) -> str:
+    """Says the answer in a line, with the trials that it took."""
+    heads: dict[Answer, str] = {
+        "better": f"better than {found.run_id}",
+        "not worse": f"not worse than {found.run_id}",
+        "worse": f"worse than {found.run_id}",
+        "no difference shown": f"no difference from {found.run_id} shown",
+        "not comparable": f"not comparable with {found.run_id}",
+    }
+    saved = f"; {_counted(found.saved, 'trial')} saved" if found.saved else ""
+    return f"{heads[found.answer]}: {found.why}{saved}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

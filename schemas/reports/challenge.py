@@ -1,0 +1,135 @@
+"""The result of a challenge: which sabotages of the robot the requirements of which jobs catch."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..runs.axis_kinds.kind import Value
+from ..wire.base import Model, optional
+
+CellResult = Literal["caught", "missed", "no effect", "not applicable", "not tried"]
+"""Result of a job with a sabotage, where the same job passes without it."""
+ControlResult = Literal["passes", "fails", "breaks", "is not judged", "was not run"]
+"""Result of a job of the control arm, whose robot is as it is."""
+
+
+class ChallengedJob(Model):
+    """A job of a challenge in its control arm, where the robot is as it is."""
+
+    name: str = Field(description="Name of the job in every run of the specification.")
+    control: ControlResult = Field(description="How it ended in the control arm; unless it passes, it shows nothing.")
+    reason: str = Field(default="", description="Why it did not pass, in words.")
+
+    @property
+    def in_words(self) -> str:
+        """Says why the job shows nothing; empty if it passes."""
+        reason = f" ({self.reason})" if self.reason else ""
+        match self.control:
+            case "passes":
+                return ""
+            case "is not judged":
+                return f"{self.name}: it has no requirements, so this job can catch nothing"
+            case "was not run":
+                return f"{self.name}: the real robot was not run here{reason}, so this job shows nothing"
+            case _:
+                return f"{self.name}: the real robot {self.control} here too{reason}, so this job shows nothing"
+
+
+class SabotageResult(Model):
+    """Result of one sabotage in the jobs that pass without it."""
+
+    name: str = Field(description="Name of the sabotage.")
+    axes: dict[str, Value] = Field(description="Values of axes, by kind; texts by name of the environment variable.")
+    caught: int = Field(default=0, description="Jobs that did not pass with it.")
+    missed: int = Field(default=0, description="Jobs that passed with it, though it changed what happened.")
+    no_effect: int = Field(default=0, description="Jobs that went through the same states to the bit.")
+    not_applicable: int = Field(default=0, description="Jobs whose robot it cannot be applied to.")
+    not_tried: int = Field(default=0, description="Jobs that were not run to their end for a reason of the machine.")
+    first: str = Field(default="", description="Requirement that caught it first, or `a crash`; empty: none did.")
+    first_s: float | None = optional("Simulated time of that; absent: at the end, or not known.")
+    reason: str = Field(default="", description="Why it is not applicable, or was not tried, in words.")
+
+    @property
+    def applicable(self) -> int:
+        """Number of the jobs that it was tried in, to the end."""
+        return self.caught + self.missed + self.no_effect
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it counts and was not caught."""
+        is_only_elsewhere = self.not_applicable > 0 and not self.applicable and not self.not_tried
+        return not self.caught and not is_only_elsewhere
+
+    @property
+    def in_words(self) -> str:
+        """Says how often it was caught, and by which requirement first."""
+        if not self.applicable:
+            return self._not_run_in_words()
+        parts = [self._tried_in_words()]
+        if self.not_applicable:
+            parts.append(f"not applicable in {self.not_applicable}: {self.reason}")
+        if self.not_tried:
+            parts.append(f"not tried in {self.not_tried}")
+        return "; ".join(parts)
+
+    def _not_run_in_words(self) -> str:
+        if self.not_tried:
+            return f"was not tried: {self.reason or 'its jobs did not end'}"
+        return f"not applicable: {self.reason}" if self.not_applicable else "shown by no job"
+
+    def _tried_in_words(self) -> str:
+        total = self.applicable
+        if self.caught:
+            when = "" if self.first_s is None else f" at {self.first_s:.1f} s"
+            others = [f"missed by {self.missed}"] if self.missed else []
+            others += [f"no effect in {self.no_effect}"] if self.no_effect else []
+            return ", ".join((f"caught by {_jobs(self.caught, total)}, first by {self.first}{when}", *others))
+        if not self.missed:
+            return f"had no effect in {_jobs(self.no_effect, total)}"
+        missed = f"missed by {_jobs(self.missed, total)}"
+        if self.no_effect:
+            missed += f", no effect in {self.no_effect}"
+        return f"{missed}; nothing here would notice it"
+
+
+def _jobs(count: int, total: int) -> str:
+    """Says how many of some jobs: `all 4 jobs`, `2 of 4 jobs`."""
+    if count < total:
+        return f"{count} of {total} jobs"
+    return {1: "the only job", 2: "both jobs"}.get(total, f"all {total} jobs")
+
+
+class Challenge(Model):
+    """Table of a challenge: jobs of the control arm, and how often each sabotage was caught."""
+
+    sabotages: list[SabotageResult] = Field(description="The sabotages, in order.")
+    jobs: list[ChallengedJob] = Field(default=[], description="The jobs in the control arm, in order.")
+
+    @property
+    def showing(self) -> int:
+        """Number of the jobs that pass with the real robot, so that they can show something."""
+        return sum(job.control == "passes" for job in self.jobs)
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether each sabotage that can be applied was caught by a job, and some was."""
+        return any(each.caught for each in self.sabotages) and not any(each.is_open for each in self.sabotages)
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether what was to be tried broke, so that the table does not say how good the requirements are."""
+        breaks = [job.control in ("breaks", "was not run") for job in self.jobs]
+        return all(breaks) or any(each.not_tried and not each.caught for each in self.sabotages)
+
+    @property
+    def headline(self) -> str:
+        """One sentence for people: `5 of 7 sabotages caught`."""
+        if self.jobs and all(job.control == "is not judged" for job in self.jobs):
+            return "No job has requirements, so that nothing could catch anything; give jobs `requirements`"
+        if not self.showing:
+            return "No job passes with the real robot, so that none shows whether sabotages would be noticed"
+        counted = [each for each in self.sabotages if each.caught or each.is_open]
+        noun = "sabotage" if len(counted) == 1 else "sabotages"
+        caught = sum(each.caught > 0 for each in counted)
+        left = len(self.sabotages) - len(counted)
+        return f"{caught} of {len(counted)} {noun} caught" + (f"; {left} not applicable" if left else "")

@@ -1,0 +1,206 @@
+"""Requests of a challenge: a few of a specification's simulation jobs, each once as it is and once with each sabotage.
+
+All jobs of a step are one batch, so that a job that cannot be sabotaged stops no other. What each job is, its tags say.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..operations.registry import seed_of
+from ..operations.simulation_jobs import SimulationJobRequest
+from ..runs.trials import trials_of
+from ..wire.common import MAX_DURATION_S
+from ..wire.errors import Place, Problem, SpecError
+from ..wire.job_configs import LaunchConfig, is_program
+from ..wire.json_values import is_list, is_mapping
+from ..wire.request_problems import path_text
+from .model import CheckedSpec, CheckedStep, for_each_of
+from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
+from .references import parse_template
+from .sabotages import Sabotage, challenged_trials
+from .text import ListNode, MappingNode, Node, child, plain
+
+SABOTAGE_TAG = "sabotage"
+"""Tag of a job that says its sabotage; absent: its robot is as it is."""
+JOB_TAG = "challenged-job"
+"""Tag of a job that says which job of the challenge it is, from 1; jobs with the same number are compared."""
+_REQUESTS = "createSimulationJobRequests"
+_TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
+_APPLICATIONS = ("simulationApplications", "robotApplications")
+
+
+def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
+    """Returns the part of a specification that a challenge runs: its simulation steps, as batches, and those they need.
+
+    Args:
+        spec: The specification.
+        jobs: How many jobs are challenged, at most; of more steps than that the first ones are.
+
+    Raises:
+        SpecError: It runs no simulation jobs, or programs in them, changes what is there already, or uses what
+            simulation steps give.
+    """
+    check_probed(spec, "a challenge")
+    simulating = [name for name in spec.order if spec.steps[name].operation in (JOB, BATCH)][:jobs]
+    if not simulating:
+        words = f"no step runs simulation jobs, so that there is no robot to sabotage; add one of {JOB} or {BATCH}"
+        raise SpecError([Problem(Place(spec.filename, 1, 1), "steps", words)])
+    _check_factories(spec.steps[name] for name in simulating)
+    kept = _with_needed(spec, simulating)
+    _check_unused(spec, kept, simulating)
+    steps = {name: _as_batch(step) for name, step in spec.steps.items() if name in kept}
+    return replace(spec, steps=steps, order=tuple(name for name in spec.order if name in kept))
+
+
+@dataclass
+class ChallengeCut:
+    """Makes the requests of a challenge of those of a specification, step after step."""
+
+    sabotages: Sequence[Sabotage]
+    jobs: int
+    """How many jobs are still to be challenged, at most."""
+    steps: int
+    """How many simulation steps are still to come."""
+    worlds: int | None
+    """Worlds of each generation job, at most; None: all, as requests may name any of them."""
+    _number: int = field(default=0, init=False)
+    """How many jobs are challenged so far."""
+
+    @classmethod
+    def of(cls, spec: CheckedSpec, sabotages: Sequence[Sabotage], jobs: int) -> "ChallengeCut":
+        """Prepares the cut of a specification.
+
+        Args:
+            spec: The specification, from `challenged_spec`.
+            sabotages: The sabotages.
+            jobs: How many jobs are challenged, at most.
+        """
+        requests = [child(step.input, _REQUESTS) for step in spec.steps.values() if step.operation == BATCH]
+        counts = all(node is not None and for_each_of(node) for node in requests)
+        return cls(sabotages, jobs, len(requests), jobs if counts else None)
+
+    def __call__(self, operation: str, request: dict[str, Any]) -> dict[str, Any]:
+        """Returns the request that the challenge carries out in place of a step's.
+
+        Args:
+            operation: The step's operation.
+            request: Its request, references resolved.
+        """
+        members = {name: value for name, value in request.items() if name != _TOKEN}
+        if operation == GENERATION and self.worlds is not None:
+            return cut(operation, members, ProbeSize(self.worlds, 0, 0))
+        requests = members.get(_REQUESTS)
+        if operation != BATCH or not is_list(requests):
+            return members
+        share = -(-self.jobs // self.steps)  # what the steps to come can have of it, rounded up
+        chosen = [requests[index] for index in of_each_kind([kind_of(job) for job in requests], share)]
+        self.steps -= 1
+        self.jobs -= len(chosen)
+        arms = [arm for job in chosen for arm in self._arms(job)]
+        return {**members, **_longer(members.get("batchPolicy"), 1 + len(self.sabotages)), _REQUESTS: arms}
+
+    def _arms(self, job: Mapping[str, Any]) -> list[dict[str, Any]]:
+        self._number += 1
+        return [arm_of(job, sabotage, self._number) for sabotage in (None, *self.sabotages)]
+
+
+def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> dict[str, Any]:
+    """Returns the request of one arm: a job with a sabotage, or as it is.
+
+    Args:
+        job: The job's request, references resolved.
+        sabotage: The sabotage; None: of the control arm.
+        number: The job's number in the challenge.
+    """
+    checked = SimulationJobRequest.model_validate({name: value for name, value in job.items() if name != _TOKEN})
+    applications = {role: [without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
+    tags = {**(checked.tags or {}), JOB_TAG: str(number), **({SABOTAGE_TAG: sabotage.name} if sabotage else {})}
+    seed = seed_of(checked) or 0  # without one each arm would draw its own
+    trials = challenged_trials(trials_of(checked), seed, sabotage)
+    # A film would be made of a recording, which these jobs do not have.
+    return {**job, **applications, "seed": seed, "tags": tags, "trials": trials, "video": "none"}
+
+
+def _with_needed(spec: CheckedSpec, names: Sequence[str]) -> set[str]:
+    """The named steps, and all that have to end before them."""
+    found: set[str] = set()
+    left = list(names)
+    while left:
+        if (name := left.pop()) not in found:
+            found.add(name)
+            left += spec.steps[name].needs
+    return found
+
+
+def _check_unused(spec: CheckedSpec, kept: set[str], simulating: Sequence[str]) -> None:
+    problems = [
+        Problem(
+            spec.steps[name].place,
+            path_text(spec.steps[name].location),
+            f"uses what {', '.join(used)} gives; a challenge runs other jobs there, whose results are no steps' inputs",
+        )
+        for name in spec.order
+        if name in kept and (used := sorted(_names_in(spec.steps[name].input) & set(simulating)))
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def _check_factories(steps: Iterable[CheckedStep]) -> None:
+    """Refuses steps whose jobs launch programs, as far as the specification says it; else the jobs' requests are."""
+    problems = [
+        Problem(
+            step.place,
+            path_text(step.location),
+            "a job launches a program, whose robot no axis reaches; challenges need applications that are factories",
+        )
+        for step in steps
+        if any(is_program(each) for each in _launches_in(plain(step.input)))
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def _launches_in(value: object) -> Iterator[LaunchConfig]:
+    """Launch configurations anywhere in an input, with nothing but what says whether they launch a program."""
+    if is_list(value):
+        for item in value:
+            yield from _launches_in(item)
+    elif is_mapping(value):
+        for key, item in value.items():
+            if key == "launchConfig" and is_mapping(item):
+                command, file = item.get("command"), item.get("launchFile")
+                yield LaunchConfig.model_construct(command=command, launchFile=file if isinstance(file, str) else None)
+            else:
+                yield from _launches_in(item)
+
+
+def _names_in(node: Node) -> set[str]:
+    """Names of the steps and variables that references use anywhere in an input."""
+    if isinstance(node, MappingNode):
+        return {name for each in node.entries.values() for name in _names_in(each)}
+    if isinstance(node, ListNode):
+        return {name for each in node.items for name in _names_in(each)}
+    if not isinstance(node.value, str):
+        return set()
+    parts = parse_template(node.value).parts
+    return {name for part in parts if not isinstance(part, str) for name in part.names()}
+
+
+def _as_batch(step: CheckedStep) -> CheckedStep:
+    """A step that runs a single job as one that runs a batch of it."""
+    if step.operation != JOB or not isinstance(step.input, MappingNode):
+        return step
+    job = replace(step.input, entries={name: node for name, node in step.input.entries.items() if name != _TOKEN})
+    requests = ListNode(step.place, (job,))
+    batch = MappingNode(step.place, {_REQUESTS: requests}, {_REQUESTS: step.place})
+    return replace(step, operation=BATCH, input=batch)
+
+
+def _longer(policy: object, times: int) -> dict[str, Any]:
+    """A batch's policy with so many times its time limit, if it has one."""
+    limit_s = policy.get("timeoutInSeconds") if is_mapping(policy) else None
+    if not is_mapping(policy) or not isinstance(limit_s, int):
+        return {}
+    return {"batchPolicy": {**policy, "timeoutInSeconds": min(MAX_DURATION_S, limit_s * times)}}

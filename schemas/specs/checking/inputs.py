@@ -1,0 +1,280 @@
+"""Checks one step's input before anything runs: references, their kinds, the request's shape, template bodies.
+
+References have no values yet. Placeholders that fit stand in for them while the request is validated;
+what the validator then says about a placeholder itself is left out.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+from ...operations.registry import STEPS, check_request
+from ...templates.body import WorldTemplateBody
+from ...templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
+from ...wire.errors import InvalidParameterException, Place, Problem
+from ...wire.json_values import is_object, load_strict
+from ...wire.request_problems import Location, RequestProblem, nearest, path_text
+from ..folding import is_folded
+from ..model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..reference_typing import (
+    ANYTHING,
+    TEXT,
+    WHOLE_NUMBER,
+    Anything,
+    Kind,
+    ListOf,
+    Scalar,
+    fits,
+    kind_of,
+)
+from ..references import PARAMETERS, ReferenceMistake, parse_template
+from ..resolving import parts_of
+from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from .placeholders import KIND, Placeholder, chosen, inner
+from .respelling import Respelling, respelt
+from .rounds import Rounds, within
+
+Scope: TypeAlias = Mapping[str, Kind]
+
+_ANY_NAME = ""
+"""Name in a scope that has a variable whose name is not known."""
+_ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
+TEMPLATE_BODY = "templateBody"
+
+
+@dataclass
+class InputCheck:
+    """Checks the input of one step of a specification, before anything runs."""
+
+    operation: str | None
+    """`None`: it is not known, so that only references are checked."""
+    node: Node
+    """The input; when it was checked, with misspelt members under the names that they were meant to have."""
+    scope: Scope
+    location: Location
+    """Keys that lead to the input in the file."""
+
+    place: Place
+    """Place in the file where the input begins: at its key."""
+
+    problems: list[Problem] = field(default_factory=list[Problem])
+    names: set[str] = field(default_factory=set[str])
+    """Steps it refers to."""
+
+    _references: list[Location] = field(default_factory=list[Location])
+    _wrong_names: set[str] = field(default_factory=set[str])
+    """Names that no variable may have, which variables have; what references say of these comes of that."""
+    _respelling: Respelling | None = None
+
+    def run(self) -> "InputCheck":
+        """Collects the input's problems and the earlier steps that it refers to."""
+        model = None if self.operation is None else STEPS[self.operation].request
+        self._respelling = respelt(self.node, model or Any, {TEMPLATE_BODY: WorldTemplateBody})
+        self.node = self._respelling.node
+        for written in self._respelling.written:
+            hint = f"unknown member; did you mean {json.dumps(written[-1])}?"
+            if written[0] != TEMPLATE_BODY or len(written) == 1:
+                hint = f"is not known; did you mean {written[-1]!r}?"
+            self._report_at(written, hint, at_key=True)
+        request = self._walk(self.node, (), model or Any, self.scope)
+        if model is not None and is_object(request):
+            found = Rounds(model, self._checked, request, [*self._references]).run()
+            self.problems.extend(map(self._placed, found))
+            if TEMPLATE_BODY in model.model_fields and TEMPLATE_BODY in request:
+                self._check_body(request[TEMPLATE_BODY])
+        return self
+
+    def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
+        """Tells what is wrong at a location of the request."""
+        self._report_at(as_written(self.node, location), message, at_key=at_key)
+
+    def _report_at(self, written: Location, message: str, *, at_key: bool = False) -> None:
+        place = key_place(self.node, written) if at_key else value_place(self.node, written)
+        self.problems.append(Problem(place, self._path(written), message))
+
+    def _path(self, written: Location) -> str:
+        """The path of a member, by the names that the file has."""
+        inside = written if self._respelling is None else self._respelling.path(written)
+        return path_text((*self.location, *inside))
+
+    # References
+
+    def _walk(self, node: Node, location: Location, annotation: Any, scope: Scope) -> Any:
+        """The request with placeholders; locations are those in the request."""
+        if construct := for_each_of(node):
+            return self._for_each(construct, location, annotation, scope)
+        if isinstance(node, MappingNode):
+            tag = node.entries.get(KIND)
+            annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
+            return {
+                key: self._walk(value, (*location, key), _inner(annotation, key, value), scope)
+                for key, value in node.entries.items()
+            }
+        if isinstance(node, ListNode):
+            entry = inner(annotation, 0)
+            return [self._walk(item, (*location, index), entry, scope) for index, item in enumerate(node.items)]
+        return self._scalar(node, location, annotation, scope)
+
+    def _scalar(self, node: ScalarNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        if not isinstance(node.value, str):
+            return node.value
+        kind = self._kind(node.value, location, scope)
+        if kind is None:
+            return parse_template(node.value).value({}) if "$${{" in node.value else node.value
+        wanted = kind_of(annotation)
+        if not fits(kind, wanted):
+            hint = "; to_string(…) makes text of it" if wanted == TEXT and isinstance(kind, Scalar) else ""
+            self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}{hint}")
+        return Placeholder(annotation)
+
+    def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
+        """The kind of value that a text with references gives; `None` for one without."""
+        try:
+            template = parse_template(text)
+            if not template.references:
+                return None
+            self._references.append(location)
+            for reference in template.references:
+                self.names |= reference.names()
+            names = self.names if _ANY_NAME in scope else set[str]()
+            return template.kind({**dict.fromkeys(names - scope.keys(), ANYTHING), **scope})
+        except ReferenceMistake as mistake:
+            self._references.append(location)
+            if not any(name in text for name in self._wrong_names):
+                self._report(location, str(mistake))
+            return ANYTHING
+
+    def _for_each(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        problems = self._construct_problems(construct, scope)
+        wanted = kind_of(annotation)
+        if not isinstance(wanted, ListOf | Anything):
+            problems.append(RequestProblem((), f"forEach makes a list; it has to be {_described(wanted)}"))
+        for problem in problems:
+            self._report((*location, *problem.location), problem.message, at_key=problem.about_key)
+        item = self._source_item(construct.entries[FOR_EACH], (*location, FOR_EACH), scope)
+        value = construct.entries.get("value")
+        if value is None:
+            return self._unknown(location, annotation)
+        inner_scope = {**scope, **self._variables(construct, item, problems), INDEX: WHOLE_NUMBER}
+        return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
+
+    def _variables(self, construct: MappingNode, item: Kind, problems: list[RequestProblem]) -> dict[str, Kind]:
+        """The variables that the value of a `forEach` may use; of a wrong one only that it is there."""
+        variable = variable_of(construct)
+        if any(problem.location == ("as",) for problem in problems):
+            self._wrong_names |= set() if is_step_name(variable) else {variable}
+            return {variable: ANYTHING, _ANY_NAME: ANYTHING}
+        unknown = [each for key, each in construct.entries.items() if key not in FOR_EACH_KEYS]
+        # One of these may have been meant to name the variable.
+        named = {each.value: ANYTHING for each in unknown if isinstance(each, ScalarNode)}
+        return {**{name: kind for name, kind in named.items() if isinstance(name, str)}, variable: item}
+
+    def _unknown(self, location: Location, annotation: Any) -> Placeholder:
+        """Stands for what cannot be checked before something else is put right."""
+        self._references.append(location)
+        return Placeholder(annotation)
+
+    def _construct_problems(self, construct: MappingNode, scope: Scope) -> list[RequestProblem]:
+        problems = [
+            RequestProblem(
+                (key,), f"is not known{nearest(key, FOR_EACH_KEYS) or '; known are forEach, as, value'}", True
+            )
+            for key in construct.entries
+            if key not in FOR_EACH_KEYS
+        ]
+        if "value" not in construct.entries and not any(nearest("value", [key]) for key in construct.entries):
+            problems.append(RequestProblem((), "forEach needs a value: the entry to make for each of the list's"))
+        variable = variable_of(construct)
+        if not is_step_name(variable):
+            problems.append(
+                RequestProblem(
+                    ("as",), f"is {variable!r}; letters, digits and _, with no digit in front, would be right"
+                )
+            )
+        if variable in scope or variable in (INDEX, PARAMETERS):
+            problems.append(RequestProblem(("as",), f"{variable!r} already means something else; choose another name"))
+        return problems
+
+    def _source_item(self, source: Node, location: Location, scope: Scope) -> Kind:
+        """The kind of the entries that a `forEach` goes through."""
+        if isinstance(source, ListNode):
+            self._walk(source, location, list, scope)
+            return ANYTHING
+        kind: Kind | None = None
+        if isinstance(source, ScalarNode) and isinstance(source.value, str):
+            kind = self._kind(source.value, location, scope)
+        if kind is None or not isinstance(kind, ListOf | Anything):
+            found = f"{source.value}, {_described(kind)}" if kind and isinstance(source, ScalarNode) else "neither"
+            self._report(location, f"is {found}; it has to be a list or a reference to one: ${{{{ step.list }}}}")
+        return kind.item if isinstance(kind, ListOf) else ANYTHING
+
+    # The request
+
+    def _checked(self, request: Any) -> list[RequestProblem]:
+        operation = self.operation or ""
+        return [
+            replace(problem, location=part.location(problem.location))
+            for part in parts_of(operation, request)
+            for problem in check_request(operation, part.request)
+        ]
+
+    def _placed(self, problem: RequestProblem) -> Problem:
+        written = as_written(self.node, problem.location)
+        found = _at(self.node, written)
+        message = problem.message
+        if isinstance(found, ScalarNode) and is_folded(found):
+            hint = "; to_string(…) makes text of it" if "has to be text" in message else ""
+            message += f"{hint}; the value is that of {found.source}"
+        elif isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
+            message += f'; put it in quotes: "{found.source}"'
+        return Problem(place_of(problem, self.node, self.place), self._path(written), message)
+
+    def _check_body(self, body: Any) -> None:
+        """Checks a template body that is written out in the file, as a mapping or as JSON text."""
+        written = child(self.node, TEMPLATE_BODY)
+        if isinstance(body, str):
+            try:
+                body = load_strict(body, TEMPLATE_BODY, MAX_BODY_CHARACTERS)
+            except InvalidParameterException as error:
+                self._report((TEMPLATE_BODY,), str(error))
+                return
+        elif not is_object(body):
+            return
+        document, wrapper = unwrapped(body)
+        prefix = (TEMPLATE_BODY, TEMPLATE_BODY) if wrapper else (TEMPLATE_BODY,)
+        unknown = [at[len(prefix) :] for at in self._references if within(at, prefix)]
+        for problem in Rounds(WorldTemplateBody, body_problems, document, unknown, follows_from=_is_about_rooms).run():
+            location = (*prefix, *problem.location)
+            if isinstance(written, MappingNode):
+                self._report(location, problem.message, at_key=problem.about_key)
+            else:
+                place = value_place(self.node, (TEMPLATE_BODY,))
+                self.problems.append(Problem(place, self._path(location), problem.message))
+
+
+def _inner(annotation: Any, key: str, value: Node) -> Any:
+    """The annotation of a member; a template body that is a mapping is one, though the wire has its text."""
+    is_body = key == TEMPLATE_BODY and isinstance(value, MappingNode) and kind_of(annotation) != TEXT
+    return WorldTemplateBody if is_body and _has_body(annotation) else inner(annotation, key)
+
+
+def _has_body(annotation: Any) -> bool:
+    return isinstance(annotation, type) and TEMPLATE_BODY in getattr(annotation, "model_fields", ())
+
+
+def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
+    """Whether a problem of a template body may be due to the wrong name of a room, or to rooms that are not known."""
+    if "no such room" not in problem.message:
+        return False
+    return within(_ROOMS, blamed) or (within(blamed, _ROOMS) and blamed[len(_ROOMS) + 1 :] in ((), ("Name",)))
+
+
+def _at(node: Node | None, location: Location) -> Node | None:
+    for step in location:
+        node = child(node, step) if node is not None else None
+    return node
+
+
+def _described(kind: Kind) -> str:
+    return f"a list of {kind.item}" if isinstance(kind, ListOf) and isinstance(kind.item, Scalar) else str(kind)

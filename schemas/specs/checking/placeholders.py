@@ -1,0 +1,192 @@
+"""Placeholders: what stands for values that are not known yet, and values that fit in their place."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, get_args, get_origin
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import closest
+from ..reference_typing import (
+    BOOLEAN,
+    NUMBER,
+    TEXT,
+    WHOLE_NUMBER,
+    Kind,
+    ListOf,
+    MapOf,
+    Structure,
+    kind_of,
+    without_none,
+)
+
+KIND = "kind"
+"""Member that says which of several models a mapping is."""
+
+
+class Filling(NamedTuple):
+    """Values for all placeholders of a request."""
+
+    texts: tuple[str, ...]
+    """The first one that fits is taken."""
+
+    numbers: tuple[int, ...]
+    """The first one that fits is taken."""
+
+
+# One of these fits every text that the requests ask for: words, files, numbers of axes, versions, roles.
+FILLINGS = (
+    Filling(("placeholder", "0.75", "1", "arn:aws:iam::000000000000:role/placeholder", "a.zip"), (1, 0, 100)),
+    Filling(("placeholder.zip", "0.875", "2", "arn:aws:iam::000000000000:role/other", "other"), (100, 1, 0)),
+)
+"""Two fillings that have little in common: what is wrong in one of them only is not known to be wrong."""
+
+MOST_ATTEMPTS = max(len(filling.texts) for filling in FILLINGS)
+"""Values that may be tried in a place: rules may refuse what its type allows."""
+
+
+_LIKE_KINDS = 0.7
+"""Likeness of two kinds from which on one is read as the other: kinds have short names, and there are few."""
+
+
+@dataclass(frozen=True)
+class Placeholder:
+    """Stands for a value that is not known yet."""
+
+    annotation: Any
+    attempt: int = 0
+    """Number of other values that were refused before."""
+
+
+def inner(annotation: Any, step: str | int) -> Any:
+    """Returns the annotation of a member or an entry of something so annotated."""
+    core = without_none(annotation)
+    if get_origin(core) is (list if isinstance(step, str) else dict):
+        return Any  # the wrong kind of collection; its entries are not at fault
+    if isinstance(core, type) and issubclass(core, BaseModel):
+        member = core.model_fields.get(str(step))
+        return member.rebuild_annotation() if member else Any
+    if get_origin(core) in (list, dict):
+        return get_args(core)[-1]
+    return Any
+
+
+def choices_of(annotation: Any) -> Mapping[str, type[BaseModel]]:
+    """Returns the models of a choice by their kinds; empty if the annotation is no choice."""
+    models = get_args(without_none(annotation))
+    choices = (model for model in models if isinstance(model, type) and issubclass(model, BaseModel))
+    with_kinds = ((model, model.model_fields[KIND]) for model in choices if KIND in model.model_fields)
+    return {str(kind): model for model, field in with_kinds for kind in get_args(field.annotation)}
+
+
+def chosen(annotation: Any, kind: object) -> Any:
+    """Returns the one of several models that a mapping says it is, or nearly says.
+
+    Args:
+        annotation: the annotation, which is returned if it is no choice, or has no such model.
+        kind: what the mapping says.
+    """
+    choices = choices_of(annotation)
+    return choices.get(meant_kind(annotation, kind) or "", annotation)
+
+
+def meant_kind(annotation: Any, kind: object) -> str | None:
+    """Returns the kind of a choice that a mapping says it is, or nearly says; `None` if there is none."""
+    choices = choices_of(annotation)
+    if not isinstance(kind, str) or not choices:
+        return None
+    return kind if kind in choices else closest(kind, choices, _LIKE_KINDS)
+
+
+def annotation_at(annotation: Any, value: Any, location: tuple[str | int, ...]) -> Any:
+    """Returns the annotation of the value at a location of a request.
+
+    Args:
+        annotation: that of the request.
+        value: the request, whose mappings say which of several models they are.
+        location: members and list positions that lead to the value.
+    """
+    for step in location:
+        if is_object(value):
+            annotation = chosen(annotation, value.get(KIND))
+        annotation = inner(annotation, step)
+        value = value_at(value, (step,))
+    return annotation
+
+
+def value_at(value: Any, location: tuple[str | int, ...]) -> Any:
+    """Returns the value at a location of plain data; `None` if there is none."""
+    for step in location:
+        if is_list(value):
+            value = value[step] if isinstance(step, int) and step < len(value) else None
+        else:
+            value = value.get(step) if is_object(value) and isinstance(step, str) else None
+    return value
+
+
+def filled(value: Any, filling: Filling) -> Any:
+    """Returns plain data with values that fit in place of placeholders."""
+    if isinstance(value, Placeholder):
+        return _example(value.annotation, filling, value.attempt)
+    if is_object(value):
+        return {key: filled(item, filling) for key, item in value.items()}
+    if is_list(value):
+        return [filled(item, filling) for item in value]
+    return value
+
+
+def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
+    """A value that fits, if one is easily found; another one for each attempt, if there is another."""
+    if choices := choices_of(annotation):
+        return _example_of_choice(choices, filling)
+    kind = kind_of(annotation)
+    if isinstance(kind, ListOf):
+        return [_example(inner(annotation, 0), filling)]
+    if isinstance(kind, MapOf):
+        return {}
+    if isinstance(kind, Structure):
+        required = (name for name, member in kind.model.model_fields.items() if member.is_required())
+        return {name: _example(inner(annotation, name), filling) for name in required}
+    if kind == BOOLEAN:
+        return True
+    if listed := _listed(annotation):
+        return listed[0 if filling == FILLINGS[0] else -1]
+    candidates = _candidates(kind, filling)
+    fitting = [each for each in candidates if _fits(each, annotation)] or [*candidates, None]
+    return fitting[attempt % len(fitting)]
+
+
+def _listed(annotation: Any) -> Sequence[Any]:
+    """The values that an annotation lists, if it lists all that are right."""
+    metadata = getattr(annotation, "__metadata__", ())
+    extras = (each.json_schema_extra for each in metadata if isinstance(each, FieldInfo))
+    listed = next((extra["enum"] for extra in extras if is_object(extra) and "enum" in extra), ())
+    core = without_none(annotation)
+    return get_args(core) if get_origin(core) is Literal else listed
+
+
+def _candidates(kind: Kind, filling: Filling) -> tuple[str | float, ...]:
+    if kind == TEXT:
+        return filling.texts
+    if kind == WHOLE_NUMBER:
+        return filling.numbers
+    return tuple(map(float, filling.numbers)) if kind == NUMBER else ()
+
+
+def _example_of_choice(choices: Mapping[str, type[BaseModel]], filling: Filling) -> Any:
+    models = list(choices.values())
+    for model in models if filling == FILLINGS[0] else reversed(models):
+        example = _example(model, filling)
+        if _fits(example, model):
+            return example
+    return None
+
+
+def _fits(value: Any, annotation: Any) -> bool:
+    try:
+        TypeAdapter[Any](annotation).validate_python(value, strict=True)
+    except ValidationError:
+        return False
+    return True

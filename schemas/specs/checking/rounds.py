@@ -1,0 +1,196 @@
+"""Finds everything that is wrong with a request, also what stands behind something else that is wrong.
+
+A validator does not ask rules about several values while one of the values is wrong, and does not look into a mapping
+whose kind is misspelt. So a request is checked in rounds: after each, placeholders stand in for what was found wrong,
+until nothing more is found. What only comes of a placeholder is no problem of the request and is left out.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ...wire.json_values import is_list, is_object
+from ...wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
+from ..reference_typing import Scalar, Structure, kind_of
+from .placeholders import FILLINGS, KIND, MOST_ATTEMPTS, Placeholder, annotation_at, filled, meant_kind, value_at
+
+_MOST_ROUNDS = 40
+"""Rounds after which no more is looked for. Each tries another value or goes one level up from what is wrong; requests
+are some 10 levels deep, and each round but the first costs what the first one did."""
+
+Validate = Callable[[Any], Sequence[RequestProblem]]
+
+
+def within(location: Location, outer: Location) -> bool:
+    """Whether a location is another one, or inside of it."""
+    return location[: len(outer)] == outer
+
+
+@dataclass
+class Rounds:
+    """Checks a request round by round."""
+
+    model: Any
+    """The request's annotation."""
+
+    validate: Validate
+    """Finds what is wrong with a request that has values in place of placeholders."""
+
+    request: Any
+    """The request with placeholders."""
+
+    unknown: list[Location]
+    """Places whose values are not known yet; what is wrong there is left out."""
+
+    follows_from: Callable[[RequestProblem, Location], bool] = lambda _problem, _blamed: False
+    """Whether a problem of a rule may be due to what is wrong at a place, for what its message does not show."""
+
+    problems: list[RequestProblem] = field(default_factory=list[RequestProblem])
+
+    _blamed: set[Location] = field(default_factory=set[Location])
+    """Places of problems that were found: what rules say about them may be due to these."""
+
+    def run(self) -> list[RequestProblem]:
+        """Returns everything that is wrong with the request."""
+        for number in range(_MOST_ROUNDS):
+            first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
+            if not first or not second:
+                break  # all rules were asked
+            certain = _in_both(first, second)
+            fresh = [each for each in certain if self._is_fresh(each, is_first=number == 0)]
+            self.problems.extend(fresh)
+            for each in fresh:
+                self._put_right(each)
+            if not fresh and not self._widen([*certain, *filter(self._is_unknown, (*first, *second))]):
+                break
+        return self.problems
+
+    def _is_unknown(self, problem: RequestProblem) -> bool:
+        return any(within(problem.location, each) for each in self.unknown)
+
+    def _is_fresh(self, problem: RequestProblem, *, is_first: bool) -> bool:
+        """Whether a problem is one of the request itself, and not of what stands in for something."""
+        if (self._is_unknown(problem) and not problem.about_key) or problem in self.problems:
+            return False
+        return (
+            is_first
+            or not problem.is_rule
+            or not any(_is_due(problem, each) or self.follows_from(problem, each) for each in self._blamed)
+        )
+
+    def _put_right(self, problem: RequestProblem) -> None:
+        """Puts something right in the place of what is wrong."""
+        location = self._deepest(problem.location) if problem.is_rule else problem.location
+        if not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
+            self.request = _changed(self.request, location, kind)
+            return
+        self._blamed.add(problem.location)
+        if problem.about_key:
+            self._remove(location)
+        else:
+            self._place(location)
+
+    def _remove(self, location: Location) -> None:
+        """Removes a member; the one that it may have been meant to be is unknown then."""
+        self.request = _changed(self.request, location, None)
+        kind = kind_of(annotation_at(self.model, self.request, location[:-1]))
+        parent = value_at(self.request, location[:-1])
+        if not isinstance(kind, Structure) or not is_object(parent):
+            return
+        absent = {name: member for name, member in kind.model.model_fields.items() if name not in parent}
+        if near := closest(str(location[-1]), absent, LEAST_LIKENESS):
+            self._blamed.add((*location[:-1], near))
+            if absent[near].is_required():
+                self._place((*location[:-1], near))
+
+    def _place(self, location: Location) -> None:
+        annotation = annotation_at(self.model, self.request, location)
+        self.request = _changed(self.request, location, Placeholder(annotation))
+        self.unknown = [*(each for each in self.unknown if not within(each, location)), location]
+        self._blamed.add(location)
+
+    def _meant_kind(self, location: Location) -> str | None:
+        annotation = annotation_at(self.model, self.request, location[:-1])
+        kind = value_at(self.request, location)
+        meant = meant_kind(annotation, kind)
+        return None if meant == kind else meant
+
+    def _widen(self, standing: Sequence[RequestProblem]) -> bool:
+        """Takes back what stands in one level above, where no value was found that fits; whether that was possible."""
+        stuck = {self._stand_in_of(each.location) for each in standing} - {()}
+        tried = {place for place in stuck if self._has_more(place)}
+        for place in tried:
+            stand_in = value_at(self.request, place)
+            self.request = _changed(self.request, place, replace(stand_in, attempt=stand_in.attempt + 1))
+        if tried:
+            return True
+        wider = {place[:-1] if place in self.unknown else place for place in stuck} - {()}
+        for place in sorted(wider, key=len, reverse=True):
+            self._place(place)
+        return bool(wider)
+
+    def _stand_in_of(self, location: Location) -> Location:
+        """The place of what stands in where a problem is; the place of the problem itself, if that is as written."""
+        around = [place for place in self.unknown if within(location, place)]
+        return max(around, key=len) if around else self._deepest(location)
+
+    def _has_more(self, place: Location) -> bool:
+        """Whether there are values for a place that were not tried."""
+        found = value_at(self.request, place)
+        is_single = isinstance(found, Placeholder) and isinstance(kind_of(found.annotation), Scalar)
+        return is_single and found.attempt + 1 < MOST_ATTEMPTS
+
+    def _deepest(self, location: Location) -> Location:
+        """The part of a location that the request has: what follows is inside of a text."""
+        for length in range(len(location), 0, -1):
+            if value_at(self.request, location[:length]) is not None:
+                return location[:length]
+        return location[:1]
+
+
+def _in_both(first: Sequence[RequestProblem], second: Sequence[RequestProblem]) -> list[RequestProblem]:
+    """The problems that a request has with either filling."""
+    again = {_identity(each) for each in second}
+    return [each for each in first if _identity(each) in again]
+
+
+def _identity(problem: RequestProblem) -> object:
+    """Identity of a problem: where it is and, of a rule, what it says; values in other messages may differ."""
+    return (problem.location, problem.message) if problem.is_rule else (problem.location, problem.about_key)
+
+
+def _is_due(problem: RequestProblem, blamed: Location) -> bool:
+    """Whether a rule may have found something only because of what is wrong elsewhere: it names that, or is in it."""
+    if within(problem.location, blamed):
+        return True
+    shared = next((n for n, (a, b) in enumerate(zip(problem.location, blamed, strict=False)) if a != b), None)
+    shared = min(len(problem.location), len(blamed)) if shared is None else shared
+    if isinstance(blamed[shared], int) and blamed[shared + 1 :] in ((), ("name",), (KIND,)):
+        return True  # rules about entries of a list tell them by their names
+    ends = [blamed[start:] for start in range(len(blamed))]
+    return any(within(end, named) or within(named, end) for named in _named(problem.message) for end in ends)
+
+
+_PATH = re.compile(r"[A-Za-z_]\w*+(?:\.[A-Za-z_]\w*+|\[\d++\])*+")
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+
+
+def _named(message: str) -> Iterator[Location]:
+    """The members that a message may name: every word of it could be one."""
+    for path in _PATH.findall(message):
+        yield tuple(name or int(index) for name, index in _STEP.findall(path))
+
+
+def _changed(value: Any, location: Location, new: Any) -> Any:
+    """Plain data with another value at a location; without the member there, for `None`."""
+    if not location:
+        return new
+    step, *rest = location
+    if is_object(value):
+        if not rest and new is None:
+            return {key: item for key, item in value.items() if key != step}
+        return {**value, step: _changed(value.get(str(step)), tuple(rest), new)}
+    if is_list(value) and isinstance(step, int) and step < len(value):
+        return [_changed(item, tuple(rest), new) if index == step else item for index, item in enumerate(value)]
+    return new if not rest else value

@@ -1,0 +1,204 @@
+"""Deciding between two runs while the second one goes on: the pairs in their order, and when they have decided.
+
+Pairs are looked at in an order that the requests fix, and only as far as no earlier one is missing: jobs that end
+sooner than others, such as those that fail at once, do not get in front. One step is a pair, or where whole worlds are
+flipped all pairs of a world.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.against import Against, Answer
+from .e_processes import (
+    Numbers,
+    best_margin,
+    best_sign,
+    fewest_worlds,
+    margin_wealth,
+    mixed,
+    sign_wealth,
+    threshold,
+)
+from .pairing import BROKEN, FAILED, PASSED, STOPPED
+
+Outcomes = NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class PairedTrials:
+    """The trials of a job of the earlier run, with those of the same job in the run that goes on."""
+
+    world: str
+    """Content of the world that they drive in; empty: none."""
+    before: Outcomes
+    """Their outcomes in the earlier run, as codes such as `PASSED`."""
+    after: Outcomes | None = None
+    """Their outcomes in the later run, `STOPPED` for those that it lacks; None: the job has not ended."""
+    is_fair: bool = True
+    """Whether both runs judge the job by the same requirements."""
+
+    def changes(self, *, counts_lost: bool, has_margin: bool) -> Numbers:
+        """Returns 1 for each trial that got better, -1 for worse, 0 for none, NaN where that is not judged.
+
+        Args:
+            counts_lost: whether what broke, was cancelled or is missing counts as failed; else it is not judged.
+            has_margin: whether that holds for other requirements, too, since they could hide a fall.
+        """
+        after = np.full(len(self.before), STOPPED, dtype=np.int8) if self.after is None else self.after
+        change = (after == PASSED).astype(np.float64) - (self.before == PASSED)
+        if counts_lost:
+            known = self.before <= BROKEN
+            if not self.is_fair:
+                change = np.where(self.before == PASSED, -1.0, 0.0)
+                known = known & has_margin
+        else:
+            known = (self.before <= FAILED) & (after <= FAILED) & self.is_fair
+        return np.where(known, change, np.nan)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The answer so far, with the evidence for each answer and the pairs that were looked at."""
+
+    answer: Answer | None
+    """None: nothing is decided."""
+    pairs: int
+    """Pairs that were looked at until then."""
+    judged: int
+    """Pairs of those with a verdict in both runs."""
+    planned: int
+    """All pairs."""
+    is_hopeless: bool
+    """Whether the pairs that are left can decide nothing."""
+    depends_on_lost: bool
+    """Whether an answer holds only if what broke or is missing is left out, or only if it counts as failed."""
+    e_values: dict[str, float] = field(default_factory=dict)
+    """Largest evidence by answer, the smaller one of both ways to count what broke."""
+    worlds: int | None = None
+    """Number of worlds that were looked at, where whole worlds are flipped."""
+
+
+def decide(trials: Sequence[PairedTrials], asked: Against, lost: Sequence[PairedTrials] = ()) -> Decision:
+    """Decides whether a run is better or worse than an earlier one, as far as it has come.
+
+    An answer takes the evidence twice: with what broke left out, and with it counted as failed.
+
+    Args:
+        trials: the jobs of both runs, in the order in which they are looked at.
+        asked: error probability and margin.
+        lost: jobs of the earlier run that the later one does not have; with a margin, they could be the fall.
+    """
+    steps, enough = _Steps(trials, asked), threshold(asked.alpha)
+    versions = [_Version.of(steps, lost, counts_lost=counts_lost) for counts_lost in (False, True)]
+    found: dict[Answer, Numbers] = {
+        name: np.minimum(*(version.evidence[name] for version in versions)) for name in versions[0].evidence
+    }
+    first: dict[Answer, int] = {
+        name: int(np.argmax(each >= enough)) for name, each in found.items() if (each >= enough).any()
+    }
+    answer = min(first, key=lambda name: first[name], default=None)
+    looked_at = first[answer] + 1 if answer else steps.ended
+    reached = [{name for name, each in version.evidence.items() if (each >= enough).any()} for version in versions]
+    return Decision(
+        answer=answer,
+        pairs=int(steps.sizes[:looked_at].sum()),
+        judged=int(versions[0].known[:looked_at].sum()),
+        planned=int(steps.sizes.sum()),
+        is_hopeless=not any(all(version.can_reach(name, enough) for version in versions) for name in found),
+        depends_on_lost=answer is None and reached[0] != reached[1],
+        e_values={name: math.exp(each[looked_at - 1]) if looked_at else 1.0 for name, each in found.items()},
+        worlds=looked_at if steps.are_worlds else None,
+    )
+
+
+class _Steps:
+    """Pairs, or worlds with all their pairs, as arrays with one entry for each, in the order of their first trial.
+
+    Which of both they are is known before any trial of the later run has ended.
+    """
+
+    def __init__(self, trials: Sequence[PairedTrials], asked: Against) -> None:
+        self.asked = asked
+        self._trials = trials
+        counts = [len(each.before) for each in trials]
+        names = list(dict.fromkeys(each.world for each in trials if len(each.before)))
+        self.are_worlds = sum(counts) > len(names) >= fewest_worlds(asked.alpha)
+        if self.are_worlds:
+            numbers = {world: number for number, world in enumerate(names)}
+            self._of_trials = np.repeat([numbers.get(each.world, 0) for each in trials], counts)
+        else:
+            self._of_trials = np.arange(sum(counts))
+        self._count = len(names) if self.are_worlds else sum(counts)
+        before = _joined([each.before for each in trials])
+        waits = np.repeat(np.array([each.after is None for each in trials], dtype=bool), counts)
+        self.sizes = self._summed(np.ones(len(before))).astype(np.int64)
+        gaps = np.flatnonzero(self._summed(waits))
+        self.ended = int(gaps[0]) if len(gaps) else self._count
+        """Number of steps before the first one of which a trial has not ended."""
+        # All that passed can get worse, and all else can get better.
+        self.can_gain = self._summed(before != PASSED) > 0
+        self.can_lose = self._summed(before == PASSED) > 0
+
+    def changes(self, *, counts_lost: bool) -> tuple[Numbers, Numbers]:
+        """Returns the sum of the changes in each step that has ended, and how many of its pairs are judged."""
+        has_margin = self.asked.margin is not None
+        change = _joined([each.changes(counts_lost=counts_lost, has_margin=has_margin) for each in self._trials])
+        known = ~np.isnan(change)
+        return self._summed(np.where(known, change, 0.0))[: self.ended], self._summed(known)[: self.ended]
+
+    def _summed(self, values: NDArray[Any]) -> Numbers:
+        return np.bincount(self._of_trials, values.astype(np.float64), self._count).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class _Version:
+    """The evidence with one of both ways to count what broke."""
+
+    evidence: dict[Answer, Numbers]
+    """Logarithm of the largest evidence for each answer up to each step."""
+    best: dict[Answer, float]
+    """Logarithm of the evidence for each answer if everything that is left speaks for it."""
+    known: Numbers
+    """Number of judged pairs of each step."""
+
+    @classmethod
+    def of(cls, steps: _Steps, lost: Sequence[PairedTrials], *, counts_lost: bool) -> "_Version":
+        margin, rest = steps.asked.margin, slice(steps.ended, None)
+        sums, known = steps.changes(counts_lost=counts_lost)
+        # Passed trials that the later run lacks are looked at first: it is known from the beginning that they fail.
+        has_lost = counts_lost and margin is not None
+        missing = -np.ones(sum(int((each.before == PASSED).sum()) for each in lost) if has_lost else 0)
+        nets = np.concatenate([missing, sums])
+        up, down = sign_wealth(nets), sign_wealth(-nets)
+        gains, losses = int(steps.can_gain[rest].sum()), int(steps.can_lose[rest].sum())
+        wealth: dict[Answer, Numbers] = {"better": up, "worse": down}
+        best: dict[Answer, float] = {
+            "better": best_sign(_last(up), gains, are_worlds=steps.are_worlds),
+            "worse": best_sign(_last(down), losses, are_worlds=steps.are_worlds),
+        }
+        if margin is not None:
+            means = np.where(known > 0, sums / np.maximum(known, 1), np.nan)
+            wealth["not worse"] = not_worse = margin_wealth(np.concatenate([missing, means]), margin)
+            others = len(steps.can_gain[rest]) - gains
+            best["not worse"] = best_margin(_last(not_worse), gains, others, margin)
+        evidence: dict[Answer, Numbers] = {
+            name: np.maximum.accumulate(mixed(each))[len(missing) :] for name, each in wealth.items()
+        }
+        return cls(evidence, best, known)
+
+    def can_reach(self, answer: Answer, enough: float) -> bool:
+        """Whether the evidence for an answer is enough, or can still become so."""
+        return bool((self.evidence[answer] >= enough).any()) or self.best[answer] >= enough
+
+
+def _last(wealth: Numbers) -> Numbers:
+    return wealth[-1] if len(wealth) else np.zeros(wealth.shape[1:])
+
+
+def _joined(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return np.concatenate([np.zeros(0), *arrays])

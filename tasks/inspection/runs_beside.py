@@ -1,0 +1,274 @@
+"""A run that is carried out beside an earlier one: which pairs have ended, and what they have decided."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
+from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.against import Against, AgainstAnswer
+from ...schemas.reports.report import ReportedJob
+from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from ...schemas.runs.programs import STOP_EVENTS
+from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.resolving import step_of
+from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from ..catalog import Resource
+from ..comparison.early_stops import Outcomes, PairedTrials, decide
+from ..comparison.looked_at_runs import told_decision
+from ..comparison.nights import NightRun
+from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
+from ..jobs.request_order import mixed_order
+from ..service.service import Service
+from ..simulations.planning.run_plans import world_arn
+from .job_outputs import inputs_of_request, with_inputs
+from .reports import records_of_ended
+from .run_records import RECORD_NAME, read_record
+
+DRIVES = ("CreateSimulationJob", "StartSimulationJobBatch")
+"""Operations that run simulation jobs."""
+
+_OPEN_STATES = ("canceled", "timed out")
+
+
+def earlier_run(asked: Against, runs: Path, spec: CheckedSpec) -> NightRun:
+    """Reads the earlier run beside which a specification is to be run.
+
+    Args:
+        asked: the question.
+        runs: folder of all runs.
+        spec: the specification.
+
+    Raises:
+        ConfigurationError: there is no such run, it is not whole, or it cannot decide anything.
+    """
+    try:
+        record = read_record(runs / asked.run_id / RECORD_NAME)
+    except OSError as error:
+        raise ConfigurationError(f"--against is {asked.run_id}, whose record cannot be read: {error}") from error
+    if why := _why_unfit(record, spec):
+        raise ConfigurationError(f"--against is {asked.run_id}, {why}")
+    before = NightRun.of(record)
+    earlier = _EarlierTrials(before)
+    found = decide([earlier.of(job) for job in before.jobs if step_of(job.step or "") in spec.steps], asked)
+    if found.is_hopeless:
+        raise ConfigurationError(
+            f"--against is {asked.run_id}, whose {found.planned} {'trial' if found.planned == 1 else 'trials'} cannot "
+            f"decide anything at --alpha {asked.alpha:g}, however the others end; a run with more trials would do"
+        )
+    return before
+
+
+def _why_unfit(record: RunRecord, spec: CheckedSpec) -> str:
+    if record.state in _OPEN_STATES:
+        return f"which was not finished ({record.state}); a run that came to its end would do"
+    if record.against is not None and record.against.stopped_early:
+        return f"which itself stopped early against {record.against.run_id}; a run that came to its end would do"
+    if record.probe:
+        return "which is a probe of a forecast, with smaller requests; a whole run would do"
+    driving = {name for name, step in spec.steps.items() if step.operation in DRIVES}
+    if not any(step_of(job.step or "") in driving and job.inputs for job in record.jobs):
+        steps = ", ".join(sorted(driving)) or "none"
+        return (
+            f"a run of {record.name} that has no simulation jobs of this specification's steps ({steps}) to pair with; "
+            "a run of the same specification would do"
+        )
+    return ""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """The requests of a step, or of a part of it, as jobs that have not begun."""
+
+    step: str
+    requests: list[JobRecord]
+    order: list[int]
+
+
+class RunBeside:
+    """The pairs of a run that goes on with an earlier one.
+
+    Args:
+        asked: the question.
+        before: the earlier run.
+        steps: names of the steps of the specification.
+        service: where the run is stored.
+    """
+
+    def __init__(self, asked: Against, before: NightRun, steps: Sequence[str], service: Service) -> None:
+        self._question, self._before, self._service = asked, before, service
+        self._earlier = _EarlierTrials(before)
+        self._steps = list(steps)
+        self._requests: dict[str, _Asked] = {}
+        self._ended: dict[tuple[str, int], tuple[JobRecord, Outcomes]] = {}
+
+    def answer(self, steps: Sequence[StepRecord], *, is_over: bool = False) -> AgainstAnswer | None:
+        """Looks at the pairs that have ended.
+
+        Args:
+            steps: the steps that have begun, in their order; those of simulations name what they made.
+            is_over: whether no step begins any more.
+
+        Returns:
+            The answer; None: it is open, and pairs that are left can decide it.
+        """
+        begun = [step for step in steps if step.operation in DRIVES and step.arn]
+        asked = [self._asked(step) for step in begun]
+        pairs = pair_jobs(self._before.jobs, [request for each in asked for request in each.requests])
+        earlier = {id(pair.after): pair.before for pair in pairs.pairs}
+        for step, each in zip(begun, asked, strict=True):
+            self._look(step, each, earlier)
+        trials = [
+            self._paired(step.arn or "", each, place, earlier)
+            for step, each in zip(begun, asked, strict=True)
+            for place in each.order
+            if id(each.requests[place]) in earlier
+        ]
+        expected, lost = [], []
+        for job in pairs.only_before:
+            may_come = not is_over and self._may_come(job.step or "", begun)
+            (expected if may_come else lost).append(self._earlier.of(job))
+        found = decide([*trials, *expected], self._question, lost)
+        if found.answer is None and not found.is_hopeless and not is_over:
+            return None
+        return told_decision(self._question, found, is_over=is_over)
+
+    def with_saved(self, answer: AgainstAnswer, steps: Sequence[StepRecord]) -> AgainstAnswer:
+        """Adds how many trials were saved to the answer for which the jobs of a run were cancelled.
+
+        Args:
+            answer: the answer.
+            steps: all steps of the run, which have ended.
+        """
+        self.answer(steps)  # jobs may have ended after the decision
+        ran = [outcomes for job, outcomes in self._ended.values() if job.status != "Canceled"]
+        return answer.model_copy(update={"saved": max(0, answer.planned - sum(map(len, ran)))})
+
+    def ended_count(self, steps: Sequence[StepRecord]) -> int:
+        """Counts the jobs of steps that have ended, which costs little."""
+        return sum(
+            count
+            for step in steps
+            if step.arn and step.operation in DRIVES
+            for status, count in self._statuses(step).items()
+            if is_terminal("simulation-job", status)
+        )
+
+    def _statuses(self, step: StepRecord) -> Mapping[str, int]:
+        arn = step.arn or ""
+        if step.operation == "CreateSimulationJob":
+            return {self._service.catalog.get(arn).status: 1}
+        return self._service.catalog.count_children(arn, kind="simulation-job")
+
+    def _may_come(self, step: str, begun: Sequence[StepRecord]) -> bool:
+        """Whether requests of a step, or of a part of one, may still be ordered: those after what has begun."""
+        if step_of(step) not in self._steps or any(each.name == step for each in begun):
+            return False
+        places = [self._steps.index(step_of(each.name)) for each in begun]
+        return self._steps.index(step_of(step)) >= max(places, default=0)
+
+    def _asked(self, step: StepRecord) -> _Asked:
+        arn = step.arn or ""
+        if arn not in self._requests:
+            job = self._service.catalog.get(arn)
+            if job.kind == "simulation-job-batch":
+                document = SimulationJobBatchDocument.of(job)
+                requests = [dict(each) for each in document.requests]
+                order = mixed_order(requests) if document.mixed else list(range(len(requests)))
+            else:
+                requests, order = [dict(SimulationJobDocument.of(job).request)], [0]
+            reported = [
+                ReportedJob(
+                    label=f"request {place + 1}",
+                    status="Pending",
+                    step=step.name,
+                    request=request,
+                    world_arn=world_arn(request),
+                    inputs=inputs_of_request(request, None),
+                )
+                for place, request in enumerate(requests)
+            ]
+            records = [
+                JobRecord(label=each.label, status=each.status, step=each.step, inputs=each.inputs)
+                for each in with_inputs(reported, self._service)
+            ]
+            self._requests[arn] = _Asked(step.name, records, order)
+        return self._requests[arn]
+
+    def _look(self, step: StepRecord, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
+        """Reads the results of the jobs that have ended since the last look."""
+        arn = step.arn or ""
+        new = {
+            place: job
+            for place, job in self._jobs(step).items()
+            if (arn, place) not in self._ended and id(asked.requests[place]) in earlier and _has_ended(job)
+        }
+        if new:
+            places, jobs = list(new), list(new.values())
+            records, table = records_of_ended(step.name, jobs, self._service)
+            after = replace(self._before, jobs=records, table=table)
+            pairs = [Pair(earlier[id(asked.requests[place])], job) for place, job in zip(places, records, strict=True)]
+            self._note(arn, places, pairs, after)
+        if step.operation == "StartSimulationJobBatch":
+            self._note_unmade(arn, asked, earlier)
+
+    def _note(self, arn: str, places: Sequence[int], pairs: Sequence[Pair], after: NightRun) -> None:
+        found = pair_trials(pairs, self._before, after)
+        outcomes = found.outcomes[1]
+        for number, (place, pair) in enumerate(zip(places, pairs, strict=True)):
+            rows = self._before.results.rows_of(pair.before)
+            own = np.full(len(rows), STOPPED, dtype=np.int8)
+            mine = found.jobs == number
+            own[found.before_rows[mine] - rows.start] = outcomes[mine]
+            self._ended[arn, place] = pair.after, own
+
+    def _note_unmade(self, arn: str, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
+        """Notes requests of which no job came: nothing of them passes."""
+        document = SimulationJobBatchDocument.of(self._service.catalog.get(arn))
+        for text, failure in document.failed.items():
+            place = int(text)
+            request = asked.requests[place]
+            if failure.failure_code not in STOP_EVENTS and id(request) in earlier and (arn, place) not in self._ended:
+                rows = self._before.results.rows_of(earlier[id(request)])
+                self._ended[arn, place] = request, np.full(len(rows), STOPPED, dtype=np.int8)
+
+    def _jobs(self, step: StepRecord) -> dict[int, Resource]:
+        arn, catalog = step.arn or "", self._service.catalog
+        try:
+            if step.operation == "CreateSimulationJob":
+                return {0: catalog.get(arn)}
+            jobs = catalog.children(arn, kind="simulation-job")
+        except ResourceNotFoundException:
+            return {}
+        return {SimulationJobDocument.of(job).request_index or 0: job for job in jobs}
+
+    def _paired(self, arn: str, asked: _Asked, place: int, earlier: Mapping[int, JobRecord]) -> PairedTrials:
+        request = asked.requests[place]
+        before = earlier[id(request)]
+        expected = self._earlier.of(before)
+        if (arn, place) not in self._ended:
+            return expected
+        job, outcomes = self._ended[arn, place]
+        is_fair = Pair(before, job).has_same_requirements
+        return PairedTrials(expected.world, expected.before, outcomes, is_fair)
+
+
+class _EarlierTrials:
+    """The trials of the earlier run, before those of the later one have ended."""
+
+    def __init__(self, run: NightRun) -> None:
+        self._results, self._outcomes = run.results, outcomes_of(run.results)
+
+    def of(self, job: JobRecord) -> PairedTrials:
+        rows = self._results.rows_of(job)
+        world = (job.inputs and job.inputs.world) or ""
+        return PairedTrials(world, self._outcomes[rows.start : rows.stop])
+
+
+def _has_ended(job: Resource) -> bool:
+    """Whether a job has ended, and not since its batch was ended: then it says nothing of the robot."""
+    if not is_terminal(job.kind, job.status):
+        return False
+    return job.status == "Completed" or SimulationJobDocument.of(job).failure_code not in STOP_EVENTS

@@ -1,0 +1,34 @@
+"""The order in which a batch makes jobs of its requests, where a comparison may end it before all of them ran."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...schemas.reports.against import FEWEST_WORLDS
+from ..simulations.planning.run_plans import world_arn
+
+
+def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Mixes requests in an order that only their places fix, so that easy ones are not all first.
+
+    The requests of one world stay together where there are enough worlds to compare whole ones: such a world counts
+    when the last of its jobs has ended.
+
+    Args:
+        requests: requests for simulation jobs on the wire.
+
+    Returns:
+        The places of all requests, the first one to become a job first.
+    """
+    worlds = [world_arn(request) or "" for request in requests]
+    first: dict[str, int] = {}
+    for place, world in enumerate(worlds):
+        first.setdefault(world, place)
+    if len(first) < FEWEST_WORLDS:
+        return sorted(range(len(requests)), key=_drawn)
+    return sorted(range(len(requests)), key=lambda place: (_drawn(first[worlds[place]]), place))
+
+
+def _drawn(place: int) -> str:
+    """A text that is as good as drawn by chance, and the same in every process."""
+    return hashlib.sha256(str(place).encode()).hexdigest()

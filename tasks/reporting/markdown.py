@@ -1,0 +1,112 @@
+"""Reports as Markdown, for comments on pull and merge requests and for summaries of CI jobs.
+
+Everything that comes from users is in code spans: a robot's message then mentions no user, closes no issue, and draws
+no table of its own.
+"""
+
+from collections.abc import Iterator
+
+from ...schemas.reports.report import JobCase, ReportSummary, Share
+from . import outcomes
+from .console_pages import ConsolePages
+from .nights.changes import losses_in_words
+from .outcomes import Outcome
+
+_MOST_JOBS = 20
+"""Jobs that a comment names: somebody who reads it looks at the first ones, and the report has all."""
+_MOST_REQUIREMENTS = 10
+_LONGEST = 200
+"""Characters of a reason: GitHub takes no comment of more than 65,536."""
+_MOST_LOST = 5
+
+
+def markdown_report(summary: ReportSummary) -> str:
+    """Writes a run's report as Markdown that GitHub and GitLab show.
+
+    The first line is a comment that the page does not show, the same for each run of a specification: what posts
+    reports finds its earlier one by it.
+    """
+    jobs = [job for step in summary.steps for job in step.jobs]
+    bad = [job for job in jobs if job.outcome != Outcome.PASSED.value]
+    pages = ConsolePages(summary.console_url)
+    parts = [
+        f"<!-- robomaker report: {_plain(summary.name)} -->",
+        f"### {_code(summary.name)}: {summary.state}",
+        _head(summary, len(jobs), pages),
+        *([_parameters(summary)] if summary.parameters else []),
+        *(
+            f"- {_code(step.name)} ({step.operation}) failed: {_code(step.error)}"
+            for step in summary.steps
+            if step.error
+        ),
+    ]
+    if summary.since_last and (lost := losses_in_words(summary.since_last, _MOST_LOST)):
+        parts.append("\n".join(f"- {_code(line)}" for line in lost))
+    if missed := [each for each in summary.requirements if each.failed or each.errors]:
+        parts.append("\n".join(_requirements(missed)))
+    if bad:
+        parts.append("\n".join(_jobs(bad, pages)))
+    return "\n\n".join(parts) + "\n"
+
+
+def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
+    """The run's numbers in one line."""
+    counts = dict(summary.counts)
+    passed = counts.pop(Outcome.PASSED.value, 0)
+    told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
+    told += [f"{count} {outcome}" for outcome, count in counts.items() if count]
+    if summary.trials > jobs:
+        told.append(f"{summary.trials} trials")
+    if (rate := summary.success.rate) is not None and summary.success.low is not None:
+        low, high = (f"{100 * (end or 0.0):.0f}" for end in (summary.success.low, summary.success.high))
+        told.append(f"success rate {100 * rate:.0f} % (95 %: {low} to {high} %)")
+    told.append(outcomes.duration(summary.time_s))
+    page = pages.run(summary.run_id)
+    told.append(f"[run in the console]({page})" if page else _code(summary.run_id))
+    return " · ".join(told)
+
+
+def _parameters(summary: ReportSummary) -> str:
+    return "Parameters: " + ", ".join(_code(f"{name}: {value}") for name, value in summary.parameters.items())
+
+
+def _requirements(missed: list[Share]) -> Iterator[str]:
+    yield "| requirement | met | missed | not judged | smallest margin |"
+    yield "| --- | ---: | ---: | ---: | ---: |"
+    for each in missed[:_MOST_REQUIREMENTS]:
+        margin = "" if each.worst_margin is None else f"{each.worst_margin:.3g} {each.unit or ''}".rstrip()
+        yield f"| {_code(each.name)} | {each.passed} | {each.failed} | {each.errors} | {margin} |"
+    if len(missed) > _MOST_REQUIREMENTS:
+        yield f"| and {len(missed) - _MOST_REQUIREMENTS} more | | | | |"
+
+
+def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
+    """A folded table of the jobs that did not pass, the worst first."""
+    count = "1 job" if len(bad) == 1 else f"{len(bad)} jobs"
+    yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
+    yield ""
+    yield "| job | outcome | why | again |"
+    yield "| --- | --- | --- | --- |"
+    for job in sorted(bad, key=lambda each: Outcome(each.outcome).rank)[:_MOST_JOBS]:
+        page = pages.job(job.arn)
+        name = f"[{_code(job.test)}]({page})" if page else _code(job.test)
+        again = _code(f"robomaker repro {job.name}") if job.arn else ""
+        why = _code(job.reason or job.failure_code or "")
+        yield f"| {name} | {job.outcome} | {why} | {again} |"
+    if len(bad) > _MOST_JOBS:
+        yield f"| and {len(bad) - _MOST_JOBS} more | | | |"
+    yield ""
+    yield "</details>"
+
+
+def _code(text: str) -> str:
+    """A text in one line, as a code span that may be in a table; empty for an empty text."""
+    line = " ".join(outcomes.plain(text).split()).replace("`", "'")
+    line = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
+    # Tables are split at bars before code spans are read; a backslash before one would take away its escape.
+    return f"`{line.replace(chr(92), '/').replace('|', chr(92) + '|')}`" if line else ""
+
+
+def _plain(text: str) -> str:
+    """A text that cannot end a comment of HTML."""
+    return " ".join(text.replace("-->", "").split())

@@ -1,0 +1,82 @@
+"""Markdown reports, rendered by an independent renderer of the dialect that GitHub and GitLab have."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
+from markdown_it import MarkdownIt
+
+from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
+from prefect_robomaker.tasks.reporting import markdown_report, summarize
+
+
+def page(text: str) -> Any:
+    return html.fromstring(f"<body>{MarkdownIt('gfm-like', {'linkify': False, 'html': True}).render(text)}</body>")
+
+
+@pytest.fixture
+def report(mixed_report: Report) -> Report:
+    jobs = [job.model_copy(update={"step": "drive"}) for job in mixed_report.jobs]
+    return mixed_report.model_copy(update={"jobs": jobs})
+
+
+def cells(text: str) -> list[list[str]]:
+    """The rows of all tables, as people read them."""
+    return [[cell.text_content() for cell in row.findall("td")] for row in page(text).iterfind(".//tbody/tr")]
+
+
+def test_a_report_says_what_passed_and_why_the_rest_did_not(report: Report) -> None:
+    text = markdown_report(summarize(report))
+
+    assert text.startswith("<!-- robomaker report: nightly-flats -->\n")
+    assert "2 of 5 jobs passed" in page(text).text_content()
+    jobs = {row[0]: row[1:] for row in cells(text) if len(row) == 4}
+    assert list(jobs) == ["w2", "w1 (2)", "w2 (2)"]
+    assert jobs["w2"][0] == "broken"
+    assert jobs["w1 (2)"][1]
+    assert jobs["w1 (2)"][2].startswith("robomaker repro sim-")
+
+
+def test_links_lead_to_the_console_where_one_is_known(report: Report) -> None:
+    text = markdown_report(summarize(report, console_url="https://robots.example/console"))
+
+    links = page(text).xpath("//a/@href")
+    assert f"https://robots.example/console/runs/{report.run_id}" in links
+    assert any(link.startswith("https://robots.example/console/jobs/") for link in links)
+
+
+def test_a_step_that_failed_is_named(report: Report) -> None:
+    step = ReportedStep(
+        name="worlds", operation="CreateWorldGenerationJob", status="Failed", duration_s=1.0, detail="no flat fits"
+    )
+
+    text = markdown_report(summarize(report.model_copy(update={"jobs": [], "steps": [step], "state": "broken"})))
+
+    assert "no simulation jobs" in text
+    assert "no flat fits" in page(text).text_content()
+
+
+@given(reason=st.text(max_size=300) | st.sampled_from(["@all | `x` <script>alert(1)</script>", "\\| a \\", "-->", "|"]))
+def test_messages_of_robots_are_texts(reason: str) -> None:
+    """Whatever a robot wrote is shown as code: no tag, no mention, no cell of its own."""
+    job = ReportedJob(label="sim-1", step="drive", arn="arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1",
+                      status="Failed", failure_code="InternalServiceError", failure_reason=reason)  # fmt: skip
+    step = ReportedStep(name="drive", operation="StartSimulationJobBatch", status="Failed", duration_s=1, detail="")
+    moment = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
+    report = Report.model_validate(
+        {"name": reason or "n", "run_id": "r", "state": "broken", "started_at": moment, "ended_at": moment,
+         "steps": [step], "worlds": [], "jobs": [job], "command": "robomaker run x"}
+    )  # fmt: skip
+
+    shown = page(markdown_report(summarize(report)))
+
+    (row,) = shown.iterfind(".//tbody/tr")
+    assert len(row.findall("td")) == 4
+    assert {each.tag for each in shown.iter() if isinstance(each.tag, str)} <= {
+        "div", "body", "h3", "p", "code", "strong", "details", "summary", "table", "thead", "tbody", "tr", "th", "td",
+    }  # fmt: skip
+    why = row.findall("td")[2]
+    assert (why.text or "").strip() == "", "a text that is not in a code span"
