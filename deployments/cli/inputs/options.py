@@ -169,7 +169,7 @@ def find_run(runs: Path, run: str) -> Path:
 
 
 def _began(run_id: str) -> str:
-    """When a run began, as its id says it."""
+    """Returns the time when a run began, as its id says it."""
     return run_id.rpartition("-")[2]
 
 

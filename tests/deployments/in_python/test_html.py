@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from typing import Any
 
 from helpers.night_records import make_job, make_night, store_night
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from prefect_robomaker import Run, World, results
@@ -42,6 +42,7 @@ def run_of(service: Service, jobs: Any) -> Run:
         return results()
 
 
+@example(HOSTILE, "<b>")
 @given(st.text(), st.text())
 def test_texts_stay_texts(text: str, other: str) -> None:
     made = Tags(card(text, other, line(text), table(("a",), [(text,)], other), table((), [(text, badge(other))])))

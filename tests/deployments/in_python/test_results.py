@@ -2,15 +2,17 @@
 
 import builtins
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers.night_records import make_job, make_night, store_night
 
-from prefect_robomaker import Run, results
+from prefect_robomaker import Job, Run, results
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.reports.run_record import JobRecord
+from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import (
     ConfigurationError,
     ObjectNotFoundError,
@@ -125,9 +127,17 @@ def test_an_unknown_output_says_which_there_are_and_a_silent_store_is_no_lack_of
         results().jobs[0].open("result.json")
 
 
-def test_a_job_that_was_cancelled_has_no_verdict_whatever_it_had_stored(slept: Run, service: Service) -> None:
-    (job,) = slept.jobs
-    canceled = job.record.model_copy(update={"status": "Canceled"})
-    run = Run(StandingRun("r", "r", slept.folder, "canceled", steps=[], jobs=[canceled]), service)
+def test_a_job_that_was_cancelled_has_no_verdict_whatever_it_had_stored(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    passed = RunResult(
+        verdict="PASS", sim_time_s=1.0, wall_time_s=1.0, real_time_factor=1.0, ended_by="environment", seed=7
+    )
+    monkeypatch.setattr(Job, "open", lambda *_: BytesIO(passed.model_dump_json().encode()))
+    ended = make_job(0, "P")
+    for status, verdict in (("Completed", "PASS"), ("Canceled", "NONE")):
+        job = ended.model_copy(update={"status": status})
+        run = Run(StandingRun("r", "r", service.settings.home, "succeeded", steps=[], jobs=[job]), service)
 
-    assert (run.jobs[0].result().verdict, run.jobs[0].verdict, run.passed) == ("NONE", None, False)
+        assert (run.jobs[0].result().verdict, run.passed) == (verdict, verdict == "PASS")
+        assert run.jobs[0].verdict == (verdict if verdict == "PASS" else None)
