@@ -59,13 +59,13 @@ class ChallengeCut:
 
     sabotages: Sequence[Sabotage]
     jobs: int
-    """How many jobs are still to be challenged, at most."""
+    """Limit on the jobs that are still to be challenged."""
     steps: int
-    """How many simulation steps are still to come."""
+    """Number of simulation steps that are still to come."""
     worlds: int | None
     """Worlds of each generation job, at most; None: all, as requests may name any of them."""
     _number: int = field(default=0, init=False)
-    """How many jobs are challenged so far."""
+    """Number of jobs that are challenged so far."""
 
     @classmethod
     def of(cls, spec: CheckedSpec, sabotages: Sequence[Sabotage], jobs: int) -> "ChallengeCut":

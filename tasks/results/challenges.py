@@ -27,9 +27,9 @@ class Arm:
     requirements: Sequence[Requirement] = field(default_factory=list[Requirement])
     failure_code: str | None = None
     reason: str = ""
-    """Why it did not pass, in words."""
+    """Reason for not passing, in words."""
     not_applicable: str = ""
-    """Why the sabotage cannot be applied, in words; empty: it was."""
+    """Reason why the sabotage cannot be applied, in words; empty: it was."""
     state_digest: str | None = None
     """Digest of all states; None: it has none."""
 
