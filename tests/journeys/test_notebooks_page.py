@@ -13,6 +13,7 @@ from prefect_robomaker.tasks.service.service import Service
 PAGE = REPOSITORY / "docs" / "notebooks.md"
 
 
+@pytest.mark.deep
 def test_the_cells_run_one_after_the_other(
     service: Service, prefect_server: str, known_worlds: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
