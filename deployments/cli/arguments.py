@@ -31,7 +31,9 @@ def add_backend(parser: argparse.ArgumentParser) -> None:
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
     """Adds the argument for a specification's file to a command's parser."""
-    parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")
+    parser.add_argument(
+        "spec", metavar="SPEC", help="specification, a YAML file; or one that comes along, quickstart or nightly"
+    )
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +43,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="value of a parameter of SPEC; may be given again, and counts before that of --parameters",
+        help="value of a parameter of SPEC; may be given again, and overrides --parameters",
     )
     parser.add_argument("--parameters", metavar="FILE", help="values of parameters of SPEC: a YAML file, name: value")
 

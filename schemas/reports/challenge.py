@@ -32,7 +32,9 @@ class ChallengedJob(Model):
             case "was not run":
                 return f"{self.name}: the real robot was not run here{reason}, so this job shows nothing"
             case _:
-                return f"{self.name}: the real robot {self.control} here too{reason}, so this job shows nothing"
+                return (
+                    f"{self.name}: the robot {self.control} here without a sabotage{reason}, so this job shows nothing"
+                )
 
 
 class SabotageResult(Model):

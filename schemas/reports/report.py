@@ -195,6 +195,7 @@ class ReportSummary(Model):
     )
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
+    against: str = Field(default="", description="Answer of a run that was carried out beside an earlier one.")
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )

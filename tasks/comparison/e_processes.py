@@ -98,6 +98,14 @@ def best_sign(wealth: Numbers, changes: int, *, are_worlds: bool) -> float:
     return float(mixed(wealth + changes * each))
 
 
+def fewest_pairs(alpha: float) -> int:
+    """Returns the smallest number of pairs that can decide between better and worse, if all change in one direction."""
+    pairs, nothing = 1, np.zeros(len(_LOG_ODDS))
+    while best_sign(nothing, pairs, are_worlds=False) < threshold(alpha):
+        pairs += 1
+    return pairs
+
+
 def best_margin(wealth: Numbers, gains: int, others: int, margin: float) -> float:
     """Returns the logarithm of the evidence for a margin if nothing that is left gets worse.
 

@@ -16,6 +16,7 @@ from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.resolving import step_of
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
+from ..comparison.e_processes import fewest_pairs
 from ..comparison.early_stops import Outcomes, PairedTrials, decide
 from ..comparison.looked_at_runs import told_decision
 from ..comparison.nights import NightRun
@@ -56,7 +57,8 @@ def earlier_run(asked: Against, runs: Path, spec: CheckedSpec) -> NightRun:
     if found.is_hopeless:
         raise ConfigurationError(
             f"--against is {asked.run_id}, whose {found.planned} {'trial' if found.planned == 1 else 'trials'} cannot "
-            f"decide anything at --alpha {asked.alpha:g}, however the others end; a run with more trials would do"
+            f"decide anything at --alpha {asked.alpha:g}, however the others end; it takes "
+            f"{fewest_pairs(asked.alpha)} trials at least, more where not all of them change"
         )
     return before
 

@@ -33,6 +33,7 @@ def markdown_report(summary: ReportSummary) -> str:
         f"<!-- robomaker report: {_plain(summary.name)} -->",
         f"### {_code(summary.name)}: {summary.state}",
         _head(summary, len(jobs), pages),
+        *([_code(summary.against)] if summary.against else []),
         *([_parameters(summary)] if summary.parameters else []),
         *(
             f"- {_code(step.name)} ({step.operation}) failed: {_code(step.error)}"

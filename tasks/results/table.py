@@ -224,6 +224,12 @@ class ResultTable:
         return (name.removeprefix(prefix) for name in self._all_names if name.startswith(prefix))
 
 
+_UNKNOWN_OF_JOBS = dict.fromkeys(
+    ("trial", "ended_by", "state_digest", "model_sha256", "digest_looks", "digest_until_s", "recorded")
+)
+"""Columns that records of jobs say nothing of: empty, since a 0 would be taken for a number."""
+
+
 def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
     """Jobs, each as one trial."""
     import pyarrow as pa
@@ -248,7 +254,9 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
         {
             **columns_of(row, names),
             **_place(job),
-            "trial": None,
+            **_UNKNOWN_OF_JOBS,
+            "sim_time_s": job.metrics.get("sim_time_s"),
+            "steps": None if (steps := job.metrics.get("steps")) is None else int(steps),
             "seed": row.seed if known else None,
             "outcome": case_outcome(job.status, job.verdict, job.failure_code),
             "output": job.output_uri,

@@ -1,6 +1,6 @@
 """Reads misspelt members of a specification as those that were meant, so that what they hold is checked too."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,6 +9,9 @@ from ..model import FOR_EACH, FOR_EACH_KEYS
 from ..reference_typing import ListOf, Structure, kind_of
 from ..text import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
+
+_OF_REQUIRED = 0.7
+"""Likeness from which on a key is taken for a member that has to be there and is not, such as `stages` for `steps`."""
 
 
 @dataclass
@@ -52,7 +55,7 @@ def _respelt(
     tag = node.entries.get(KIND)
     annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
     names = {**_names(node, annotation), **known}
-    meant = _meant(node, names)
+    meant = _meant(node, names, _required(annotation))
     written.update({(*location, now): before for before, now in meant.items()})
     entries = {
         (name := meant.get(key, key)): _respelt(
@@ -73,11 +76,22 @@ def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
     return {}
 
 
-def _meant(node: MappingNode, names: Mapping[str, Any]) -> dict[str, str]:
-    """The absent members that keys are taken for, by key."""
+def _required(annotation: Any) -> Set[str]:
+    """The members that a mapping has to have."""
+    kind = kind_of(annotation)
+    fields = kind.model.model_fields if isinstance(kind, Structure) else {}
+    return {name for name, field_info in fields.items() if field_info.is_required()}
+
+
+def _meant(node: MappingNode, names: Mapping[str, Any], required: Set[str]) -> dict[str, str]:
+    """The absent members that keys are taken for, by key; members that have to be there go first."""
     meant: dict[str, str] = {}
     for key in node.entries:
         absent = [name for name in names if name not in node.entries and name not in meant.values()]
-        if key not in names and (near := closest(key, names)) and near in absent:
+        if key in names:
+            continue
+        missing = closest(key, [name for name in absent if name in required], _OF_REQUIRED)
+        near = missing or closest(key, names)
+        if near in absent:
             meant[key] = near
     return meant

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.tasks.comparison.e_processes import (
     best_margin,
     best_sign,
+    fewest_pairs,
     fewest_worlds,
     margin_wealth,
     mixed,
@@ -89,3 +90,9 @@ def test_eight_pairs_that_all_got_better_are_enough_at_five_percent() -> None:
     evidence = mixed(sign_wealth(np.ones(9)))
     assert int(np.argmax(evidence >= threshold(0.05))) + 1 == 8
     assert (fewest_worlds(0.05), fewest_worlds(0.01)) == (6, 8)
+
+
+@pytest.mark.parametrize(("alpha", "pairs"), [(0.05, 8), (0.01, 10)])
+def test_the_fewest_pairs_just_decide(alpha: float, pairs: int) -> None:
+    assert fewest_pairs(alpha) == pairs
+    assert mixed(sign_wealth(np.ones(pairs)))[-1] >= threshold(alpha) > mixed(sign_wealth(np.ones(pairs - 1)))[-1]

@@ -7,6 +7,7 @@ import pytest
 
 from prefect_robomaker.flows import operations
 from prefect_robomaker.flows.lookup import find_flow, find_perform_flow
+from prefect_robomaker.flows.request_defaults import default_members
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.operations import registry as operation
@@ -26,7 +27,7 @@ def test_every_operation_is_a_flow_of_its_name_with_the_members_as_parameters(na
     parameters = inspect.signature(flow.fn).parameters
     assert set(parameters) == set(OPERATIONS[name].request.model_fields)
     required = {member for member, field in OPERATIONS[name].request.model_fields.items() if field.is_required()}
-    assert set(flow.parameters.required) == required
+    assert set(flow.parameters.required) == required - set(default_members(OPERATIONS[name]))
     assert getattr(operations, name) is flow
     assert flow.fn.__module__ == operations.__name__
 

@@ -95,7 +95,9 @@ def test_a_job_that_fails_with_the_real_robot_shows_nothing() -> None:
         *(sabotaged(1, name, verdict="FAIL", requirements=[missed("gentle", 3.0)]) for name in (LATE, BLIND)),
     ]
     table = table_of(ASKED, arms)
-    assert table.jobs[0].in_words == ("job 1: the real robot fails here too (gentle: 300 N), so this job shows nothing")
+    assert table.jobs[0].in_words == (
+        "job 1: the robot fails here without a sabotage (gentle: 300 N), so this job shows nothing"
+    )
     assert [each.caught for each in table.sabotages] == [0, 0]
     assert "No job passes with the real robot" in table.headline
     assert not table.is_passed

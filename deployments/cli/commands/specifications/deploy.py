@@ -27,7 +27,12 @@ if TYPE_CHECKING:
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker deploy` to its parser."""
-    parser.add_argument("specs", metavar="SPEC", nargs="*", help="specification, a YAML file")
+    parser.add_argument(
+        "specs",
+        metavar="SPEC",
+        nargs="*",
+        help="specification, a YAML file; or one that comes along, quickstart or nightly",
+    )
     add_parameters(parser)
     parser.add_argument("--operations", action="store_true", help="deploy the flows of all operations, too")
     parser.add_argument(

@@ -16,7 +16,12 @@ from ...output.answers import print_problems
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker validate` to its parser."""
-    parser.add_argument("specs", metavar="SPEC", nargs="+", help="specification, a YAML file")
+    parser.add_argument(
+        "specs",
+        metavar="SPEC",
+        nargs="+",
+        help="specification, a YAML file; or one that comes along, quickstart or nightly",
+    )
     add_parameters(parser)
     add_output(parser, "text", "json")
 
