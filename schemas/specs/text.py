@@ -9,7 +9,7 @@ Anchors and aliases work; the number of nodes that aliases may add up to is boun
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn, Protocol, TypeAlias, TypeGuard, cast
 
 from ruamel.yaml import YAML
@@ -224,7 +224,11 @@ class _Reader:
                 self._refuse(key_event, f"{key!r} is there twice; the first is at line {places[key].line}")
             places[key] = self._place(key_event)
             value = cast("_Event", next(self._events))  # the parser gives each key one
-            entries[key] = self._node(value, depth + 1)
+            node = self._node(value, depth + 1)
+            # YAML places a value that is not there at whatever comes next, perhaps lines below.
+            if isinstance(node, ScalarNode) and node.value is None and not node.source:
+                node = replace(node, place=places[key])
+            entries[key] = node
         return MappingNode(next(iter(places.values()), self._place(event)), entries, places)
 
     def _key(self, event: _Event) -> str:

@@ -58,7 +58,8 @@ def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
     told += [f"{count} {outcome}" for outcome, count in counts.items() if count]
     if summary.trials > jobs:
         told.append(f"{summary.trials} trials")
-    if (rate := summary.success.rate) is not None and summary.success.low is not None:
+    # Trials that end a run are no sample of a fixed size, for which the interval holds.
+    if (rate := summary.success.rate) is not None and summary.success.low is not None and not summary.against:
         low, high = (f"{100 * (end or 0.0):.0f}" for end in (summary.success.low, summary.success.high))
         told.append(f"success rate {100 * rate:.0f} % (95 %: {low} to {high} %)")
     told.append(outcomes.duration(summary.time_s))

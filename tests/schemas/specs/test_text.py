@@ -116,3 +116,10 @@ def test_aliases_cannot_multiply_without_bound() -> None:
     levels += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 10)]
     with pytest.raises(SpecError, match="more than 100000 values, aliases counted in full"):
         parse("\n".join(levels), "f")
+
+
+def test_a_value_that_is_not_there_is_placed_at_its_key() -> None:
+    root = parse("steps:\n  x:\n\n  # more\n  a: {b: , c: 1}\n", "spec.yaml")
+
+    places = [value_place(root, location) for location in (("steps", "x"), ("steps", "a", "b"))]
+    assert [(place.line, place.column) for place in places] == [(2, 3), (5, 7)]
