@@ -23,6 +23,9 @@ FEWEST_WORLDS = 6
 """Number of worlds from which on whole worlds are compared. Flipping the signs of fewer shows nothing at 5 %: five of
 five that got worse have p = 2 / 2**5 = 0.0625."""
 
+MOST_NAMED = 8
+"""Number of steps that the line names; a step of many batches would fill pages."""
+
 
 class Against(Model):
     """The question with which a run is carried out beside an earlier one: `robomaker run --against`."""
@@ -42,20 +45,22 @@ class AgainstAnswer(Against):
     saved: int = Field(
         default=0, description="Trials of those pairs that were not run, or cancelled, once it was clear."
     )
+    unpaired: int = Field(
+        default=0, description="Jobs without a pair that were not run, or cancelled, once it was clear."
+    )
+    skipped: list[str] = Field(default=[], description="Steps that were not run once it was clear, in their order.")
+    stopped_early: bool = Field(
+        default=False, description="Whether simulations were cancelled or left out because it was clear."
+    )
     e_values: dict[str, float] = Field(
         default={},
         description="Largest e-value by answer, the evidence for it: the answer is given where it is at least "
         "2 / alpha.",
     )
 
-    @property
-    def stopped_early(self) -> bool:
-        """Whether trials are missing because the run ended when it was clear."""
-        return self.saved > 0
-
 
 def in_words(found: AgainstAnswer) -> str:
-    """Says the answer in a line, with the trials that it took."""
+    """Says the answer in a line, with the trials that it took and what was not run because of it."""
     heads: dict[Answer, str] = {
         "better": f"better than {found.run_id}",
         "not worse": f"not worse than {found.run_id}",
@@ -63,8 +68,21 @@ def in_words(found: AgainstAnswer) -> str:
         "no difference shown": f"no difference from {found.run_id} shown",
         "not comparable": f"not comparable with {found.run_id}",
     }
-    saved = f"; {_counted(found.saved, 'trial')} saved" if found.saved else ""
-    return f"{heads[found.answer]}: {found.why}{saved}"
+    return "; ".join([f"{heads[found.answer]}: {found.why}", *_not_run(found)])
+
+
+def _not_run(found: AgainstAnswer) -> list[str]:
+    told = [f"{_counted(found.saved, 'trial')} saved"] if found.saved else []
+    if found.unpaired:
+        told.append(
+            f"{_counted(found.unpaired, 'job')} without a pair {'was' if found.unpaired == 1 else 'were'} not run"
+        )
+    if found.skipped:
+        is_decided = found.answer in ("better", "not worse", "worse")
+        since = "it was decided" if is_decided else "it could not be decided any more"
+        more = f" and {len(found.skipped) - MOST_NAMED} more" if len(found.skipped) > MOST_NAMED else ""
+        told.append(f"not run since {since}: {', '.join(found.skipped[:MOST_NAMED])}{more}")
+    return told
 
 
 def _counted(count: int, noun: str) -> str:

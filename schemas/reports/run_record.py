@@ -94,7 +94,7 @@ class StepRecord(Model):
     operation: str = Field(description="The operation it called.")
     status: str = Field(
         description="The resource's terminal status, `Completed` for quick operations, `Failed`, or `Skipped` when an "
-        "earlier step's failure kept it from starting."
+        "earlier step's failure, a cancellation or the answer of `--against` kept it from starting."
     )
     started_at: datetime | None = optional("Start, UTC; absent when it was skipped.")
     ended_at: datetime | None = optional("End, UTC; absent when it was skipped.")

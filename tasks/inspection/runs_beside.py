@@ -68,6 +68,8 @@ def _why_unfit(record: RunRecord, spec: CheckedSpec) -> str:
         return f"which was not finished ({record.state}); a run that came to its end would do"
     if record.against is not None and record.against.stopped_early:
         return f"which itself stopped early against {record.against.run_id}; a run that came to its end would do"
+    if record.challenge is not None:
+        return "which is a challenge, with robots that were sabotaged; a whole run would do"
     if record.probe:
         return "which is a probe of a forecast, with smaller requests; a whole run would do"
     driving = {name for name, step in spec.steps.items() if step.operation in DRIVES}
@@ -116,7 +118,7 @@ class RunBeside:
         Returns:
             The answer; None: it is open, and pairs that are left can decide it.
         """
-        begun = [step for step in steps if step.operation in DRIVES and step.arn]
+        begun = _begun(steps)
         asked = [self._asked(step) for step in begun]
         pairs = pair_jobs(self._before.jobs, [request for each in asked for request in each.requests])
         earlier = {id(pair.after): pair.before for pair in pairs.pairs}
@@ -138,15 +140,48 @@ class RunBeside:
         return told_decision(self._question, found, is_over=is_over)
 
     def with_saved(self, answer: AgainstAnswer, steps: Sequence[StepRecord]) -> AgainstAnswer:
-        """Adds how many trials were saved to the answer for which the jobs of a run were cancelled.
+        """Adds what was saved, and what else was not run, to the answer for which the jobs of a run were cancelled.
 
         Args:
             answer: the answer.
-            steps: all steps of the run, which have ended.
+            steps: all steps of the run, which have ended or were skipped.
         """
         self.answer(steps)  # jobs may have ended after the decision
         ran = [outcomes for job, outcomes in self._ended.values() if job.status != "Canceled"]
-        return answer.model_copy(update={"saved": max(0, answer.planned - sum(map(len, ran)))})
+        return answer.model_copy(
+            update={
+                "saved": max(0, answer.planned - sum(map(len, ran))),
+                "unpaired": self._unpaired(_begun(steps)),
+                "skipped": [step.name for step in steps if step.status == "Skipped"],
+                # Not by what was saved: the later run may have more jobs than there are pairs.
+                "stopped_early": any(
+                    step.operation in DRIVES and step.status in ("Canceled", "Skipped") for step in steps
+                ),
+            }
+        )
+
+    def _unpaired(self, begun: Sequence[StepRecord]) -> int:
+        """Counts the requests without a pair that were not run to an end of their own."""
+        asked = [self._asked(step) for step in begun]
+        pairs = pair_jobs(self._before.jobs, [request for each in asked for request in each.requests])
+        paired = {id(pair.after) for pair in pairs.pairs}
+        return sum(
+            id(request) not in paired and place not in ran
+            for step, each in zip(begun, asked, strict=True)
+            for ran in [self._places_that_ran(step)]
+            for place, request in enumerate(each.requests)
+        )
+
+    def _places_that_ran(self, step: StepRecord) -> set[int]:
+        ran = {place for place, job in self._jobs(step).items() if _has_ended(job) and job.status != "Canceled"}
+        if step.operation == "StartSimulationJobBatch":
+            ran.update(self._broken_requests(step.arn or ""))
+        return ran
+
+    def _broken_requests(self, arn: str) -> list[int]:
+        """Lists the requests of a batch of which no job came, though nothing had ended the batch."""
+        document = SimulationJobBatchDocument.of(self._service.catalog.get(arn))
+        return [int(place) for place, failure in document.failed.items() if failure.failure_code not in STOP_EVENTS]
 
     def ended_count(self, steps: Sequence[StepRecord]) -> int:
         """Counts the jobs of steps that have ended, which costs little."""
@@ -228,11 +263,9 @@ class RunBeside:
 
     def _note_unmade(self, arn: str, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
         """Notes requests of which no job came: nothing of them passes."""
-        document = SimulationJobBatchDocument.of(self._service.catalog.get(arn))
-        for text, failure in document.failed.items():
-            place = int(text)
+        for place in self._broken_requests(arn):
             request = asked.requests[place]
-            if failure.failure_code not in STOP_EVENTS and id(request) in earlier and (arn, place) not in self._ended:
+            if id(request) in earlier and (arn, place) not in self._ended:
                 rows = self._before.results.rows_of(earlier[id(request)])
                 self._ended[arn, place] = request, np.full(len(rows), STOPPED, dtype=np.int8)
 
@@ -267,6 +300,11 @@ class _EarlierTrials:
         rows = self._results.rows_of(job)
         world = (job.inputs and job.inputs.world) or ""
         return PairedTrials(world, self._outcomes[rows.start : rows.stop])
+
+
+def _begun(steps: Sequence[StepRecord]) -> list[StepRecord]:
+    """The steps of simulations that made something."""
+    return [step for step in steps if step.operation in DRIVES and step.arn]
 
 
 def _has_ended(job: Resource) -> bool:

@@ -18,7 +18,7 @@ OLD, NEW, OTHER = (make_night("FFFFFFFF", number).run_id for number in range(3))
 def answer(**changes: Any) -> AgainstAnswer:
     given = {
         "run_id": OLD, "alpha": 0.05, "answer": "better", "why": "decided after 8 of 20 pairs", "pairs": 8,
-        "planned": 20, "saved": 10, "e_values": {"better": 68.0, "worse": 0.4},
+        "planned": 20, "saved": 10, "stopped_early": True, "e_values": {"better": 68.0, "worse": 0.4},
     }  # fmt: skip
     return AgainstAnswer.model_validate({**given, **changes})
 
@@ -36,7 +36,7 @@ def test_the_answer_is_that_of_its_e_values_and_no_test_of_what_is_left() -> Non
     assert (found.answer, found.exit_code, found.rate, found.needed) == ("better", 0, None, None)
     assert found.why == "decided after 8 of 20 pairs (e-values: better 68, worse 0.4; 40 decide at alpha 0.05)"
     assert found.e_values == {"better": 68.0, "worse": 0.4}
-    undecided = answer(answer="no difference shown", why="not decided after 8 of 8 pairs", saved=0, e_values={})
+    undecided = answer(answer="no difference shown", why="not decided after 8 of 8 pairs", e_values={})
     assert compared(looked_at("PPPPPPPP", undecided)).answer == "no difference shown", "though McNemar's p is 0.008"
 
 
@@ -62,7 +62,9 @@ def test_a_run_that_stopped_early_is_not_compared_with_others() -> None:
         found = compared(after, before)
         assert (found.answer, found.exit_code, found.rate) == ("not comparable", 7, None)
         assert found.why.startswith(f"run {NEW} stopped early against run {OLD}")
-    whole = looked_at("PPPPPPPP", answer(saved=0))
+    unpaired = looked_at("PPPPPPPPCC", answer(planned=8, saved=0, unpaired=2))
+    assert compared(unpaired, other).answer == "not comparable", "the answer chose which jobs there are"
+    whole = looked_at("PPPPPPPP", answer(saved=0, stopped_early=False))
     assert compared(whole, other).answer == "better", "nothing of it is missing"
 
 
@@ -70,6 +72,8 @@ def test_history_says_the_answer_and_no_interval() -> None:
     runs = [NightRun.of(make_night("F" * 8)), looked_at("PPPPPPPPCC", answer())]
     history = history_of("nightly", runs)
     assert [night.success.low is None for night in history.nights] == [False, True]
+    unpaired = looked_at("PPPPPPPPCC", answer(planned=8, saved=0, unpaired=2))
+    assert history_of("nightly", [runs[0], unpaired]).nights[1].success.low is None
     assert history.nights[1].against == f"better than {OLD}: decided after 8 of 20 pairs; 10 trials saved"
     assert not history.since_last.has_losses
 
@@ -95,4 +99,13 @@ def test_the_answer_is_the_exit_code_of_a_run_that_came_to_its_end(state: Any, t
 
 def test_answers_in_a_line() -> None:
     assert in_words(answer(saved=1)) == f"better than {OLD}: decided after 8 of 20 pairs; 1 trial saved"
+    beyond = in_words(answer(why="decided after 8 of 8 pairs", saved=0, unpaired=27, skipped=["after", "tidy"]))
+    assert beyond == (
+        f"better than {OLD}: decided after 8 of 8 pairs; 27 jobs without a pair were not run; "
+        "not run since it was decided: after, tidy"
+    )
+    assert in_words(answer(unpaired=1)).endswith("; 10 trials saved; 1 job without a pair was not run")
+    hopeless = answer(answer="no difference shown", saved=3, skipped=[f"drive_{part}_of_11" for part in range(2, 12)])
+    assert "; 3 trials saved; not run since it could not be decided any more: drive_2_of_11, " in in_words(hopeless)
+    assert in_words(hopeless).endswith("drive_9_of_11 and 2 more")
     assert in_words(answer(answer="no difference shown", saved=0)).startswith(f"no difference from {OLD} shown: ")

@@ -11,9 +11,17 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.reports.comparison import Comparison
 from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.tasks.jobs.request_order import mixed_order
 
 JOBS = 30
 """Jobs of the example in `docs/comparison.md`, with as many seeds; poles fall where the robot pushes the wrong way."""
+
+
+def poles() -> str:
+    """The specification on the page about comparison."""
+    page = (REPOSITORY / "docs" / "comparison.md").read_text()
+    [text] = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "\nsteps:" in block]
+    return text
 
 
 @pytest.mark.deep
@@ -24,9 +32,7 @@ def test_a_run_that_is_clearly_better_stops_early(
     monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
     monkeypatch.syspath_prepend(str(PACKAGE))
     spec = tmp_path / "poles.yaml"
-    page = (REPOSITORY / "docs" / "comparison.md").read_text()
-    [text] = [block for block in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "\nsteps:" in block]
-    spec.write_text(text)
+    spec.write_text(poles())
     first = RunRecord.model_validate_json(robomaker_at_server("run", spec, "--set", "gain=-1", "-o", "json").out)
     assert {job.verdict for job in first.jobs} == {"FAIL"}
 
@@ -49,3 +55,39 @@ def test_a_run_that_is_clearly_better_stops_early(
     comparison = Comparison.model_validate_json(compared.out)
     assert (compared.code, comparison.answer, comparison.rate) == (0, "better", None)
     assert comparison.e_values["better"] == pytest.approx(68.3, abs=0.1)
+
+
+@pytest.mark.deep
+@pytest.mark.timeout(600)
+def test_a_decided_run_with_more_jobs_than_the_earlier_one_ends_with_the_answer(
+    robomaker_at_server: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+    monkeypatch.syspath_prepend(str(PACKAGE))
+    listed = re.compile(r"forEach: \[.*\]")
+    total, paired = 40, 8  # eight pairs are the fewest that decide
+    # The pairs come first, so that all of them run and the jobs that are cancelled have none.
+    few, many = mixed_order([{}] * total)[:paired], list(range(total))
+    spec = tmp_path / "poles.yaml"
+    spec.write_text(listed.sub(f"forEach: {few}", poles()))
+    first = RunRecord.model_validate_json(robomaker_at_server("run", spec, "--set", "gain=-1", "-o", "json").out)
+    assert len(first.jobs) == paired
+
+    after = "  after: {operation: ListWorlds, needs: [balance], input: {}}\n"
+    spec.write_text(listed.sub(f"forEach: {many}", poles()) + after)
+    ended = robomaker_at_server("run", spec, "--against", first.run_id)
+    record = RunRecord.model_validate_json(
+        max(tmp_path.rglob("run.json"), key=lambda path: path.parent.name).read_text()
+    )
+    ran = sum(job.status == "Completed" for job in record.jobs)
+    assert paired <= ran < total
+    found = record.against
+    assert found is not None
+    assert (found.answer, found.pairs, found.planned, found.saved, found.unpaired, found.skipped) == (
+        "better", paired, paired, 0, total - ran, ["after"],
+    )  # fmt: skip
+    assert (ended.code, record.state, found.stopped_early) == (0, "succeeded", True)
+    assert (
+        f"better than {first.run_id}: decided after 8 of 8 pairs; {total - ran} jobs without a pair were not run; "
+        "not run since it was decided: after\n"
+    ) in ended.out

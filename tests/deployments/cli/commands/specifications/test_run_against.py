@@ -10,6 +10,7 @@ from helpers.night_records import make_job, make_night, store_night
 from prefect_robomaker.deployments.cli.commands.specifications.run import again
 from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.schemas.reports.against import AgainstAnswer
+from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 RUN = "nightly-20260301T020000000"
@@ -23,8 +24,9 @@ def night(verdicts: str, home: Path, step: str = "balance", **changes: Any) -> R
 
 
 EARLY = AgainstAnswer(
-    run_id="older", alpha=0.05, answer="better", why="decided after 8 of 12 pairs", pairs=8, planned=12, saved=4
-)
+    run_id="older", alpha=0.05, answer="better", why="decided after 8 of 12 pairs", pairs=8, planned=12, saved=4,
+    stopped_early=True,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -41,6 +43,9 @@ EARLY = AgainstAnswer(
         ({"verdicts": ""}, ["--against", RUN], "a run of nightly that has no simulation jobs of this specification's"),
         ({"state": "canceled"}, ["--against", RUN], f"--against is {RUN}, which was not finished (canceled)"),
         ({"against": EARLY}, ["--against", RUN], f"--against is {RUN}, which itself stopped early against older"),
+        ({"probe": True}, ["--against", RUN], f"--against is {RUN}, which is a probe of a forecast, with smaller"),
+        ({"probe": True, "challenge": Challenge(sabotages=[])}, ["--against", RUN],
+         f"--against is {RUN}, which is a challenge, with robots that were sabotaged; a whole run would do"),
         ({"verdicts": "PPPFFFF"}, ["--against", RUN], "whose 7 trials cannot decide anything at --alpha 0.05"),
     ],
 )  # fmt: skip
