@@ -4,7 +4,7 @@ A few of SPEC's simulation jobs run again and again in the same worlds with the 
 with each sabotage: a robot that does nothing, one that is blind, one whose commands come late, and so on. A sabotage
 that no job notices is a fault that SPEC would let pass. Of a job with trials the first one runs.
 
-The exit code is 0 if each sabotage that can be applied was caught by a job, and 1 if one was not.
+The exit code is 0 if each sabotage that can be applied was caught by a job, some by a requirement, and 1 if not.
 """
 
 import argparse
