@@ -58,8 +58,11 @@ def test_one_sabotage_is_caught_and_one_is_missed(
     assert "missed by the only job; nothing here would notice it" in report
 
     # The run is told again by its record, and is no night of the specification.
-    again = robomaker_at_server("report", run.name)
+    again = robomaker_at_server("report", run.name, "--markdown", tmp_path / "report.md")
     assert again.code == 0, again.err
+    assert "| `heavier` | `missed by the only job; nothing here would notice it` |" in (
+        (tmp_path / "report.md").read_text()
+    )
     assert (run / "report.html").read_text().count("Would it have been noticed?") == 1
     assert robomaker_at_server("history", "poles").code != 0
     # The names of its applications are free again.
