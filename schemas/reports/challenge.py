@@ -43,6 +43,11 @@ class SabotageResult(Model):
     name: str = Field(description="Name of the sabotage.")
     axes: dict[str, Value] = Field(description="Values of axes, by kind; texts by name of the environment variable.")
     caught: int = Field(default=0, description="Jobs that did not pass with it.")
+    broke: int = Field(
+        default=0,
+        description="Those of the caught ones that broke with it before a requirement was missed; a run says so, "
+        "whatever its requirements are.",
+    )
     missed: int = Field(default=0, description="Jobs that passed with it, though it changed what happened.")
     no_effect: int = Field(default=0, description="Jobs that went through the same states to the bit.")
     not_applicable: int = Field(default=0, description="Jobs whose robot it cannot be applied to.")
@@ -55,6 +60,11 @@ class SabotageResult(Model):
     def applicable(self) -> int:
         """Number of the jobs that it was tried in, to the end."""
         return self.caught + self.missed + self.no_effect
+
+    @property
+    def is_only_broken(self) -> bool:
+        """Whether jobs broke with it, and no requirement caught it."""
+        return 0 < self.caught == self.broke
 
     @property
     def is_open(self) -> bool:
@@ -85,6 +95,10 @@ class SabotageResult(Model):
             when = "" if self.first_s is None else f" at {self.first_s:.1f} s"
             others = [f"missed by {self.missed}"] if self.missed else []
             others += [f"no effect in {self.no_effect}"] if self.no_effect else []
+            if self.is_only_broken:
+                by = f"broke {_jobs(self.caught, total)} by {self.first}"
+                return ", ".join((by, *others)) + "; no requirement caught it"
+            others = [f"broke {self.broke} of them", *others] if self.broke else others
             return ", ".join((f"caught by {_jobs(self.caught, total)}, first by {self.first}{when}", *others))
         if not self.missed:
             return f"had no effect in {_jobs(self.no_effect, total)}"
@@ -114,8 +128,9 @@ class Challenge(Model):
 
     @property
     def is_passed(self) -> bool:
-        """Whether each sabotage that can be applied was caught by a job, and some was."""
-        return any(each.caught for each in self.sabotages) and not any(each.is_open for each in self.sabotages)
+        """Whether each sabotage that can be applied was caught by a job, and some by a requirement."""
+        some = any(each.caught and not each.is_only_broken for each in self.sabotages)
+        return some and not any(each.is_open for each in self.sabotages)
 
     @property
     def is_broken(self) -> bool:
@@ -128,10 +143,19 @@ class Challenge(Model):
         """One sentence for people: `5 of 7 sabotages caught`."""
         if self.jobs and all(job.control == "is not judged" for job in self.jobs):
             return "No job has requirements, so that nothing could catch anything; give jobs `requirements`"
+        if all(job.control == "was not run" for job in self.jobs):
+            return "No job was run with the real robot, so that nothing shows whether sabotages would be noticed"
         if not self.showing:
             return "No job passes with the real robot, so that none shows whether sabotages would be noticed"
         counted = [each for each in self.sabotages if each.caught or each.is_open]
         noun = "sabotage" if len(counted) == 1 else "sabotages"
         caught = sum(each.caught > 0 for each in counted)
         left = len(self.sabotages) - len(counted)
-        return f"{caught} of {len(counted)} {noun} caught" + (f"; {left} not applicable" if left else "")
+        broken = sum(each.is_only_broken for each in self.sabotages)
+        return "".join(
+            (
+                f"{caught} of {len(counted)} {noun} caught",
+                f", {broken} of them only by what broke" if broken else "",
+                f"; {left} not applicable" if left else "",
+            )
+        )

@@ -199,6 +199,7 @@ class ReportSummary(Model):
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
+    challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."
     )

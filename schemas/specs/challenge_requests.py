@@ -115,7 +115,9 @@ def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> di
     """
     checked = SimulationJobRequest.model_validate({name: value for name, value in job.items() if name != _TOKEN})
     applications = {role: [without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
-    tags = {**(checked.tags or {}), JOB_TAG: str(number), **({SABOTAGE_TAG: sabotage.name} if sabotage else {})}
+    # A job's own tag of that name would make its control arm a sabotaged one.
+    own = {name: value for name, value in (checked.tags or {}).items() if name != SABOTAGE_TAG}
+    tags = {**own, JOB_TAG: str(number), **({SABOTAGE_TAG: sabotage.name} if sabotage else {})}
     seed = seed_of(checked) or 0  # without one each arm would draw its own
     trials = challenged_trials(trials_of(checked), seed, sabotage)
     # A film would be made of a recording, which these jobs do not have.

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
-from ..wire.errors import ConfigurationError, Place, Problem, SpecError
+from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
 from .checking.application_names import application_notes
@@ -30,7 +30,7 @@ from .parameters import (
 )
 from .reference_typing import ANYTHING, Kind, Structure
 from .rooms import room_problems, world_count_problems
-from .sabotages import Sabotage, parse_sabotages
+from .sabotages import Sabotage, read_sabotages
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9
@@ -219,11 +219,11 @@ class _Check:
         found = self._root.entries.get("sabotages")
         if not isinstance(found, MappingNode) or not found.entries:
             return ()
-        try:
-            return tuple(parse_sabotages(plain(found), "sabotages"))
-        except ConfigurationError as error:
-            self._report(("sabotages",), str(error).removeprefix("sabotages: "), at_key=True)
-            return ()
+        sabotages, problems = read_sabotages(plain(found))
+        for each in problems:
+            if len(each.location) != 1 or isinstance(child(found, each.location[0]), MappingNode) or each.about_key:
+                self._report(("sabotages", *each.location), each.message, at_key=each.about_key or not each.location)
+        return tuple(sabotages)
 
     def _settle_parameters(self) -> None:
         """Checks what is declared, gives each parameter its value, and puts the values in place of their references.

@@ -1,18 +1,20 @@
 """Sabotages: what a challenge does to a robot to see whether requirements catch it; values of axes under a name."""
 
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from ..runs.axes import AXIS_KINDS, MAX_AXES, TrialAxes, subject_of
+from ..runs.axes import AXIS_KINDS, MAX_AXES, TrialAxes, number_kind, subject_of
 from ..runs.axis_kinds.kind import Value
 from ..runs.trials import Trials
 from ..wire.base import Model
-from ..wire.errors import ConfigurationError, InvalidParameterException
+from ..wire.errors import ConfigurationError, Problem, SpecError
 from ..wire.json_values import is_mapping
-from ..wire.request_problems import nearest, parsed_member
+from ..wire.request_problems import RequestProblem, nearest, problems_of
+from .text import Node, key_place, plain, value_place
 
 MAX_SABOTAGES = 50
 """Largest number of sabotages of a file: each is run with every job."""
@@ -71,47 +73,100 @@ class _Holder(Model):
     axes: TrialAxes
 
 
-def parse_sabotages(data: object, where: str) -> list[Sabotage]:
-    """Returns the sabotages that a file describes: names with values of axes.
+def read_sabotages(data: object) -> tuple[list[Sabotage], list[RequestProblem]]:
+    """Returns the sabotages that values describe, and everything that is wrong with the others.
 
     Args:
-        data: The file's values: `{slippery: {robot_friction: 0.2}}`.
-        where: The file, for messages.
+        data: Names with values of axes: `{slippery: {robot_friction: 0.2}}`.
 
-    Raises:
-        ConfigurationError: It does not describe sabotages.
+    Returns:
+        The sabotages that are right, and the problems, located inside the data.
     """
     if not is_mapping(data) or not data:
-        raise ConfigurationError(
-            f"{where}: sabotages are names with values of axes, such as slippery: {{robot_friction: 0.2}}"
-        )
+        words = "sabotages are names with values of axes, such as slippery: {robot_friction: 0.2}"
+        return [], [RequestProblem((), words)]
     if len(data) > MAX_SABOTAGES:
-        raise ConfigurationError(f"{where} has {len(data)} sabotages; at most {MAX_SABOTAGES} would be right")
-    return [_parsed(str(name), axes, f"{where}: {name}") for name, axes in data.items()]
+        return [], [RequestProblem((), f"has {len(data)} sabotages; at most {MAX_SABOTAGES} would be right")]
+    found: list[Sabotage] = []
+    problems: list[RequestProblem] = []
+    for name, axes in data.items():
+        wrong = [*_name_problems(str(name)), *_axes_problems(str(name), axes)]
+        problems += wrong
+        if not wrong and is_mapping(axes):
+            found.append(Sabotage(name=str(name), axes={str(axis): _value(str(axis), axes[axis]) for axis in axes}))
+    return found, problems
 
 
-def _parsed(name: str, axes: object, where: str) -> Sabotage:
+def parse_sabotages(node: Node) -> list[Sabotage]:
+    """Returns the sabotages of a file of its own.
+
+    Args:
+        node: The file, parsed.
+
+    Raises:
+        SpecError: With everything that is wrong, each at its place.
+    """
+    found, problems = read_sabotages(plain(node))
+    if problems:
+        raise SpecError(
+            [
+                Problem((key_place if each.about_key else value_place)(node, each.location), each.path, each.message)
+                for each in problems
+            ]
+        )
+    return found
+
+
+def _name_problems(name: str) -> Iterator[RequestProblem]:
     if not _NAME.fullmatch(name):
-        raise ConfigurationError(
-            f"{where}: a sabotage's name has 1 to 60 letters, digits, spaces and characters of _.-/+=:, and begins "
-            "with a letter or digit"
+        words = (
+            "a sabotage's name has 1 to 60 letters, digits, spaces and characters of _.-/+=:, and begins with a letter "
+            "or digit"
         )
+        yield RequestProblem((name,), words, about_key=True)
     if name in {each.name for each in BUILT_IN}:
-        raise ConfigurationError(f"{where}: every challenge has a sabotage of this name; choose another one")
+        words = "every challenge has a sabotage of this name; choose another one"
+        yield RequestProblem((name,), words, about_key=True)
+
+
+def _axes_problems(name: str, axes: object) -> list[RequestProblem]:
     if not is_mapping(axes) or not 1 <= len(axes) <= MAX_AXES:
-        raise ConfigurationError(
-            f"{where}: is {axes!r}; values of 1 to {MAX_AXES} axes, such as {{robot_friction: 0.2}}, would be right"
-        )
-    for axis in axes:
-        if axis not in _NUMBERS and not _VARIABLE.fullmatch(str(axis)):
-            hint = nearest(str(axis), _NUMBERS) or f"; there are {', '.join(_NUMBERS)} and environment variables"
-            raise ConfigurationError(f"{where}: there is no axis {axis!r}{hint}")
+        words = f"is {axes!r}; values of 1 to {MAX_AXES} axes, such as {{robot_friction: 0.2}}, would be right"
+        return [RequestProblem((name,), words)]
+    problems = [each for axis, value in axes.items() for each in _axis_problems(name, str(axis), value)]
+    if problems:
+        return problems
+    # Two axes may exclude each other, which is no fault of either alone.
     made = Sabotage.model_construct(name=name, axes=dict(axes))
+    return [RequestProblem((name,), message) for message in _refusals(made)]
+
+
+def _axis_problems(name: str, axis: str, value: object) -> list[RequestProblem]:
+    """The problems of one axis of a sabotage."""
+    where = (name, axis)
+    if axis not in _NUMBERS and not _VARIABLE.fullmatch(axis):
+        hint = nearest(axis, _NUMBERS) or f"; there are {', '.join(_NUMBERS)} and environment variables"
+        return [RequestProblem(where, f"there is no axis {axis!r}{hint}", about_key=True)]
+    if isinstance(value, str) and "${{" in value:
+        words = f"is {value!r}; sabotages have no references, so write the value itself"
+        return [RequestProblem(where, words)]
+    if axis in _NUMBERS and (isinstance(value, bool) or not isinstance(value, str | int | float)):
+        return [RequestProblem(where, f"is {json.dumps(value, default=str)}; {axis} is {number_kind(axis).possible()}")]
+    made = Sabotage.model_construct(name=name, axes={axis: value})
+    return [RequestProblem(where, message) for message in _refusals(made)]
+
+
+def _refusals(sabotage: Sabotage) -> list[str]:
+    """Reasons why a request could not have the axes of a sabotage."""
     try:
-        found: Mapping[str, Any] = parsed_member(made.trial_axes, where, "axes", _Holder)
-    except InvalidParameterException as error:
-        raise ConfigurationError(str(error).partition("\n")[0]) from None
-    return Sabotage(name=name, axes={axis: each.listed[0] for axis, each in found.items()})
+        _Holder.model_validate({"axes": sabotage.trial_axes})
+    except ValidationError as error:
+        return [each.message for each in problems_of(error, _Holder)]
+    return []
+
+
+def _value(axis: str, value: Any) -> Value:
+    return float(value) if axis in _NUMBERS else value
 
 
 _NUMBERS = tuple(name for name, kind in AXIS_KINDS.items() if kind.is_number)

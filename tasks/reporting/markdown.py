@@ -6,6 +6,7 @@ no table of its own.
 
 from collections.abc import Iterator
 
+from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import JobCase, ReportSummary, Share
 from . import outcomes
 from .console_pages import ConsolePages
@@ -26,13 +27,12 @@ def markdown_report(summary: ReportSummary) -> str:
     The first line is a comment that the page does not show, the same for each run of a specification: what posts
     reports finds its earlier one by it.
     """
-    jobs = [job for step in summary.steps for job in step.jobs]
-    bad = [job for job in jobs if job.outcome != Outcome.PASSED.value]
+    jobs = sum(len(step.jobs) for step in summary.steps)
     pages = ConsolePages(summary.console_url)
     parts = [
         f"<!-- robomaker report: {_plain(summary.name)} -->",
         f"### {_code(summary.name)}: {summary.state}",
-        _head(summary, len(jobs), pages),
+        _head(summary, jobs, pages),
         *([_code(summary.against)] if summary.against else []),
         *([_parameters(summary)] if summary.parameters else []),
         *(
@@ -43,15 +43,41 @@ def markdown_report(summary: ReportSummary) -> str:
     ]
     if summary.since_last and (lost := losses_in_words(summary.since_last, _MOST_LOST)):
         parts.append("\n".join(f"- {_code(line)}" for line in lost))
-    if missed := [each for each in summary.requirements if each.failed or each.errors]:
-        parts.append("\n".join(_requirements(missed)))
-    if bad:
-        parts.append("\n".join(_jobs(bad, pages)))
+    if summary.challenge is not None:
+        parts += _challenge(summary.challenge)
+    else:
+        parts += _results(summary, pages)
     return "\n\n".join(parts) + "\n"
+
+
+def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
+    """The tables of requirements that were missed and of jobs that did not pass."""
+    if missed := [each for each in summary.requirements if each.failed or each.errors]:
+        yield "\n".join(_requirements(missed))
+    if bad := [job for step in summary.steps for job in step.jobs if job.outcome != Outcome.PASSED.value]:
+        yield "\n".join(_jobs(bad, pages))
+
+
+def _challenge(challenge: Challenge) -> Iterator[str]:
+    """The table of sabotages, and the jobs that show nothing."""
+    if challenge.showing:
+        rows = [f"| {_code(each.name)} | {_code(each.in_words)} |" for each in challenge.sabotages]
+        yield "\n".join(("| sabotage | result |", "| --- | --- |", *rows))
+    if useless := [job.in_words for job in challenge.jobs if job.in_words]:
+        yield "\n".join(f"- {_code(words)}" for words in useless)
 
 
 def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
     """The run's numbers in one line."""
+    told = [f"**{summary.challenge.headline}**"] if summary.challenge else _counts(summary, jobs)
+    told.append(outcomes.duration(summary.time_s))
+    page = pages.run(summary.run_id)
+    told.append(f"[run in the console]({page})" if page else _code(summary.run_id))
+    return " · ".join(told)
+
+
+def _counts(summary: ReportSummary, jobs: int) -> list[str]:
+    """Numbers of jobs by outcome, of trials, and their success rate."""
     counts = dict(summary.counts)
     passed = counts.pop(Outcome.PASSED.value, 0)
     told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
@@ -62,10 +88,7 @@ def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
     if (rate := summary.success.rate) is not None and summary.success.low is not None and not summary.against:
         low, high = (f"{100 * (end or 0.0):.0f}" for end in (summary.success.low, summary.success.high))
         told.append(f"success rate {100 * rate:.0f} % (95 %: {low} to {high} %)")
-    told.append(outcomes.duration(summary.time_s))
-    page = pages.run(summary.run_id)
-    told.append(f"[run in the console]({page})" if page else _code(summary.run_id))
-    return " · ".join(told)
+    return told
 
 
 def _parameters(summary: ReportSummary) -> str:

@@ -40,6 +40,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         rerun_of=report.rerun_of,
         against=report.against,
         forecast=report.forecast,
+        challenge=report.challenge,
         console_url=console_url,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
     )

@@ -1,7 +1,7 @@
 """The table of a challenge: each sabotaged job against the same job of the control arm. Pure."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...schemas.reports.challenge import CellResult, Challenge, ChallengedJob, ControlResult, SabotageResult
@@ -111,10 +111,13 @@ def _result(sabotage: SabotageResult, pairs: Sequence[tuple[Arm, Arm | None]]) -
     cells = [cell_result(control, arm) for control, arm in pairs]
     told = [arm for (_, arm), cell in zip(pairs, cells, strict=True) if arm and cell in ("not applicable", "not tried")]
     caught = [arm for (_, arm), cell in zip(pairs, cells, strict=True) if arm and cell == "caught"]
-    first_s, first = min((found for arm in caught for found in _catches(arm)), default=(math.inf, ""))
+    # A requirement comes before what broke, also if it was missed at the end.
+    found = ((*_catch(arm), _is_broken(arm)) for arm in caught)
+    first_s, first, _ = min(found, key=lambda each: (each[2], *each[:2]), default=(math.inf, "", False))
     return sabotage.model_copy(
         update={
             "caught": cells.count("caught"),
+            "broke": sum(_is_broken(arm) for arm in caught),
             "missed": cells.count("missed"),
             "no_effect": cells.count("no effect"),
             "not_applicable": cells.count("not applicable"),
@@ -126,11 +129,16 @@ def _result(sabotage: SabotageResult, pairs: Sequence[tuple[Arm, Arm | None]]) -
     )
 
 
-def _catches(arm: Arm) -> Iterator[tuple[float, str]]:
-    """Times at which an arm was found out, and by what."""
-    yield from ((_time_of(each), each.name) for each in arm.missed[:1])
-    if not arm.missed:
-        yield math.inf, A_CRASH if arm.has_crashed else "an error" if arm.verdict == "ERROR" else "its verdict"
+def _is_broken(arm: Arm) -> bool:
+    """Whether an arm that was found out was so by what broke, not by a requirement."""
+    return not arm.missed and (arm.has_crashed or arm.verdict == "ERROR")
+
+
+def _catch(arm: Arm) -> tuple[float, str]:
+    """Time at which an arm was found out, and by what."""
+    if arm.missed:
+        return _time_of(arm.missed[0]), arm.missed[0].name
+    return math.inf, A_CRASH if arm.has_crashed else "an error" if arm.verdict == "ERROR" else "its verdict"
 
 
 def _time_of(requirement: Requirement) -> float:

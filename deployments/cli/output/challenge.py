@@ -19,6 +19,8 @@ def challenge_lines(challenge: Challenge) -> Iterator[list[Cell]]:
 
 
 def _style(result: SabotageResult) -> str:
+    if result.is_only_broken:
+        return "yellow"
     if result.caught:
         return "green"
     return "red" if result.is_open else "dim"

@@ -67,6 +67,13 @@ def test_each_job_runs_as_it_is_and_with_each_sabotage_with_one_seed() -> None:
     assert variables == [None] * ARMS + [{"GAIN": "1"}] * ARMS, "trials are ordered once"
 
 
+def test_a_job_with_tags_of_such_names_has_its_control_arm() -> None:
+    [made] = requests_of(loaded(drive=batch(job(tags={"sabotage": "of mine", "challenged-job": "9", "team": "a"}))), 1)
+    tags = [arm["tags"] for arm in made["createSimulationJobRequests"]]
+    assert [each.get("sabotage") for each in tags] == [None, "idle", "blind"]
+    assert {(each["challenged-job"], each["team"]) for each in tags} == {("1", "a")}
+
+
 def test_arms_without_a_seed_do_not_draw_their_own() -> None:
     [made] = requests_of(loaded(drive=batch(job())), 1)
     assert {arm["seed"] for arm in made["createSimulationJobRequests"]} == {0}

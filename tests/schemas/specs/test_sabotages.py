@@ -1,5 +1,6 @@
 """Sabotages: those of every challenge, own ones, and what becomes of a job's own trials."""
 
+import re
 from typing import Any
 
 import pytest
@@ -8,8 +9,16 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.axes import subject_of
 from prefect_robomaker.schemas.runs.trials import Trials
-from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, Sabotage, challenged_trials, parse_sabotages
-from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.sabotages import (
+    BUILT_IN,
+    Sabotage,
+    challenged_trials,
+    parse_sabotages,
+    read_sabotages,
+)
+from prefect_robomaker.schemas.specs.text import parse
+from prefect_robomaker.schemas.wire.errors import SpecError
 
 
 def test_sabotages_of_every_challenge_are_valid_axes() -> None:
@@ -20,9 +29,10 @@ def test_sabotages_of_every_challenge_are_valid_axes() -> None:
 
 
 def test_own_sabotages_are_names_with_values() -> None:
-    found = parse_sabotages({"slippery": {"robot_friction": 0.2}, "slow and old": {"VERSION": "1"}}, "own.yaml")
-    assert found == [
+    own = parse("{slippery: {robot_friction: 0.2}, heavy: {robot_mass: '2'}, slow and old: {VERSION: '1'}}", "own.yaml")
+    assert parse_sabotages(own) == [
         Sabotage(name="slippery", axes={"robot_friction": 0.2}),
+        Sabotage(name="heavy", axes={"robot_mass": 2.0}),
         Sabotage(name="slow and old", axes={"VERSION": "1"}),
     ]
 
@@ -30,18 +40,26 @@ def test_own_sabotages_are_names_with_values() -> None:
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ([], "own.yaml: sabotages are names with values of axes, such as slippery"),
-        ({}, "own.yaml: sabotages are names"),
-        ({"a": {"motor_gan": 1}}, "own.yaml: a: there is no axis 'motor_gan'; did you mean 'motor_gain'"),
+        ([], "sabotages are names with values of axes, such as slippery"),
+        ({}, "sabotages are names"),
+        ({"a": {"motor_gan": 1}}, "a.motor_gan: there is no axis 'motor_gan'; did you mean 'motor_gain'"),
         ({"a": {"floor.friction": 1}}, "there is no axis 'floor.friction'; did you mean 'robot_friction'"),
         ({"a": {"speed": 1}}, "no axis 'speed'; there are command_gain, .* and environment variables"),
+        ({"a": {"motor_gain": 100}}, "a.motor_gain: 100 is not possible; motor_gain is a factor from 0.1 to 10"),
+        ({"a": {"motor_gain": True}}, "a.motor_gain: is true; motor_gain is a factor from 0.1 to 10"),
+        ({"a": {"motor_gain": None}}, "a.motor_gain: is null; motor_gain is a factor from 0.1 to 10"),
+        ({"a": {"motor_gain": [1]}}, r"a.motor_gain: is \[1\]; motor_gain is a factor from 0.1 to 10"),
+        ({"a": {"motor_gain": {}}}, "a.motor_gain: is {}; motor_gain is a factor from 0.1 to 10"),
+        ({"a": {"GAIN": 1}}, "a.GAIN: is 1; it has to be text"),
+        ({"a": {"GAIN": "${{ parameters.gain }}"}}, "a.GAIN: is '.*gain }}'; sabotages have no references, so write"),
+        ({"a": {"GAIN": "v${{ index }}"}}, "a.GAIN: is .*; sabotages have no references"),
+        ({"a": {"motor_gain": "${{ parameters.gain }}"}}, "a.motor_gain: is .*; sabotages have no references"),
+        ({"a": {"ROBOMAKER_SEED": "1"}}, "a.ROBOMAKER_SEED: ROBOMAKER_SEED cannot differ from trial to trial"),
         (
-            {"a": {"motor_gain": 100}},
-            r"a.motor_gain.values\[0\]: 100 is not possible; motor_gain is a factor from 0.1 to 10",
+            {"a": {"lidar_noise_factor": 2, "lidar_noise_std_m": 0.1}},
+            "a: lidar_noise_.* both change the noise of the lidar; leave one out",
         ),
-        ({"a": {"GAIN": 1}}, r"a.GAIN.values\[0\]: is 1; it has to be text"),
-        ({"a": {"ROBOMAKER_SEED": "1"}}, "a: ROBOMAKER_SEED cannot differ from trial to trial"),
-        ({"a": 3}, "own.yaml: a: is 3; values of 1 to 20 axes"),
+        ({"a": 3}, "a: is 3; values of 1 to 20 axes"),
         ({"a": {}}, "a: is {}; values of 1 to 20 axes"),
         ({"idle": {"motor_gain": 1}}, "idle: every challenge has a sabotage of this name"),
         ({"a\n": {"motor_gain": 1}}, "a sabotage's name has 1 to 60 letters"),
@@ -49,9 +67,42 @@ def test_own_sabotages_are_names_with_values() -> None:
     ],
 )
 def test_what_describes_no_sabotage_is_refused(data: Any, said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said) as raised:
-        parse_sabotages(data, "own.yaml")
-    assert "\n" not in str(raised.value).replace("a\n", "")
+    found, [problem] = read_sabotages(data)
+    assert found == []
+    assert re.search(said, str(problem))
+    assert "\n" not in str(problem).replace("a\n", "")
+
+
+MISTAKEN = """\
+right: {robot_friction: 0.5}
+slippery: {robot_friction: true}
+two at once:
+  motor_gan: 1
+  GAIN: "${{ parameters.gain }}"
+idle: {motor_gain: 1}
+"""
+MISTAKES = (
+    (2, 28, "slippery.robot_friction: is true; robot_friction is a factor from 0.01 to 10"),
+    (4, 3, "two at once.motor_gan: there is no axis 'motor_gan'; did you mean 'motor_gain'?"),
+    (5, 9, "two at once.GAIN: is '${{ parameters.gain }}'; sabotages have no references, so write the value itself"),
+    (6, 1, "idle: every challenge has a sabotage of this name; choose another one"),
+)
+
+
+def test_all_mistakes_are_told_at_once_each_at_its_place() -> None:
+    with pytest.raises(SpecError) as raised:
+        parse_sabotages(parse(MISTAKEN, "own.yaml"))
+    assert str(raised.value).splitlines() == [f"own.yaml:{line}:{column}: {said}" for line, column, said in MISTAKES]
+
+    inside = "".join(f"  {line}\n" for line in MISTAKEN.splitlines())
+    with pytest.raises(SpecError) as raised:
+        load_spec(
+            f"version: 1\nname: a\nsabotages:\n{inside}  odd: 3\nsteps: {{l: {{operation: ListWorlds}}}}", "s.yaml"
+        )
+    assert str(raised.value).splitlines() == [
+        *(f"s.yaml:{line + 3}:{column + 2}: sabotages.{said}" for line, column, said in MISTAKES),
+        "s.yaml:10:8: sabotages.odd: is 3; it has to be a mapping",
+    ]
 
 
 OF_THE_JOB = Trials.model_validate(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 from markdown_it import MarkdownIt
 
+from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
 from prefect_robomaker.tasks.reporting import markdown_report, summarize
 
@@ -55,6 +56,35 @@ def test_the_answer_of_a_run_beside_an_earlier_one_is_told(report: Report) -> No
 
     assert answer in told
     assert "success rate" not in told, "its trials ended the run, so that their interval does not hold"
+
+
+def test_a_challenge_has_its_sabotages_and_no_rate_of_sabotaged_robots(report: Report) -> None:
+    challenge = Challenge(
+        sabotages=[
+            SabotageResult(name="idle", axes={"command_gain": 0}, caught=1, first="to|bed `x`", first_s=31.9),
+            SabotageResult(name="slippery", axes={"robot_friction": 0.05}, missed=1),
+        ],
+        jobs=[
+            ChallengedJob(name="job 1 in w1", control="passes"),
+            ChallengedJob(name="job 2 in w2", control="fails", reason="@all: 300 N"),
+        ],
+    )
+
+    text = markdown_report(summarize(report.model_copy(update={"challenge": challenge})))
+
+    shown = page(text).text_content()
+    assert "1 of 2 sabotages caught" in shown
+    assert cells(text) == [
+        ["idle", "caught by the only job, first by to|bed 'x' at 31.9 s"],
+        ["slippery", "missed by the only job; nothing here would notice it"],
+    ]
+    assert "job 2 in w2: the robot fails here without a sabotage (@all: 300 N), so this job shows nothing" in shown
+    assert not [each for each in ("success rate", "jobs passed", "did not pass", "smallest margin") if each in shown]
+
+    nothing = challenge.model_copy(update={"jobs": challenge.jobs[1:]})
+    text = markdown_report(summarize(report.model_copy(update={"challenge": nothing})))
+    assert cells(text) == []
+    assert "No job passes with the real robot" in page(text).text_content()
 
 
 def test_a_step_that_failed_is_named(report: Report) -> None:

@@ -114,12 +114,48 @@ def test_jobs_without_requirements_can_catch_nothing() -> None:
 @pytest.mark.parametrize("code", ["RobotApplicationCrash", "SimulationApplicationCrash"])
 def test_a_crash_is_noticed_and_a_fault_of_the_machine_is_none_of_the_robots(code: str) -> None:
     crashed = sabotaged(1, verdict=None, failure_code=code)
-    assert told([control(1), crashed]) == "caught by the only job, first by a crash"
+    assert told([control(1), crashed]) == ("broke the only job by a crash; no requirement caught it")
     faults = [control(1), sabotaged(1, verdict=None, failure_code="InternalServiceError", reason="out of memory")]
     assert told(faults) == "was not tried: out of memory"
     assert table_of(ASKED, faults).is_broken
     assert not table_of(ASKED, [*faults, sabotaged(1, BLIND, verdict="FAIL")]).is_passed
-    assert told([control(1), sabotaged(1, verdict="ERROR")]) == "caught by the only job, first by an error"
+    assert told([control(1), sabotaged(1, verdict="ERROR")]) == (
+        "broke the only job by an error; no requirement caught it"
+    )
+
+
+def test_a_crash_alone_does_not_show_that_requirements_are_good() -> None:
+    """An application may crash at a value that it cannot read, before anything is judged."""
+    crash = {"verdict": None, "failure_code": "RobotApplicationCrash"}
+    table = table_of(ASKED, [control(1), *(sabotaged(1, name, **crash) for name in (LATE, BLIND))])
+    assert table.headline == "2 of 2 sabotages caught, 2 of them only by what broke"
+    assert not table.is_passed
+    assert not table.is_broken
+
+    caught = sabotaged(1, BLIND, verdict="FAIL", requirements=[missed("gentle", 3.0)])
+    table = table_of(ASKED, [control(1), sabotaged(1, **crash), caught])
+    assert table.headline == "2 of 2 sabotages caught, 1 of them only by what broke"
+    assert table.is_passed
+
+
+def test_a_requirement_is_named_before_a_crash() -> None:
+    crash = sabotaged(1, verdict=None, failure_code="RobotApplicationCrash")
+    at_the_end = sabotaged(2, verdict="FAIL", requirements=[missed("rooms", None)])
+    arms = [control(1), control(2), control(3), crash, at_the_end, sabotaged(3)]
+    assert told(arms) == "caught by 2 of 3 jobs, first by rooms, broke 1 of them, missed by 1"
+    too_late = sabotaged(1, verdict="FAIL", failure_code="RobotApplicationCrash", requirements=[missed("gentle", 3.0)])
+    assert told([control(1), too_late]) == "caught by the only job, first by gentle at 3.0 s"
+    assert told([control(1), control(2), crash, sabotaged(2)]) == (
+        "broke 1 of 2 jobs by a crash, missed by 1; no requirement caught it"
+    )
+
+
+def test_where_nothing_was_run_it_is_said() -> None:
+    said = "No job was run with the real robot, so that nothing shows whether sabotages would be noticed"
+    assert table_of(ASKED, []).headline == said
+    not_run = control(1, verdict=None, failure_code="InternalServiceError")
+    assert table_of(ASKED, [not_run, sabotaged(1)]).headline == said
+    assert "No job passes with the real robot" in table_of(ASKED, [not_run, control(2, verdict="FAIL")]).headline
 
 
 def test_a_job_that_was_never_made_is_not_tried() -> None:
@@ -148,6 +184,8 @@ def test_every_passing_job_counts_once_for_each_sabotage(found: list[Arm]) -> No
         total = each.caught + each.missed + each.no_effect + each.not_applicable + each.not_tried
         assert total == table.showing
         assert bool(each.first) == (each.caught > 0)
+        assert each.broke <= each.caught
+        assert each.is_only_broken == (each.first in ("a crash", "an error"))
         assert each.in_words
     assert table.headline
     assert not (table.is_passed and not table.showing)

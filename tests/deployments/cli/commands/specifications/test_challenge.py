@@ -12,7 +12,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.specs import sabotages
 from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, parse_sabotages
-from prefect_robomaker.schemas.specs.text import parse, plain
+from prefect_robomaker.schemas.specs.text import parse
 
 Command = Callable[..., Any]
 WriteSpec = Callable[[str], Path]
@@ -58,8 +58,11 @@ def test_one_sabotage_is_caught_and_one_is_missed(
     assert "missed by the only job; nothing here would notice it" in report
 
     # The run is told again by its record, and is no night of the specification.
-    again = robomaker_at_server("report", run.name)
+    again = robomaker_at_server("report", run.name, "--markdown", tmp_path / "report.md")
     assert again.code == 0, again.err
+    assert "| `heavier` | `missed by the only job; nothing here would notice it` |" in (
+        (tmp_path / "report.md").read_text()
+    )
     assert (run / "report.html").read_text().count("Would it have been noticed?") == 1
     assert robomaker_at_server("history", "poles").code != 0
     # The names of its applications are free again.
@@ -84,14 +87,14 @@ def test_the_page_is_true(
 
 
 def test_the_file_that_the_page_shows_is_right() -> None:
-    assert parse_sabotages(plain(parse(shown_file("own.yaml"), "own.yaml")), "own.yaml")
+    assert parse_sabotages(parse(shown_file("own.yaml"), "own.yaml"))
 
 
 def test_sabotages_of_a_specification_are_checked_with_it(robomaker: Command, spec: WriteSpec) -> None:
     text = poles("seed: 1").replace("steps:", "sabotages:\n  slow: {motor_gian: 0.5}\nsteps:", 1)
     ended = robomaker("validate", spec(text))
     assert ended.code == 2
-    assert ":3:1: sabotages: slow: there is no axis 'motor_gian'; did you mean 'motor_gain'?" in ended.err
+    assert ":4:10: sabotages.slow.motor_gian: there is no axis 'motor_gian'; did you mean 'motor_gain'?" in ended.err
     twice = spec(text.replace("motor_gian", "motor_gain"))
     own = twice.with_name("own.yaml")
     own.write_text("slow: {motor_gain: 0.2}\n")
@@ -104,7 +107,10 @@ def test_sabotages_of_a_specification_are_checked_with_it(robomaker: Command, sp
     ("words", "said"),
     [
         (("--jobs", "0"), "--jobs is 0; a number from 1 would be right"),
-        (("--sabotages", "own.yaml"), "own.yaml: slow: there is no axis 'motor_gian'; did you mean 'motor_gain'?"),
+        (
+            ("--sabotages", "own.yaml"),
+            "own.yaml:1:8: slow.motor_gian: there is no axis 'motor_gian'; did you mean 'motor_gain'?",
+        ),
         (("--sabotages", "none.yaml"), "none.yaml: no such file or directory"),
     ],
 )
