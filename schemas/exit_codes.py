@@ -43,6 +43,8 @@ IN_WORDS: Mapping[int, str] = MappingProxyType(
         BROKE: "something broke",
         CANCELED: "canceled",
         TIMED_OUT: "timed out",
+        NO_DIFFERENCE: "no difference is shown",
+        NOT_COMPARABLE: "the runs cannot be compared",
     }
 )
-"""Meanings of the exit codes of runs."""
+"""Meanings of the exit codes of runs; `run_states.meaning_of` says that of one run, which may answer a question."""

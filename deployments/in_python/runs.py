@@ -7,9 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from ...schemas import exit_codes
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
-from ...schemas.reports.run_states import counts_in_words
+from ...schemas.reports.run_states import counts_in_words, meaning_of
 from ...schemas.specs.parameter_values import values_in_words
 from ...tasks.inspection.reports import short_name
 from ...tasks.nights.run_standings import RunOutcome, StandingRun, table_of
@@ -74,9 +73,12 @@ class Run:
 
     @property
     def meaning(self) -> str:
-        """Meaning of the exit code in words; of a run that has not ended, that it has not."""
+        """Meaning of the exit code in words: what went wrong, or the answer of `--against`, or that of a challenge.
+
+        Of a run that has not ended it says so.
+        """
         if self.record is not None:
-            return exit_codes.IN_WORDS.get(self.record.exit_code, "")
+            return meaning_of(self.record)
         return "it has not ended" if self.outcome == "running" else "its process died before it had ended"
 
     @property

@@ -5,8 +5,10 @@ from collections.abc import Collection, Iterable, Sequence
 
 from pydantic import Field
 
+from ..exit_codes import IN_WORDS
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
+from .against import in_words as answer_in_words
 from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
@@ -50,6 +52,21 @@ def result_of(record: RunRecord) -> FlowResult:
         run_id=record.run_id,
         report=str(record.report_path) if record.report_path else None,
     )
+
+
+def meaning_of(record: RunRecord) -> str:
+    """Says in words why a run has its exit code.
+
+    One that came to its end beside an earlier run has its answer, and a challenge has its headline: `failed` says there
+    nothing about the code, or about the robot.
+    """
+    is_whole = record.state in ("succeeded", "failed")
+    if record.against is not None and is_whole:
+        return answer_in_words(record.against)
+    meaning = IN_WORDS.get(record.exit_code, f"exit code {record.exit_code}")
+    if record.challenge is None or not record.challenge.jobs:
+        return meaning
+    return record.challenge.headline if is_whole else f"{meaning}: {record.challenge.headline}"
 
 
 def is_bad(status: str) -> bool:

@@ -11,7 +11,10 @@ from helpers.night_records import make_job, make_night, store_night
 
 from prefect_robomaker import Job, Run, results
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
-from prefect_robomaker.schemas.reports.run_record import JobRecord
+from prefect_robomaker.schemas.exit_codes import IN_WORDS
+from prefect_robomaker.schemas.reports.against import AgainstAnswer, Answer
+from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, ControlResult, SabotageResult
+from prefect_robomaker.schemas.reports.run_record import JobRecord, exit_code_of
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import (
     ConfigurationError,
@@ -59,6 +62,51 @@ def test_a_run_that_lost_jobs_does_not_look_green(service: Service) -> None:
 def test_each_outcome_has_its_exit_code_and_meaning(service: Service) -> None:
     assert (stored(service, "PF").exit_code, stored(service, "PF", 1).meaning) == (1, "a simulation's verdict is fail")
     assert (stored(service, "PE", 2).exit_code, stored(service, "P", 3).exit_code) == (3, 0)
+
+
+ANSWERS: list[Answer] = ["better", "not worse", "worse", "no difference shown", "not comparable"]
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_the_meaning_of_a_run_beside_an_earlier_one_is_its_answer(answer: Answer, service: Service) -> None:
+    against = AgainstAnswer(run_id="nightly-1", alpha=0.05, answer=answer, why="so it is", pairs=9, planned=9)
+    record = make_night("PF", runs=service.settings.home / "runs")
+    store_night(record.model_copy(update={"against": against, "exit_code": exit_code_of("failed", against)}))
+    with service.activated():
+        run = results(record.run_id)
+
+    assert run.meaning.endswith("so it is")
+    assert answer.split()[0] in run.meaning
+    assert run.meaning in run._repr_html_()
+    assert not {"all well", "a simulation's verdict is fail"} & {run.meaning}
+    assert IN_WORDS[run.exit_code or 0]
+
+
+def test_a_run_that_broke_beside_an_earlier_one_is_not_told_by_its_answer(service: Service) -> None:
+    against = AgainstAnswer(run_id="nightly-1", alpha=0.05, answer="better", why="so it is", pairs=9, planned=9)
+    record = make_night("PE", runs=service.settings.home / "runs")
+    store_night(record.model_copy(update={"against": against}))
+    with service.activated():
+        assert results(record.run_id).meaning == "something broke"
+
+
+@pytest.mark.parametrize(
+    ("letters", "jobs", "meaning"),
+    [
+        ("PF", ["passes"], "1 of 2 sabotages caught"),
+        ("PE", ["passes"], "something broke: 1 of 2 sabotages caught"),
+        ("E", [], "something broke"),
+    ],
+)
+def test_the_meaning_of_a_challenge_is_its_headline(
+    letters: str, jobs: list[ControlResult], meaning: str, service: Service
+) -> None:
+    sabotages = [SabotageResult(name="slow", axes={}, caught=1), SabotageResult(name="blind", axes={}, missed=1)]
+    challenge = Challenge(sabotages=sabotages, jobs=[ChallengedJob(name="drive", control=each) for each in jobs])
+    record = make_night(letters, runs=service.settings.home / "runs")
+    store_night(record.model_copy(update={"challenge": challenge}))
+    with service.activated():
+        assert results(record.run_id).meaning == meaning
 
 
 def test_rows_are_typed_and_the_same_as_those_of_the_table(service: Service) -> None:
