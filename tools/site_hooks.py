@@ -43,7 +43,7 @@ def _sections(index: str) -> Iterator[Mapping[str, Any]]:
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds the files outside `docs` that pages link to, and those that these link to."""
-    from mkdocs.structure.files import File
+    from mkdocs.structure.files import File  # pyright: ignore[reportMissingImports] - of the group `site`
 
     waiting = [f"docs/{file.src_uri}" for file in files if file.src_uri.endswith(".md")]
     seen = set(waiting)

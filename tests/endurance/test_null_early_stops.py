@@ -47,7 +47,7 @@ def worlds(count: int, trials: int, suits: float, fall: float = 0.0) -> Draw:
 
 def reached(evidence: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether each run is ever decided."""
-    return (evidence >= threshold(ALPHA)).any(axis=1)
+    return np.any(evidence >= threshold(ALPHA), axis=1)
 
 
 def share(draw: Draw, wrong: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> float:

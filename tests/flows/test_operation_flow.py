@@ -68,7 +68,7 @@ def test_members_have_names_and_so_have_flows_with_other_options() -> None:
     )
     named = find_flow("CreateWorldTemplate").with_options(flow_run_name="mine")
     assert "did you mean 'name'?" in str(refusal(lambda: named(nam="flat")))
-    assert "'arn'" in str(refusal(lambda: operations.PerformWorldExportJob()))
+    assert "'arn'" in str(refusal(lambda: operations.PerformWorldExportJob()))  # pyright: ignore[reportCallIssue]
 
 
 def test_an_error_of_the_service_has_its_own_type_and_one_traceback(service: Service, prefect_server: str) -> None:

@@ -223,7 +223,8 @@ def test_a_swapped_robot_turns_the_other_way_and_an_idle_one_stays(make_robot: M
         variation = Variation({name: name for name in values})
         variation.applied(environment, {name: AxisSetting(kind=name, value=value) for name, value in values.items()})
         environment.renew(replace(context, rng=np.random.default_rng(4)))
-        start = environment.reset().observation["pose"]
+        step = environment.reset()
+        start = step.observation["pose"]
         for _ in range(12):
             step = environment.step((0.3, 1.0))
         variation.set({})
