@@ -74,9 +74,14 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
         The rerun; `None`: nothing that is selected has failed.
 
     Raises:
-        ConfigurationError: the run has no jobs, or none that the selection names.
+        ConfigurationError: the run has no jobs, or none that the selection names, or is a challenge.
         ResourceNotFoundException: the jobs of the run were deleted.
     """
+    if record.challenge is not None:
+        raise ConfigurationError(
+            f"the run {record.run_id} is a challenge, whose sabotaged jobs say nothing one by one; "
+            f"`robomaker challenge {record.spec_path}` runs it again"
+        )
     orders = {step.name: found for step in record.steps if (found := _orders(step, service))}
     everything = [order.job for found in orders.values() for order in found]
     if not everything:

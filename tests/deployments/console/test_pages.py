@@ -12,6 +12,7 @@ from helpers.night_records import make_job, make_night, store_night
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.visit import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call
@@ -401,3 +402,15 @@ def test_the_failing_jobs_video_is_a_click_from_where_the_quickstart_ends(
     for start in (f"/console/runs/{record.run_id}", "/console"):  # `robomaker run` ends with the first
         links = re.findall(r'href="(/console/jobs/[^"]+)"', browser.get(start).text)
         assert f'src="{links[0]}/files/video.mp4"' in browser.get(links[0]).text
+
+
+def test_jobs_of_a_challenge_are_not_offered_to_run_again(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    night, challenge = make_night("PF", name="flats", runs=runs), make_night("PF", name="flats-challenge", runs=runs)
+    store_night(night)
+    store_night(challenge.model_copy(update={"probe": True, "challenge": Challenge(sabotages=[])}))
+    assert "robomaker rerun" in browser.get(f"/console/runs/{night.run_id}").text
+    page = browser.get(f"/console/runs/{challenge.run_id}").text
+    assert challenge.run_id in page
+    assert "rerun" not in page
+    assert "Run it again" not in page

@@ -72,10 +72,14 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:
     """Reason why there is no history."""
-    from .....tasks.inspection.run_records import names_of_specifications
+    from .....tasks.inspection.run_records import find_records, names_of_specifications
 
     if found.unreadable:
         return f"no run of {name!r} in {runs} can be read"
-    known = names_of_specifications(runs)
+    names = names_of_specifications(runs)
+    if name in names:
+        words = "challenges, probes and reruns of some jobs are none"
+        return f"no run of {name!r} in {runs} is a night: {words}; `robomaker report RUN` shows one"
+    known = [each for each in names if find_records(runs, each, 1).records]
     there = f"there are runs of {', '.join(known)}" if known else "there are none yet; `robomaker run SPEC` makes one"
     return f"there is no run of {name!r} in {runs}; {there}"

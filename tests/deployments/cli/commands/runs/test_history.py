@@ -64,6 +64,19 @@ def test_bad_usage_is_told(robomaker: Any, nights: None, home: Path, words: tupl
     assert said.format(home=home) in told.err
 
 
+def test_challenges_and_probes_are_no_nights(robomaker: Any, nights: None, home: Path) -> None:
+    probe = make_night("P", name="nightly-challenge", runs=home / "runs").model_copy(update={"probe": True})
+    store_night(probe)
+    told = robomaker("history", "nightly-challenge")
+    assert told.code == 2
+    assert told.err.endswith(
+        f"no run of 'nightly-challenge' in {home}/runs is a night: "
+        "challenges, probes and reruns of some jobs are none; `robomaker report RUN` shows one\n"
+    )
+    told = robomaker("history", "daily")
+    assert told.err.endswith("there are runs of nightly, nightly-long\n"), "what it names has a history"
+
+
 def test_without_runs_it_says_how_to_make_one(robomaker: Any) -> None:
     told = robomaker("history", "nightly")
     assert told.code == 2

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 
@@ -29,6 +30,18 @@ def test_a_run_without_jobs_is_run_anew(robomaker: Any, run_id: str, home: Path)
         assert ended.code == 2
         told = "the run night-1 made no simulation jobs; `robomaker run night.yaml` runs all of it again"
         assert told in ended.err
+
+
+def test_a_challenge_is_run_anew(robomaker: Any, run_id: str, home: Path) -> None:
+    path = home / "runs" / run_id / "run.json"
+    record = RunRecord.model_validate_json(path.read_bytes())
+    path.write_text(record.model_copy(update={"challenge": Challenge(sabotages=[]), "probe": True}).model_dump_json())
+    ended = robomaker("rerun", run_id, "--failed")
+    assert ended.code == 2
+    assert ended.err.endswith(
+        "the run night-1 is a challenge, whose sabotaged jobs say nothing one by one; "
+        "`robomaker challenge night.yaml` runs it again\n"
+    )
 
 
 def test_there_has_to_be_such_a_run(robomaker: Any, run_id: str) -> None:

@@ -38,15 +38,18 @@ def test_one_sabotage_is_caught_and_one_is_missed(
     # Those that the environment has, and one that it has not: every one costs a job.
     monkeypatch.setattr(sabotages, "BUILT_IN", tuple(each for each in BUILT_IN if each.name == "blind"))
     (tmp_path / "own.yaml").write_text(
-        "does nothing: {GAIN: '0'}\nheavier: {robot_mass: 1.05}\nas before: {GAIN: '1'}\n"
+        "does nothing: {GAIN: '0'}\nheavier: {robot_mass: 1.05}\nas before: {GAIN: '1'}\nunreadable: {GAIN: much}\n"
     )
-    path = spec(poles("seed: 2").replace('TIME_LIMIT_S: "0.5"', 'TIME_LIMIT_S: "4"'))
+    path = spec(
+        poles("seed: 2\n          tags: {sabotage: of mine}").replace('TIME_LIMIT_S: "0.5"', 'TIME_LIMIT_S: "4"')
+    )
 
     ended = robomaker_at_server("challenge", path, "--jobs", "1", "--sabotages", tmp_path / "own.yaml")
 
     assert ended.code == 1, ended.err
     lines = {line.split("  ")[1]: line for line in ended.out.splitlines() if line.startswith("  ")}
-    assert "1 of 3 sabotages caught; 1 not applicable" in ended.out
+    assert "2 of 4 sabotages caught, 1 of them only by what broke; 1 not applicable" in ended.out
+    assert lines["unreadable"].endswith("broke the only job by a crash; no requirement caught it")
     assert lines["does nothing"].endswith("caught by the only job, first by upright")
     assert lines["heavier"].endswith("missed by the only job; nothing here would notice it")
     assert lines["as before"].endswith("had no effect in the only job")
