@@ -17,8 +17,8 @@ from . import operation_flows
 if TYPE_CHECKING:
     from .deployments.in_python.jobs import Job as Job
     from .deployments.in_python.opening import results as results
+    from .deployments.in_python.options import RunOptions as RunOptions
     from .deployments.in_python.rows import ResultRow as ResultRow
-    from .deployments.in_python.running import RunOptions as RunOptions
     from .deployments.in_python.running import run as run
     from .deployments.in_python.runs import Run as Run
     from .deployments.in_python.worlds import World as World
@@ -77,7 +77,7 @@ _MODULES = {
     "ResultRow": "deployments.in_python.rows",
     "Run": "deployments.in_python.runs",
     "RunInterrupted": "tasks.inspection.pipeline_parts",
-    "RunOptions": "deployments.in_python.running",
+    "RunOptions": "deployments.in_python.options",
     "RunPipeline": "flows.pipelines",
     "Service": "tasks.service.service",
     "Settings": "schemas.settings",

@@ -4,41 +4,21 @@ import os
 import shutil
 import sys
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ...schemas.reports.progress import Note, ProgressEvent
 from ...schemas.specs.model import CheckedSpec, with_seed
 from ...schemas.specs.parameter_values import set_options
-from ...schemas.wire.errors import ConfigurationError
-from ...tasks.backends.backend import open_backend
 from ...tasks.nights.run_standings import stand_of
 from ...tasks.service.service import Service
-from ..cli.inputs.options import output_file, spec_name
 from ..cli.inputs.specifications import read_spec
 from ..cli.output.progress import watcher
 from ..cli.pipelines import check_before_start, run_beside_others
 from ..cli.prefect_server import tell_after_outage, waiting_for_server
+from .options import RunOptions, checked_options, spec_file
 from .process_server import quiet_prefect, server_of_process
 from .runs import Run
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """Options of `run`, which are those of `robomaker run`."""
-
-    backend: str | None = None
-    """Place where jobs of batches run, instead of ROBOMAKER_BACKEND: `local`, `workers:POOL`, …; None: as that says."""
-    name: str | None = None
-    """Name of the run, in place of the specification's."""
-    seed: int | None = None
-    """Seed of worlds and simulations, in place of those in the specification."""
-    reuse: bool = False
-    """Whether worlds and results of earlier runs that had the same inputs are taken over."""
-    report: str | os.PathLike[str] | None = None
-    """File for a copy of the report."""
-    shows_progress: bool = True
-    """Whether standard error shows how the run goes."""
 
 
 def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **parameters: Any) -> Run:
@@ -57,14 +37,12 @@ def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **pa
         ConfigurationError: an option or a setting is wrong; nothing was started.
         RunInterrupted: Ctrl-C was pressed, or the notebook's cell was interrupted; `results()` has what there is.
     """
-    options = options or RunOptions()
-    file = os.fspath(spec)
+    options = checked_options(options)
+    file = spec_file(spec)
     checked = _chosen(file, options, parameters)
-    report = output_file(os.fspath(options.report), "report") if options.report is not None else None
     service = Service.current()
     settings = service.settings
     if options.backend is not None:
-        open_backend(options.backend)
         settings = settings.model_copy(update={"backend": options.backend})
     check_before_start(checked, settings, checks_templates=not options.reuse)
     api_url = server_of_process(settings)
@@ -79,20 +57,16 @@ def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **pa
             checked, settings, listener, spec_path=file, command=_again(file, checked, options), reuse=options.reuse
         )
         tell_after_outage(outage, settings)
-    if report is not None and record.report_path is not None:
-        shutil.copyfile(record.report_path, report)
+    if options.report is not None and record.report_path is not None:
+        shutil.copyfile(record.report_path, options.report)
     return Run(stand_of(record.run_dir, service), service)
 
 
 def _chosen(file: str, options: RunOptions, parameters: dict[str, Any]) -> CheckedSpec:
     spec = read_spec(file, parameters)
     if options.name is not None:
-        spec = replace(spec, name=spec_name(options.name))
-    if options.seed is None:
-        return spec
-    if options.seed < 0:
-        raise ConfigurationError(f"seed is {options.seed}; it has to be a whole number from 0")
-    return with_seed(spec, options.seed)
+        spec = replace(spec, name=options.name)
+    return spec if options.seed is None else with_seed(spec, options.seed)
 
 
 def _again(file: str, spec: CheckedSpec, options: RunOptions) -> list[str]:

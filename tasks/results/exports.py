@@ -1,7 +1,9 @@
 """Tables in files for other programs: Parquet and CSV, written beside the file and renamed."""
 
+import errno
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -47,6 +49,8 @@ def check_extension(path: Path, option: str) -> None:
 def export_table(table: "pa.Table", path: Path) -> None:
     """Writes a table to a file in the form that the end of its name says; an earlier file stays whole until then.
 
+    A symbolic link stays one: the file that it leads to is written.
+
     Args:
         table: the table.
         path: the file; see `check_extension`.
@@ -54,9 +58,13 @@ def export_table(table: "pa.Table", path: Path) -> None:
     Raises:
         OSError: it cannot be written; an earlier file is still there.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    target = Path(os.path.realpath(path))  # unlike `resolve`, it does not raise where links lead in a circle
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         WRITERS[path.suffix.lower()](table, part)
-        part.replace(path)
+        part.replace(target)
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # a folder that takes no file says so above
+            part.unlink()

@@ -88,13 +88,17 @@ def output_file(path: str | None, option: str) -> Path | None:
     if path is None:
         return None
     file = Path(path).absolute()
-    if not path or file.is_dir() or not file.parent.is_dir():
+    if not path or "\0" in path or file.is_dir() or not file.parent.is_dir():
         raise ConfigurationError(f"{option} is {path}; it has to be a file in a folder that exists")
     return file
 
 
-def spec_name(given: str) -> str:
-    """Checks the name that `--name` gives a specification, and returns it.
+def spec_name(given: str, option: str = "--name") -> str:
+    """Checks the name that an option gives a specification, and returns it.
+
+    Args:
+        given: the name.
+        option: name of the option, for the error message.
 
     Raises:
         ConfigurationError: the text is not a valid name.
@@ -102,7 +106,24 @@ def spec_name(given: str) -> str:
     from ....schemas.specs.model import is_spec_name
 
     if not is_spec_name(given):
-        raise ConfigurationError(f"--name is {given!r}; letters, digits, - and _ would be right")
+        raise ConfigurationError(f"{option} is {given!r}; letters, digits, - and _ would be right")
+    return given
+
+
+def seed_number(given: int, option: str) -> int:
+    """Checks the seed that an option gives a run, and returns it.
+
+    Args:
+        given: the seed.
+        option: name of the option, for the error message.
+
+    Raises:
+        ConfigurationError: the seed is out of range.
+    """
+    from ....schemas.wire.common import MAX_SEED
+
+    if not 0 <= given <= MAX_SEED:
+        raise ConfigurationError(f"{option} is {given}; it has to be a whole number from 0 to {MAX_SEED}")
     return given
 
 

@@ -2,10 +2,14 @@
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from prefect_robomaker import ConfigurationError, RunOptions, SpecError, run
+from prefect_robomaker.deployments.in_python.options import checked_options
+from prefect_robomaker.schemas.backends import BACKENDS_IN_WORDS
 from prefect_robomaker.tasks.service.service import Service
 
 SPEC = """\
@@ -22,6 +26,11 @@ steps:
     operation: CreateWorldTemplate
     input: {name: other, templateLocation: {s3Bucket: no-such-bucket, s3Key: "${{ flat.name }}.json"}}
 """
+
+
+def _any(**options: Any) -> RunOptions:
+    """Options whose types no type checker has seen."""
+    return RunOptions(**options)
 
 
 @pytest.fixture
@@ -59,9 +68,50 @@ def test_wrong_calls_are_refused_before_anything_is_started(
             run(spec, nam="x")
         with pytest.raises(ConfigurationError, match="no such file"):
             run(spec.with_name("other.yaml"))
-        with pytest.raises(ConfigurationError, match="'dusk'; it has to be local"):
-            run(spec, RunOptions(backend="dusk"))
-        with pytest.raises(ConfigurationError, match="seed is -1"):
-            run(spec, RunOptions(seed=-1))
         with pytest.raises(ConfigurationError, match=r"report is .*/none/r.html; it has to be a file in a folder"):
             run(spec, RunOptions(report=spec.parent / "none" / "r.html"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (RunOptions(seed=-1), "seed is -1; it has to be a whole number from 0 to 9223372036854775807"),
+        (RunOptions(seed=2**63), "seed is 9223372036854775808; it has to be a whole number from 0 to"),
+        (_any(seed=1.5), "seed is 1.5; a whole number from 0, such as 7, would be right"),
+        (_any(seed="7"), "seed is '7'; a whole number from 0, such as 7, would be right"),
+        (_any(seed=True), "seed is True; a whole number from 0, such as 7, would be right"),
+        (_any(name=3), "name is 3; letters, digits, - and _ would be right"),
+        (RunOptions(name="a b"), "name is 'a b'; letters, digits, - and _ would be right"),
+        (RunOptions(backend="dusk"), f"backend is 'dusk'; it has to be {BACKENDS_IN_WORDS}"),
+        (RunOptions(backend="dask:head"), "backend is 'dask:head'; after dask: there has to be the address"),
+        (_any(backend=3), "backend is 3; a text such as 'local' would be right"),
+        (_any(reuse="no"), "reuse is 'no'; True or False would be right"),
+        (_any(shows_progress=None), "shows_progress is None; True or False would be right"),
+        (_any(report=3), "report is 3; the path of a file would be right"),
+        (RunOptions(report="a\0b"), "report is 'a\\x00b'; the path of a file would be right"),
+        ({"seed": 1}, "options is {'seed': 1}; RunOptions(seed=7), with the options by name, would be right"),
+        ({}, "options is {}; RunOptions(seed=7), with the options by name, would be right"),
+    ],
+)  # fmt: skip
+def test_an_option_with_a_wrong_value_is_named_and_nothing_is_started(
+    options: Any, message: str, spec: Path, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("prefect_robomaker.deployments.in_python.running.server_of_process", pytest.fail)
+    with service.activated(), pytest.raises(ConfigurationError) as caught:
+        run(spec, options)
+    assert str(caught.value).startswith(message)
+    assert not (service.settings.home / "runs").exists()
+
+
+@pytest.mark.parametrize("given", [None, 3, b"spec.yaml", "spec\0.yaml"])
+def test_a_specification_that_is_no_path_is_refused_in_a_sentence(given: Any, service: Service) -> None:
+    right = "the path of a specification, 'quickstart' or 'nightly' would be right"
+    with service.activated(), pytest.raises(ConfigurationError) as caught:
+        run(given)
+    assert str(caught.value) == f"spec is {given!r}; {right}"
+
+
+@pytest.mark.parametrize("seed", [0, 2**63 - 1, np.int64(11)])
+def test_any_whole_number_in_range_is_a_seed(seed: Any) -> None:
+    found = checked_options(RunOptions(seed=seed)).seed
+    assert (found, type(found)) == (seed, int)

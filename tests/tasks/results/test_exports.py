@@ -54,3 +54,25 @@ def test_a_file_that_cannot_be_written_whole_leaves_the_earlier_one(
         export_table(TABLE, path)
     assert path.read_text() == "earlier"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_symbolic_link_stays_and_its_file_is_written(is_there: bool, tmp_path: Path) -> None:
+    file, link = tmp_path / "elsewhere" / "kept.csv", tmp_path / "link.csv"
+    file.parent.mkdir()
+    if is_there:
+        file.write_text("earlier")
+    link.symlink_to(file)
+    export_table(TABLE, link)
+
+    assert link.is_symlink()
+    assert csv.read_csv(file).num_rows == TABLE.num_rows
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["elsewhere", "kept.csv", "link.csv"]
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    for one, other in (("a.csv", "b.csv"), ("b.csv", "a.csv")):
+        (tmp_path / one).symlink_to(tmp_path / other)
+    with pytest.raises(OSError, match="Too many levels of symbolic links"):
+        export_table(TABLE, tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").is_symlink()

@@ -8,6 +8,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from .....schemas.wire.errors import ConfigurationError
 from ...inputs.options import find_run, output_file
 
 if TYPE_CHECKING:
@@ -41,7 +42,13 @@ def execute(arguments: argparse.Namespace) -> int:
     if path is None:
         _print_csv(table)
     else:
-        export_table(table, path)
+        try:
+            export_table(table, path)
+        except OSError as error:
+            why = os.strerror(error.errno).lower() if error.errno else str(error)
+            raise ConfigurationError(
+                f"--to is {path}, which cannot be written: {why}; a file in a folder where you may write would be right"
+            ) from error
         sys.stdout.write(f"{path}\n")
     rows = f"{table.num_rows} {'row' if table.num_rows == 1 else 'rows'}"
     sys.stderr.write(f"{run.run_id}: {run.in_words()}; {rows}\n")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_open, add_output, add_parameters, add_report, add_spec, given_options
-from ...inputs.options import find_record, output_file, percentage, spec_name
+from ...inputs.options import find_record, output_file, percentage, seed_number, spec_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -144,7 +144,5 @@ def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
     if arguments.name is not None:
         spec = dataclasses.replace(spec, name=spec_name(arguments.name))
     if arguments.seed is not None:
-        if arguments.seed < 0:
-            raise ConfigurationError(f"--seed is {arguments.seed}; it has to be a whole number from 0")
-        spec = with_seed(spec, arguments.seed)
+        spec = with_seed(spec, seed_number(arguments.seed, "--seed"))
     return spec

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pyarrow.parquet as pq
+import pytest
 from helpers.command_here import Command
 from helpers.night_records import make_night, store_night
 from pyarrow import csv
@@ -48,3 +49,13 @@ def test_other_forms_and_unknown_runs_are_refused_in_a_sentence(robomaker: Comma
     ended = robomaker("results", "other", "--to", tmp_path / "jobs.csv")
     assert (ended.code, run_id in ended.err) == (2, True)
     assert list(tmp_path.glob("jobs*")) == []
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.parquet"])
+def test_where_nothing_can_be_written_a_sentence_names_the_file(robomaker: Command, home: Path, name: str) -> None:
+    stored(home, "P")
+    ended = robomaker("results", "--to", f"/proc/{name}")
+
+    assert (ended.code, ended.out) == (2, "")
+    assert ended.err.startswith(f"robomaker: --to is /proc/{name}, which cannot be written: no such file or directory;")
+    assert ended.err.count("\n") == 1

@@ -100,6 +100,7 @@ def test_options_are_checked_before_anything_runs(robomaker, spec, home: Path) -
     for options, expected in [
         (("--name", "no good"), "--name is 'no good'"),
         (("--seed", "-1"), "--seed is -1"),
+        (("--seed", str(2**63)), f"--seed is {2**63}; it has to be a whole number from 0 to {2**63 - 1}"),
         (("--seed", "x"), "invalid int value: 'x'"),
         (("--report", "/nowhere/report.html"), "--report is /nowhere/report.html"),
     ]:

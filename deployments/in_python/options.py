@@ -1,0 +1,103 @@
+"""Options of `run`, checked before anything is started: Python takes values of any type."""
+
+import operator
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...schemas.wire.errors import ConfigurationError
+from ...tasks.backends.backend import open_backend
+from ..cli.inputs.options import output_file, seed_number, spec_name
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options of `run`, which are those of `robomaker run`."""
+
+    backend: str | None = None
+    """Place where jobs of batches run, instead of ROBOMAKER_BACKEND: `local`, `workers:POOL`, …; None: as that says."""
+    name: str | None = None
+    """Name of the run, in place of the specification's."""
+    seed: int | None = None
+    """Seed of worlds and simulations, in place of those in the specification."""
+    reuse: bool = False
+    """Whether worlds and results of earlier runs that had the same inputs are taken over."""
+    report: str | os.PathLike[str] | None = None
+    """File for a copy of the report."""
+    shows_progress: bool = True
+    """Whether standard error shows how the run goes."""
+
+
+def checked_options(given: Any) -> RunOptions:
+    """Checks the options of a run, whatever a script gave.
+
+    Args:
+        given: the second argument of `run`; None: none were given.
+
+    Returns:
+        The options, with the seed as a plain whole number and the report as an absolute path.
+
+    Raises:
+        ConfigurationError: one has a value that it cannot have; the message names it and says what would be right.
+    """
+    if given is None:
+        return RunOptions()
+    if not isinstance(given, RunOptions):
+        raise ConfigurationError(f"options is {given!r}; RunOptions(seed=7), with the options by name, would be right")
+    for option in ("reuse", "shows_progress"):
+        if not isinstance(value := getattr(given, option), bool):
+            raise ConfigurationError(f"{option} is {value!r}; True or False would be right")
+    if given.name is not None:
+        spec_name(_text(given.name, "name", "letters, digits, - and _"), "name")
+    if given.backend is not None:
+        _check_backend(_text(given.backend, "backend", "a text such as 'local'"))
+    return replace(given, seed=_seed(given.seed), report=_report(given.report))
+
+
+def spec_file(given: Any) -> str:
+    """Returns the path of a specification, whatever a script gave.
+
+    Raises:
+        ConfigurationError: it is no path.
+    """
+    return _path(given, "spec", "the path of a specification, 'quickstart' or 'nightly'")
+
+
+def _text(given: Any, option: str, right: str) -> str:
+    if not isinstance(given, str):
+        raise ConfigurationError(f"{option} is {given!r}; {right} would be right")
+    return given
+
+
+def _path(given: Any, option: str, right: str) -> str:
+    try:
+        path = os.fspath(given)
+    except TypeError:
+        path = None
+    if not isinstance(path, str) or "\0" in path:
+        raise ConfigurationError(f"{option} is {given!r}; {right} would be right")
+    return path
+
+
+def _seed(given: Any) -> int | None:
+    if given is None:
+        return None
+    try:
+        seed = operator.index(given)  # NumPy's whole numbers are some, too
+    except TypeError:
+        seed = None
+    if seed is None or isinstance(given, bool):
+        raise ConfigurationError(f"seed is {given!r}; a whole number from 0, such as 7, would be right")
+    return seed_number(seed, "seed")
+
+
+def _report(given: Any) -> Path | None:
+    return None if given is None else output_file(_path(given, "report", "the path of a file"), "report")
+
+
+def _check_backend(given: str) -> None:
+    try:
+        open_backend(given)
+    except ConfigurationError as error:  # the caller named an option, not the setting that it replaces
+        raise ConfigurationError(str(error).replace("ROBOMAKER_BACKEND", "backend")) from error
