@@ -45,7 +45,7 @@ class Job:
 
     @property
     def status(self) -> str:
-        """Status in the service, or `NotCreated`."""
+        """Status in the service; of requests `NotCreated`, or `Pending` while no job has come of it yet."""
         return self.record.status
 
     @property
@@ -101,7 +101,8 @@ class Job:
             StorageError: the object store does not answer.
         """
         if self.record.arn is None:
-            raise ResourceNotFoundException(f"{self.id} of step {self.record.step} never became a job: {self.reason}")
+            why = "has not become a job yet" if self.status == "Pending" else f"never became a job: {self.reason}"
+            raise ResourceNotFoundException(f"{self.id} of step {self.record.step} {why}")
         place = self._place
         if place is None or name not in self.outputs:
             raise ObjectNotFoundError(self._nothing(name))

@@ -125,7 +125,7 @@ class JobRecord(Model):
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
     )
-    status: str = Field(description="The job's status, or `NotCreated`.")
+    status: str = Field(description="The job's status; of a request `NotCreated`, or `Pending` if none came of it yet.")
     verdict: Verdict | None = optional("The simulation's verdict; absent when there is none.")
     world: str | None = optional("The world it drove in: a short name for people, or an ARN.")
     rooms_visited: int | None = optional("Rooms the robot was in.")

@@ -217,20 +217,23 @@ def _publish(
     return path
 
 
-def jobs_of(steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | None = None) -> list[ReportedJob]:
+def jobs_of(
+    steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | None = None, *, has_ended: bool = True
+) -> list[ReportedJob]:
     """Lists the simulation jobs of a run's steps, and the requests without a job, in request order.
 
     Args:
         steps: the steps of a run.
         service: where what they made is stored.
         rerun_of: what the run has run again, if it is a rerun.
+        has_ended: whether the run has; until then, requests that still wait to become jobs are listed, too.
     """
     earlier = rerun_of.earlier if rerun_of else {}
     jobs: list[ReportedJob] = []
     for step in steps:
         if step.arn:
             try:
-                made = simulation_jobs(step.operation, step.arn, service)
+                made = simulation_jobs(step.operation, step.arn, service, has_ended=has_ended)
                 before = earlier.get(step.name) or []
                 told = before if len(before) == len(made) else [None] * len(made)
                 jobs += [
@@ -278,39 +281,57 @@ def _states_of(job: ReportedJob) -> str | None:
     return result.state_digest if result is not None and has_run else None
 
 
-def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
+def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bool = True) -> list[ReportedJob]:
     """Lists the simulation jobs of a job or batch that an operation created; empty for other operations.
+
+    Args:
+        operation: the operation.
+        arn: what it made.
+        service: where that is stored.
+        has_ended: whether the run has; until then, requests of a batch that still wait to become jobs are listed, too.
 
     Raises:
         ResourceNotFoundException: it was deleted.
     """
-    kinds = {"CreateSimulationJob": _single_job, "StartSimulationJobBatch": _batch_jobs}
-    return kinds[operation](arn, service) if operation in kinds else []
+    if operation == "CreateSimulationJob":
+        return _single_job(arn, service)
+    return _batch_jobs(arn, service, has_ended=has_ended) if operation == "StartSimulationJobBatch" else []
 
 
 def _single_job(arn: str, service: Service) -> list[ReportedJob]:
     return [_reported_job(service.catalog.get(arn, kind="simulation-job"), service)]
 
 
-def _batch_jobs(arn: str, service: Service) -> list[ReportedJob]:
+def _batch_jobs(arn: str, service: Service, *, has_ended: bool) -> list[ReportedJob]:
     document = SimulationJobBatchDocument.of(service.catalog.get(arn, kind="simulation-job-batch"))
     jobs = {
         SimulationJobDocument.of(job).request_index or 0: _reported_job(job, service)
         for job in service.catalog.children(arn, kind="simulation-job")
     }
     for place, failure in document.failed.items():
-        index = int(place)
-        jobs[index] = ReportedJob(
-            label=f"request {index + 1}",
-            status="NotCreated",
-            failure_code=failure.failure_code,
-            failure_reason=failure.failure_reason,
-            request=dict(document.requests[index]),
-            world_arn=world_arn(document.requests[index]),
-            application=_application(document.requests[index]),
-            inputs=inputs_of_request(document.requests[index], None),
+        jobs[int(place)] = _without_job(
+            document.requests[int(place)], int(place), "NotCreated", failure.failure_reason, failure.failure_code
         )
+    if not has_ended:
+        for index, request in enumerate(document.requests):
+            if index not in jobs:
+                jobs[index] = _without_job(request, index, "Pending", "the request has not become a job yet")
     return [jobs[index] for index in sorted(jobs)]
+
+
+def _without_job(
+    request: Mapping[str, Any], index: int, status: str, reason: str | None, code: str | None = None
+) -> ReportedJob:
+    return ReportedJob(
+        label=f"request {index + 1}",
+        status=status,
+        failure_code=code,
+        failure_reason=reason,
+        request=dict(request),
+        world_arn=world_arn(request),
+        application=_application(request),
+        inputs=inputs_of_request(request, None),
+    )
 
 
 def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> tuple[list[JobRecord], ResultTable]:

@@ -33,7 +33,7 @@ class StandingRun:
     steps: Sequence[StepRecord]
     """Steps that were ordered so far, in their order."""
     jobs: Sequence[JobRecord]
-    """Simulation jobs that are known so far, and requests of which none came."""
+    """Simulation jobs that are known so far, and requests of which none came, or none yet."""
     record: RunRecord | None = None
     order: Order | None = None
 
@@ -71,7 +71,7 @@ def stand_of(folder: Path, service: Service) -> StandingRun:
     if order is None:
         raise ConfigurationError(f"{folder} is no run's folder: it has neither {RECORD_NAME} nor an order")
     steps = _steps_so_far(folder, order)
-    reported = jobs_of(steps, service)
+    reported = jobs_of(steps, service, has_ended=False)
     return StandingRun(
         run_id=order.run_id,
         name=order.name or order.run_id.rpartition("-")[0],

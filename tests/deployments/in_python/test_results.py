@@ -134,6 +134,15 @@ def test_without_pandas_one_is_told_what_to_do(service: Service, monkeypatch: py
         run.to_pandas()
 
 
+def test_a_request_that_waits_is_unfinished_and_has_no_outputs_yet(service: Service) -> None:
+    waits = JobRecord(label="request 3", step="drive", status="Pending", failure_reason="not yet")
+    job = Run(StandingRun("r", "r", service.settings.home, "running", steps=[], jobs=[waits]), service).jobs[0]
+
+    assert (job.outcome, job.verdict, job.outputs) == ("unfinished", None, {})
+    with pytest.raises(ResourceNotFoundException, match=r"^request 3 of step drive has not become a job yet$"):
+        job.open("result.json")
+
+
 @pytest.fixture
 def slept(service: Service, order: Callable[..., dict[str, Any]], simulate: Callable[..., dict[str, Any]]) -> Run:
     """A run of one job that has outputs."""

@@ -101,3 +101,22 @@ def test_a_run_whose_process_died_has_broken_off(service: Service) -> None:
 def test_a_folder_of_no_run_is_refused(service: Service, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="is no run's folder"):
         stand_of(tmp_path, service)
+
+
+@pytest.mark.parametrize("outcome", ["running", "broken off"])
+def test_requests_that_have_not_become_jobs_yet_have_rows(
+    outcome: str, service: Service, order: Callable[..., dict[str, Any]]
+) -> None:
+    run = begun(service)
+    answers = KeptAnswers(run.folder, lambda step, request, carry_out: carry_out())
+    asked = {"createSimulationJobRequests": [_request(order)] * 5, "batchPolicy": {"maxConcurrency": 1}}
+    batch = call("StartSimulationJobBatch", asked, service)
+    answers(load_spec(SPEC, "spec.yaml").steps["drive"], {}, lambda: batch)
+    if outcome == "broken off":
+        os.close(run.lock)
+
+    found = stand_of(run.folder, service)
+    assert found.in_words() == f"{outcome}: 5 unfinished"
+    assert table_of(found, service).texts("outcome") == ["unfinished"] * 5
+    assert {job.label for job in found.jobs if job.arn is None} <= {f"request {index}" for index in range(1, 6)}
+    assert [job.failure_reason for job in found.jobs] == ["the request has not become a job yet"] * 5
