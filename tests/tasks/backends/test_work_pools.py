@@ -56,8 +56,8 @@ class Lab:
             self.client.send_worker_heartbeat(self.name, worker, heartbeat_interval_seconds=1.0)
 
     def states(self, batch: str) -> list[str]:
-        """The states of the runs of a batch."""
-        return sorted(run.state.type.value for run in self.runs(batch))
+        """The states of the runs of a batch; one that is being deleted has none for a moment."""
+        return sorted(run.state.type.value for run in self.runs(batch) if run.state is not None)
 
     def runs(self, batch: str) -> list[Any]:
         from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterTags
