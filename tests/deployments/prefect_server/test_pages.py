@@ -16,10 +16,11 @@ from helpers.browser import NEEDS_BROWSER, Browser, Page, browsing
 from helpers.command_here import Command
 from helpers.prefect_server import server_settings
 from helpers.processes import wait_for
-from helpers.small_flat import BODY, ROLE
+from helpers.small_flat import BODY
 
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
+from prefect_robomaker.flows.request_defaults import LOCAL_ROLE
 
 pytestmark = [pytest.mark.deep, NEEDS_BROWSER, pytest.mark.timeout(1200)]
 
@@ -232,17 +233,15 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(bro
     with browser.page(address) as page:
         text = page.wait_for_text("clientRequestToken")
         for name, description in {
-            "maxJobDurationInSeconds": "Wall-clock limit in seconds",
+            "maxJobDurationInSeconds (Optional)": "Wall-clock limit in seconds",  # as for callers in Python
             "failureBehavior (Optional)": "After a crash Fail (the default) ends the job",
             "compute (Optional)": "Limits on the job's use of the machine.",
             "video (Optional)": "Extension: whether a video is made: none (the default)",
         }.items():
             assert f"{name}\n\n{description}" in text or f"{name}\n{description}" in text, text
-        assert "maxJobDurationInSeconds (Optional)" not in text
         focus(page, "maxJobDurationInSeconds")
+        page.evaluate("document.activeElement.select()")  # what is there by default is written over
         page.send("Input.insertText", text="60")
-        focus(page, "iamRole")
-        page.send("Input.insertText", text=ROLE)
         shown = f"{SELECT_VIDEO}.innerText + {choices_of('failureBehavior')}.innerText"
         assert page.evaluate(shown) == "noneFail"  # the defaults
         assert page.evaluate(f"{choices_of('seed')}.tagName") == "INPUT"
@@ -262,7 +261,7 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(bro
         (run,) = page.wait(ordered, "the run of the form")
     given = {name: value for name, value in run.parameters.items() if value not in (None, [], {})}
     defaults = {"failureBehavior": "Fail"}
-    assert given == {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "video": "on-failure", **defaults}
+    assert given == {"maxJobDurationInSeconds": 60, "iamRole": LOCAL_ROLE, "video": "on-failure", **defaults}
 
 
 def test_the_form_of_a_batch_describes_its_parameters(browser: Browser, form: Any) -> None:
