@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.deep, needs("uv", UV, "uv is not installed")]
 
 
 def output_of(*command: str | Path, cwd: Path, **variables: str) -> str:
-    """What a command prints; it knows neither this project's environment nor its home."""
+    """Output of a command, which knows neither this project's environment nor its home."""
     inherited = {name: value for name, value in os.environ.items() if not name.startswith(("ROBOMAKER_", "PREFECT_"))}
     environ = {**inherited, **variables}
     done = subprocess.run(command, cwd=cwd, env=environ, capture_output=True, text=True, timeout=800, check=False)

@@ -124,10 +124,10 @@ class Mistake(NamedTuple):
     good: str
     bad: str
     said: str
-    """From the column on."""
+    """Text from the column on."""
 
     unknown_beside: tuple[str, ...] = ()
-    """What other mistakes write; whether this is one is not known before these are mended."""
+    """Texts of other mistakes; whether this is one is not known before these are mended."""
 
 
 # Cells and seeds, which say how many trials there are.
