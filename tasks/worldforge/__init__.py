@@ -1,1 +1,1 @@
-"""WorldForge: furnished indoor worlds from a template body."""
+"""WorldForge: generates furnished indoor worlds for simulation from a world template."""

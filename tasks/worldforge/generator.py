@@ -1,4 +1,6 @@
-"""Generates a checked world from a template body and two seeds, and variations of one.
+"""Generates a checked world from a template and two seeds, and makes variations of a world.
+
+The same template, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 
 The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
@@ -41,10 +43,10 @@ from .seeds import GENERATOR_VERSION, seeds_for
 __all__ = ["GENERATOR_VERSION", "MAX_ATTEMPTS", "furnish_and_prove", "generate_world", "measured", "seeds_for"]
 
 MAX_ATTEMPTS = 8
-"""Interiors tried on one floor plan before giving up."""
+"""Limit of the interiors that are tried on one floor plan before giving up."""
 
 MOST_CPU_S = 20.0
-"""CPU seconds after which no further interior is begun; a hundred times what a world takes."""
+"""CPU seconds after which no further interior is tried; a hundred times the time for one world."""
 
 
 def generate_world(
@@ -145,7 +147,10 @@ def measured(world: World, *, settle: bool = True) -> World:
 
 _MOST_NAMED = 12
 _TOUCHES_M = 2e-3
-"""Largest gap between things and their level: worlds say it to 0.1 mm, and a round top ends 1 mm lower."""
+"""Largest gap between an object and the surface it rests on, in metres.
+
+Worlds store heights to 0.1 mm, and a round top ends 1 mm lower.
+"""
 
 
 class Move(NamedTuple):
@@ -154,19 +159,19 @@ class Move(NamedTuple):
     east_m: float
     north_m: float
     turn_deg: float = 0.0
-    """Counter-clockwise, about its middle."""
+    """Turn counter-clockwise about the piece's middle, in degrees."""
 
 
 class Wanted(NamedTuple):
     """Requested changes for a variation of a world: doors, furniture, light and friction."""
 
     doors: Mapping[str, float] = {}
-    """Opening of doors, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
+    """Opening of doors in percent, by door id or by the door's two rooms: `Hall/Bedroom`."""
     moved: Mapping[str, Move] = {}
     removed: Sequence[str] = ()
     light: Light | None = None
     friction: Mapping[str, float] = {}
-    """Sliding friction of pieces of imported worlds; `*`: of all."""
+    """Sliding friction of pieces of imported worlds, by name; `*`: of all pieces."""
 
 
 def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> World:
@@ -243,7 +248,7 @@ def _door_index(passages: Sequence[Passage], name: str) -> int:
 
 
 def _with_moved(world: World, name: str, move: Move) -> tuple[World, list[Change]]:
-    """A piece goes elsewhere with all that stands on it."""
+    """Moves a piece of furniture together with all objects on it."""
     piece = _piece(world, name)
     if not piece.movable and move.turn_deg % 90:
         raise ConfigurationError(
@@ -270,7 +275,7 @@ def _with_moved(world: World, name: str, move: Move) -> tuple[World, list[Change
 
 
 def _without(world: World, name: str) -> tuple[World, list[Change]]:
-    """A piece is taken away with all that stands on it."""
+    """Removes a piece of furniture together with all objects on it."""
     piece = _piece(world, name)
     gone = [piece, *_carried(world, piece)]
     rest = [item for item in world.furniture if item not in gone]
@@ -303,7 +308,7 @@ def _place(item: Furniture) -> str:
 
 
 def _instead(name: str, names: Collection[str]) -> str:
-    """Suggestion for an unknown name: the most similar one, else the first of those that exist."""
+    """Suggests a name for an unknown one: the most similar existing name, else the first ones that exist."""
     if near := get_close_matches(name, names, n=1):
         return f"; did you mean {near[0]!r}?"
     shown = ", ".join(sorted(names)[:_MOST_NAMED])

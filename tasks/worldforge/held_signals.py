@@ -1,4 +1,4 @@
-"""Signals that wait until something is done."""
+"""Delays signals (Ctrl-C, SIGTERM) until a block of code is done."""
 
 import signal
 import threading
@@ -11,6 +11,10 @@ _STOPS = (signal.SIGINT, signal.SIGTERM)
 @contextmanager
 def held_signals() -> Iterator[None]:
     """Delays Ctrl-C and SIGTERM until the end of the `with` block.
+
+    It is for imports of packages that catch `BaseException` around imports of optional packages, as trimesh does: an
+    interruption there would be taken for a missing package, and the program would go on. Only the main thread gets
+    signals; in others this does nothing.
 
     For imports of packages that try for others with `except BaseException`, as trimesh does: an interruption that falls
     into such a line is taken for a package that is missing, and the program goes on. Only the main thread gets signals;

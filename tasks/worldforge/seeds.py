@@ -1,11 +1,14 @@
-"""Seeds of the worlds of a generation job, and the version of what is made of them; without MuJoCo."""
+"""Seeds of the worlds of a generation job, and the generator's version; it does not need MuJoCo."""
 
 import numpy as np
 
 from .floorplans.plan_seed import PlanSeed
 
 GENERATOR_VERSION = "3.3.0"
-"""Changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way."""
+"""Version of the world generator.
+
+It changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way.
+"""
 
 
 def seeds_for(job_seed: int, floorplan_index: int, interior_index: int, *, diverse: bool = True) -> tuple[int, int]:

@@ -1,1 +1,4 @@
-"""World bundles: writing, reading, proving, and the processes that build and draw them."""
+"""World bundles (a world's folder of files).
+
+Writing, reading and checking them, and the child processes that build and draw worlds.
+"""

@@ -1,4 +1,4 @@
-"""Writes and reads world bundles: a folder per world, addressed by the hash of its content; and its plain name."""
+"""Writes and reads world bundles: one folder of files per world, identified by a hash of its content."""
 
 import hashlib
 import re
@@ -25,7 +25,9 @@ PLAN_FILE = "floorplan.svg"
 
 
 def write_bundle(world: World, folder: Path) -> str:
-    """Writes the files of a generated world to a folder: `world.json`, MJCF model, meshes and map.
+    """Writes the files of a generated world to a folder: `world.json`, MJCF model, meshes and occupancy map.
+
+    The preview picture takes longer than all of these together, so it is drawn only when somebody looks at the world.
 
     A preview takes longer than all of it, and is drawn when somebody looks at the world.
 
@@ -98,7 +100,7 @@ def _hash(files: Mapping[str, bytes]) -> str:
 
 
 def _files(world: World) -> dict[str, bytes]:
-    """All files of a bundle, by their paths in it."""
+    """Returns the content of all files of a world's bundle, by their paths in the bundle."""
     model, meshes = decorated_mjcf(world)
     if world.appearance != DAY:
         model = relit(model, appearance_named(world.appearance))
@@ -130,7 +132,10 @@ class PlainModel(NamedTuple):
 
     mjcf: str
     names: Mapping[str, str]
-    """Names in `world.json` and the other files, by plain name; only those that differ."""
+    """Names as `world.json` and the other files have them, by the plain name that replaces them.
+
+    Only names that differ.
+    """
 
 
 def with_plain_names(mjcf: str) -> PlainModel:

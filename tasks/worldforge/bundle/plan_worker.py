@@ -1,4 +1,4 @@
-"""A process that draws the plan of a world on demand, each within a second of a processor.
+"""Child process that draws floor plans of worlds on demand, each within one second of processor time.
 
 Started as `python -m prefect_robomaker.tasks.worldforge.bundle.plan_worker`; reads one JSON object a line from standard
 input and answers each with one line on standard output:
@@ -26,10 +26,13 @@ from ..pictures.plan_svg import floorplan_svg
 from ..seeds import seeds_for
 
 MOST_CPU_S = 1.0
-"""A world takes a tenth of that; what takes more is not drawn."""
+"""Limit of processor time for one floor plan, in seconds.
+
+A world takes a tenth of that; a plan that takes longer is not drawn.
+"""
 
 IDLE_S = 120.0
-"""After that the process ends, so that its memory is free."""
+"""Time without a request after which the process ends, in seconds, so that its memory is free."""
 
 
 def main() -> None:

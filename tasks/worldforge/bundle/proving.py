@@ -1,4 +1,7 @@
-"""Proves a stored world anew from its files: measures its model, and holds map, description and manifest against it."""
+"""Checks a stored world again from its files.
+
+Measures its model, and compares map, description and manifest with it.
+"""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -29,9 +32,12 @@ from .survey import ground_at, in_the_way, known_map
 
 _PIXELS = (OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL)
 _NOT_OF_THE_WORLD = {PREVIEW_FILE, "manifest.json"}
-"""Files that come to a bundle once it is stored."""
+"""Files that are added to a world's bundle after it was stored, and so are missing in its manifest."""
 _UNCOMPARED = {"contentHash", "proofs"}
-"""Members of a description that say nothing of the world itself."""
+"""Members of a world's description file that are not compared with `world.json`.
+
+The reason: they say nothing about the world itself.
+"""
 
 _LESS_COMPARED: dict[Guarantee, str] = {
     "parts": "not compared: an earlier generator's parts are compared by outline only",
@@ -76,7 +82,7 @@ def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = Non
 
 
 def _seen_site(world: World, model: mujoco.MjModel) -> Site:
-    """The model of an imported world, whose map is what is seen from the start."""
+    """Returns the place to be checked of an imported world, with the map of the area that is seen from the start."""
     scan = awake_scan(world, model)
     ground = ground_at(model, scan.data)
     grid = known_map(ground, (0.0, 0.0))
@@ -151,7 +157,10 @@ def _plan(folder: Path) -> str | None:
 
 
 def _difference(said: Any, right: Any, path: str = "") -> str | None:
-    """The first member that differs, with both values; `None` if none does."""
+    """Describes the first member in which two descriptions of a world differ, with both values.
+
+    `None` if they are equal.
+    """
     if isinstance(said, dict) and isinstance(right, dict):
         pairs = ((f"{path}.{key}".strip("."), said.get(key), right.get(key)) for key in sorted({*said, *right}))
     elif isinstance(said, list) and isinstance(right, list):

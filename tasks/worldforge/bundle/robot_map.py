@@ -1,4 +1,6 @@
-"""The map of what a robot of some height meets: legs of a table, and not what it drives under.
+"""Occupancy map for a robot of a given height: it shows table legs, and leaves out parts that the robot drives under.
+
+Bundles have a coarser map, in which furniture is as large as its outline.
 
 Bundles have a coarser one, in which furniture is as large as its outline.
 """
@@ -19,7 +21,10 @@ from .survey import survey
 
 MAP_FILES = ("map.pgm", "map.yaml")
 HEIGHTS_M = 0.05, 2.0
-"""Heights of robots: from a little above what stays flat on the floor to below the lintels of doors."""
+"""Least and greatest height of a robot that a map can be made for, in metres.
+
+From just above flat things on the floor to below the lintels of doors.
+"""
 
 _TOUCHING_M = 1e-4
 """Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
@@ -73,7 +78,7 @@ def robot_map(scene: Scene, height_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
 
 
 def _slices(model: mujoco.MjModel, low_m: float, high_m: float) -> Iterator[list[Point]]:
-    """Outlines, counter-clockwise, of all solid parts between two heights."""
+    """Yields the outlines, counter-clockwise, of all solid parts of a model between two heights."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     yield from (outline for _, outline in solid_outlines(model, data, low_m, high_m))

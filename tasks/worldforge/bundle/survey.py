@@ -1,4 +1,7 @@
-"""Map of a world that has no plan, from its model: the floor, a free place to start, and what a robot meets.
+"""Occupancy map of a world without a floor plan, computed from its MuJoCo model: floor, free start position, obstacles.
+
+The map shows the floor cells that are connected to the start without a fixed thing between, and the faces of obstacles
+around them. Doors and loose objects do not separate cells, as robots push these.
 
 Cells of the floor are known that are joined to the start by floor without a fixed thing between, and the faces of what
 is around them. Doors and loose things do not part them, as robots push these.
@@ -20,38 +23,47 @@ from ..geometry.occupancy import RESOLUTION_M, ROBOT_HIGH_M, OccupancyGrid, conn
 from ..geometry.slices import solid_outlines
 
 LOW_M = 0.03
-"""Bottom of the slice that a map is of: floors of meshes and thresholds are not level to the centimetre."""
+"""Height above the floor at which a map's slice begins, in metres.
+
+Floors of meshes and thresholds are not level to the centimetre.
+"""
 START_RADIUS_M = 0.5
-"""Radius that is free around the start, as in every world."""
+"""Radius that is free of obstacles around the start, in metres, as in every generated world."""
 
 _ABOVE_FLOOR_M = 0.5
-"""Height from which the floor is looked for: below table tops that are higher, above floors that are not quite at 0."""
+"""Height from which the floor is searched downwards, in metres.
+
+Below most table tops, above floors that are not quite at 0.
+"""
 _NEAR_M = 0.3
-"""Height above the one that is named from which the floor is looked for: robots are put down a little above floors."""
+"""Height above the stated floor height from which the floor is searched downwards, in metres.
+
+Robots are put down a little above floors.
+"""
 _HEADROOM_M = 1.0
-"""Free space above a floor that is looked for from above; below tables and decks is none."""
+"""Free height that a floor found from above must have above it, in metres; below tables and decks there is less."""
 _MOST_SURFACES = 64
-"""Surfaces above each other that are looked at."""
+"""Limit of the surfaces above each other that are examined at one point."""
 _SKIN_M = 1e-3
 _DEEPEST_M = 3.0
 _FLOOR_BAND_M = (-0.05, LOW_M)
-"""Heights over the floor in which something has to be for a robot to stand on."""
+"""Range of heights around the floor, in metres, in which a surface counts as floor that a robot can drive on."""
 _STANDING = 0.1
-"""Upward part of the normal below which a plane is a wall: nothing stands on it."""
+"""Upward part of a plane's normal below which the plane is a wall and no floor."""
 _MARGIN_M = 1.0
 _MOST_SIDE_M = 200.0
-"""Longest side of a map; 4,000 cells."""
+"""Limit of the side of a map, in metres; 4,000 cells."""
 _BARE_SIDE_M = 20.0
-"""Side of a map of a world that has only a plane."""
+"""Side of the map of a world that consists of an infinite plane only, in metres."""
 _SEEN_DEPTH_M = 1.5
 """Depth to which things are known behind their faces: walls behind beds are."""
 _HOLLOW = 3
-"""Half the width of a hollow wall, in cells: 30 cm are closed."""
+"""Half of the width of hollow walls that are filled on the map, in cells: 30 cm are closed."""
 _BOX = np.ones((3, 3), np.bool_)
 _BORDER_M = 0.5
-"""Unknown border around what is known, so that a map shows outer walls whole."""
+"""Width of the unknown border around the known cells, in metres, so that a map shows outer walls whole."""
 _LEAST_AREA_M2 = 2.0
-"""Area that has to be reachable from a start that was chosen."""
+"""Smallest floor area that a robot must reach from a start that was chosen automatically, in square metres."""
 _STEPS = 40
 
 
@@ -60,7 +72,7 @@ class Ground:
     """Grid of a world at one floor height: cells with floor, and cells with obstacles."""
 
     grid: OccupancyGrid
-    """All that is occupied; nothing is known yet."""
+    """Occupancy grid with all obstacles; no cell is marked as free yet."""
     supported: NDArray[np.bool_]
     """Cells that have a floor."""
     owners: NDArray[np.int32]
@@ -97,7 +109,7 @@ def _low_floor(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m:
 
 
 def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, top_m: float) -> float | None:
-    """The lowest height at a point that something has its top at, with room for a robot above."""
+    """Returns the lowest surface height at a point that has room for a robot above it; `None` if there is none."""
     found: list[float] = []
     height = top_m + _HEADROOM_M
     for _ in range(_MOST_SURFACES):
@@ -113,7 +125,10 @@ def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, to
 
 
 def _ray(model: mujoco.MjModel, data: mujoco.MjData, start: tuple[float, float, float], up: float) -> float:
-    """Distance to the first thing above (1) or below (-1) a place; less than 0: there is none."""
+    """Returns the distance from a point to the first surface above it (`up` is 1) or below it (-1).
+
+    Negative if there is none.
+    """
     along = np.array([0.0, 0.0, up])
     return float(mujoco.mj_ray(model, data, np.array(start), along, None, True, -1, np.zeros(1, np.int32)))
 
@@ -192,7 +207,7 @@ def ground_at(
 
 
 def _around(grid: OccupancyGrid, outline: list[Point]) -> tuple[slice, slice]:
-    """Rows and columns of the cells around an outline."""
+    """Returns the rows and columns of grid cells around an outline."""
     found = []
     for axis, count in ((1, grid.occupied.shape[0]), (0, grid.occupied.shape[1])):
         values = [point[axis] - grid.origin[axis] for point in outline]
@@ -249,7 +264,7 @@ def _fill_terrain(
     grid: OccupancyGrid,
     supported: NDArray[np.bool_],
 ) -> None:
-    """Marks where terrain is level with the floor, and where it is higher."""
+    """Marks the cells where a height field is level with the floor, and as obstacles those where it is higher."""
     field = int(model.geom_dataid[geom])
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     start = int(model.hfield_adr[field])

@@ -1,4 +1,4 @@
-"""All that decorates a world: meshes and geoms of MJCF, from the world and its seeds alone."""
+"""Makes all decoration of a world as MJCF meshes and geoms, from the world and its seeds alone."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ def furnishings(world: World, faces: Sequence[Face], shapes: Shapes, dice: Rando
 
 
 def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
-    """One below each coffee table and one below the foot of each bed."""
+    """Yields a rug below each coffee table and one below the foot of each bed."""
     rooms = {room.name: room for room in world.floorplan.rooms}
     for item in world.furniture:
         if item.model_type not in ("CoffeeTables", "Beds"):
@@ -64,7 +64,10 @@ def _within(box: Box, room: Box) -> Box:
 
 
 def _lies_in(box: Box, polygon: Sequence[Point]) -> bool:
-    """Whether a rectangle is inside a room of any form: its corners are, and none of the room's is in it."""
+    """Whether a rectangle is inside a room's polygon.
+
+    All its corners are inside, and no corner of the room is in it.
+    """
     corners = [(x, y) for x in box[::2] for y in box[1::2]]
     return all(contains(polygon, x, y) for x, y in corners) and not any(
         box[0] < x < box[2] and box[1] < y < box[3] for x, y in polygon
@@ -101,7 +104,7 @@ def _counter_color(item: Furniture) -> Color:
 
 
 def _behind(item: Furniture, faces: Sequence[Face]) -> Face | None:
-    """The face of the wall that a piece has its back to."""
+    """Returns the wall face that a piece of furniture has its back to; `None` if there is none."""
     x0, y0, x1, y1 = pose_of(item).box(-item.depth_m / 2 - 0.1, 0.0, -0.05, 0.05)
     for face in faces:
         along, across = ((x0, x1), (y0, y1)) if face.along_x else ((y0, y1), (x0, x1))
@@ -125,7 +128,7 @@ def _cabinet(name: str, face: Face, span: Span, color: Color) -> Iterator[Orname
 
 
 Sides = Callable[[Wall, World], tuple[str, str]]
-"""Surfaces of a wall's right and left face."""
+"""Function that returns the surface materials of a wall's right and left face."""
 
 
 @dataclass(slots=True)
@@ -133,11 +136,11 @@ class Decoration:
     """Decoration of a world (pictures, curtains, lamps, ...), as MJCF."""
 
     assets: list[str] = field(default_factory=list)
-    """Lines of meshes."""
+    """MJCF lines that define the meshes."""
     geoms: list[str] = field(default_factory=list)
-    """Lines of geoms for the `worldbody`."""
+    """MJCF lines of geoms for the `worldbody`."""
     files: dict[str, str] = field(default_factory=dict)
-    """Texts of the files that the meshes name, by their paths from where the model is."""
+    """Content of the mesh files, by their paths relative to the model."""
 
 
 def decorate(world: World, sides: Sides, shapes: Shapes) -> Decoration:

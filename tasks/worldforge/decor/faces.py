@@ -13,7 +13,7 @@ WINDOW_HEAD_M = 2.1
 
 _SAME_M = 1e-6
 _WALL_M = 0.1
-"""Half an outer wall."""
+"""Half the thickness of an outer wall, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,18 +21,18 @@ class Face:
     """One side of a wall, seen from one room, on which decoration is placed."""
 
     number: int
-    """The wall's place in the plan."""
+    """Number of the wall in the floor plan."""
     wall: Wall
     room: Room
     along_x: bool
     at: float
     """Coordinate of the face across the wall, in metres."""
     inward: float
-    """1 or -1: the direction from the wall into the room."""
+    """Direction from the wall into the room along the axis across the wall: 1 or -1."""
     span: Span
-    """Coordinates of the wall's ends along it, in metres."""
+    """Coordinates of the wall's two ends along the wall, in metres."""
     windows: list[tuple[int, Span]]
-    """Numbers and sides of the windows in the wall, in order along it."""
+    """Number and two ends of each window in the wall, in order along the wall."""
 
     def box(self, along: Span, off: Span, up: Span) -> tuple[Vector, Vector]:
         """Returns centre and half sizes of a box, from distances along, off and up the wall."""
@@ -60,13 +60,13 @@ class Face:
 
     @property
     def inner(self) -> Span:
-        """The part of the wall side that is certainly inside the room."""
+        """Returns the stretch of the wall's side that is certainly inside the room, as coordinates along the wall."""
         low, high = bounds(self.room.polygon)[1 - self.along_x :: 2]
         return max(self.span[0], low + _WALL_M), min(self.span[1], high - _WALL_M)
 
     @property
     def quat(self) -> str:
-        """Quaternion that turns a picture to face the room."""
+        """Returns the MJCF quaternion that turns a picture on the wall to face the room."""
         return ALONG_X if self.along_x else ALONG_Y
 
 
@@ -120,7 +120,7 @@ def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
 
 
 Standing = tuple[Box, float]
-"""Box that a piece covers, and its height, in metres."""
+"""Footprint of a piece of furniture, and its height in metres."""
 
 
 def covered(world: World, room: str) -> list[Standing]:

@@ -1,4 +1,6 @@
-"""Light: the sun and a lamp in each room, by day; and ceilings and skirting boards.
+"""Light of a world by day (sun and ceiling lamps), and ceilings and skirting boards.
+
+MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
 
 MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
 """
@@ -15,10 +17,10 @@ from ..ornaments.ornaments import Mesh, Ornament, joined, numbers, sheet, turned
 from .faces import Face, faces
 
 MOST_LAMPS = 6
-"""Beside the headlight and the sun."""
+"""Limit of ceiling lamps in a world: MuJoCo draws eight lights, two of which are the headlight and the sun."""
 
 LAMP_SHADE = "lamp_shade"
-"""Material of what hangs under the ceilings."""
+"""Name of the material of lamp shades."""
 
 _SUN_FAR_M = 12.0
 _SUN_DIRECTIONS: tuple[Vector, ...] = ((-0.6, 0.35, -0.62), (0.6, 0.35, -0.62))
@@ -59,7 +61,7 @@ def _middle(world: World) -> Vector:
 
 
 def _sun_direction(world: World) -> Vector:
-    """Direction of the sun, from the south-east or the south-west: where there is more glass."""
+    """Returns the direction of sunlight: from the south-east or the south-west, whichever side has more glass."""
     east = west = 0.0
     for face in faces(world):
         for _, (low, high) in face.windows:
@@ -84,7 +86,7 @@ def lamp_spots(world: World) -> list[Vector]:
 
 
 def _spots(room: Room, count: int) -> list[Vector]:
-    """Spots along the middle of a room's largest rectangle."""
+    """Returns `count` lamp positions along the middle of a room's largest rectangle."""
     x0, y0, x1, y1 = max(room_rects(room).tolist(), key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
     x, y, wide, deep = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
     if count == 1:
@@ -111,7 +113,7 @@ def material_lines() -> Iterator[str]:
 
 
 CEILING = "ceiling"
-"""Their material."""
+"""Name of the material of ceilings."""
 
 _RIM_M = 0.05
 _CELL_M = 0.8
@@ -141,7 +143,7 @@ def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
 
 
 SKIRTED = ("plain", "stripes", "trellis", "sprigs", "panels")
-"""Patterns of walls that have skirting; tiles, bricks and stones go down to the floor."""
+"""Wall patterns that get a skirting board; tiles, bricks and stones go down to the floor."""
 
 _HEIGHT_M = 0.08
 _THICK_M = 0.012

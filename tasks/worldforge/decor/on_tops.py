@@ -1,4 +1,4 @@
-"""Small things on tables, counters, chests and open shelves."""
+"""Decoration on furniture: small things on tables, counters, chests and open shelves."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ class _Top:
     part: Part
     taken: list[Box]
     headroom: float
-    """Free above it."""
+    """Free height above the surface, in metres."""
 
     @classmethod
     def of(cls, item: Furniture, loose: Sequence[Furniture]) -> "_Top | None":
@@ -121,7 +121,7 @@ class _Top:
 
 
 def _boards(item: Furniture) -> Iterator[_Top]:
-    """The boards of open shelves."""
+    """Yields the boards of an open shelf as surfaces for decoration."""
     parts = parts_of(item)
     boards = sorted((part for part in parts if part.name.startswith("board")), key=_upper)
     for board, above in zip(boards, [*(_upper(part) for part in boards[1:]), item.height_m + 2.0], strict=True):
@@ -133,7 +133,7 @@ def _boards(item: Furniture) -> Iterator[_Top]:
 def _set(
     name: str, item: Furniture, top: _Top, wanted: Sequence[str], shapes: Shapes, dice: Random
 ) -> Iterator[Ornament]:
-    """Things at free spots of a level, turned a little."""
+    """Yields small things at free positions on a surface, each turned a little."""
     (px, py, _), (pw, pd, _) = top.part.center, top.part.size
     c, s = turn(item.yaw)
     for number, thing in enumerate(wanted):

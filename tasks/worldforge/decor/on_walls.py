@@ -42,7 +42,7 @@ _USUALLY_ON_SHELVES = ("books", "plant", "frame", "vase")
 
 @dataclass(slots=True)
 class _Wall:
-    """A face of a wall, and its occupied spans."""
+    """Side of a wall in a room, with the stretches of it that decoration already covers."""
 
     face: Face
     standing: Sequence[Standing]
@@ -128,7 +128,7 @@ def _shelf(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> I
 
 
 def _coats(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Hooks on a board, most of them in use."""
+    """Yields a board with coat hooks, most of them with a coat."""
     yield wall.face.bar(f"{name}_board", (at - 0.45, at + 0.45), (0.0, 0.02), (1.62, 1.74), dice.choice(_BOARDS))
     for hook in range(4):
         place = at - 0.36 + 0.24 * hook
@@ -139,7 +139,7 @@ def _coats(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> I
 
 
 def _towels(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Two towels over a rail."""
+    """Yields two towels that hang over a rail."""
     yield wall.face.rod(f"{name}_rail", (at - 0.45, at + 0.45), 0.06, 1.25, 0.009, CHROME)
     for end, side in enumerate((at - 0.44, at + 0.44)):
         yield wall.face.bar(f"{name}_end_{end}", (side - 0.01, side + 0.01), (0.0, 0.065), (1.24, 1.26), CHROME)
@@ -177,7 +177,7 @@ _IN_ROOMS: dict[RoomType, tuple[str, ...]] = {
 """Decorations on the walls of each type of room, the most important first."""
 
 _OVER_COUNTERS = ("Kitchen",)
-"""Rooms in which cabinets hang over what stands at walls."""
+"""Types of rooms in which wall cabinets hang above furniture at walls."""
 
 
 def things_on_walls(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
@@ -201,7 +201,7 @@ def _windows(face: Face) -> list[Span]:
 
 
 def _swept(world: World, room: Room) -> Iterator[Standing]:
-    """Boxes that the leaves of doors sweep over in a room, and the leaves' heights, in metres."""
+    """Yields the boxes that door leaves sweep in a room, with the leaves' heights in metres."""
     for passage in world.floorplan.passages:
         door = passage.door
         if door is None or room.name not in passage.rooms:

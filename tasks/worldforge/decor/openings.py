@@ -1,4 +1,7 @@
-"""Windows one looks out of: what is drawn of a wall leaves them open, with frames and curtains in them.
+"""Visible windows in walls: the drawn wall has openings, with frames and curtains in them.
+
+The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
+sun out of MuJoCo's pictures.
 
 The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
 sun out of MuJoCo's pictures.
@@ -22,7 +25,7 @@ Rectangle = tuple[float, float, float, float]
 """Low, bottom, high, top: along a wall and upwards."""
 
 LAID = "_laid"
-"""Ends the names of materials for meshes, which have places on the picture of their own."""
+"""Suffix of the names of materials for meshes that have texture coordinates of their own."""
 
 _FRAME = rgb("f7f7f3")
 _SILL = rgb("efeee9")
@@ -55,7 +58,10 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
 def pierced_wall(
     number: int, wall: Wall, sides: tuple[str, str], world: World
 ) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Yields the parts of a wall with windows.
+    """Yields the visible parts of a wall with windows as meshes.
+
+    They are meshes because a pattern has to continue from part to part, which boxes with textures of their own do not
+    do.
 
     A pattern has to continue from piece to piece, which boxes with pictures of their own do not do.
     """
@@ -80,7 +86,7 @@ def pierced_wall(
 
 
 def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: Span) -> list[Rectangle]:
-    """The rectangles that are left of a wall."""
+    """Returns the rectangles that remain of a wall around its windows."""
     ends = [span[0], *(end for _, sides in windows for end in sides), span[1]]
     pieces = [(low, 0.0, high, height) for low, high in list(pairwise(ends))[::2] if high > low]
     for _, (low, high) in windows:
@@ -89,7 +95,10 @@ def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: 
 
 
 def _patterned(pieces: Sequence[Rectangle], half: float, size_m: tuple[float, float]) -> Mesh:
-    """Boxes with a picture that goes on from one to the next; axes are along, up, through."""
+    """Makes one mesh of boxes whose texture continues from one box to the next.
+
+    Axes are along, up, through the wall.
+    """
     vertices, triangles = joined(part for piece in pieces for part in _box(piece, half))
     normals = _normals(vertices, triangles)
     sideways, level = np.abs(normals[:, 0]) > 0.5, np.abs(normals[:, 1]) > 0.5
@@ -114,7 +123,7 @@ def _box(piece: Rectangle, half: float) -> Iterator[tuple[Floats, np.ndarray]]:
 
 
 def _normals(vertices: Floats, triangles: np.ndarray) -> Floats:
-    """Normals of flat pieces that share no vertices: one per vertex."""
+    """Computes the normals of flat faces that share no vertices: one normal per vertex."""
     a, b, c = (vertices[triangles[:, index]] for index in range(3))
     across = np.cross(b - a, c - a)
     normals = np.zeros_like(vertices)
@@ -157,11 +166,11 @@ _ROD = rgb("4a423b")
 _BLIND = rgb("e4dfd3")
 
 _OFF_M = 0.1
-"""Distance of the rod's middle from the wall, in metres."""
+"""Distance of the curtain rod's axis from the wall, in metres."""
 _DEEP_M = 0.056
-"""Depth of the folds, in metres."""
+"""Depth of the curtain's folds, in metres."""
 _OVER_M = 0.13
-"""Height of the rod above the window, in metres."""
+"""Height of the curtain rod above the window, in metres."""
 
 
 def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
@@ -200,7 +209,7 @@ def _pair(
 
 
 def _blind(face: Face, number: int, span: Span, world: World, dice: Random) -> Iterator[Ornament]:
-    """A roll above the window's frame and cloth that comes some way down."""
+    """Yields a roller blind: a roll above the window's frame, and cloth that hangs some way down."""
     sill, head = window_heights(world)
     off = -0.3 * face.wall.thickness_m
     down = dice.choice((0.12, 0.2, 0.32)) * (head - sill)

@@ -1,4 +1,7 @@
-"""Windows of bathrooms: one small window in the longest outer wall, for air and light.
+"""Adds windows to bathrooms: one small window in the longest outer wall, for air and light.
+
+Windows of other rooms come from the search for floor plans, which weighs daylight. A bathroom's window depends only on
+its walls and not on chance, so that the plans of existing seeds stay the same.
 
 The plans of other rooms have theirs from the search for plans, which weighs daylight; a bathroom gets what its walls
 happen to allow, without chance, so that plans stay what they are.
@@ -9,13 +12,13 @@ from math import dist
 from ....schemas.worlds.world import Floorplan, Wall, Window
 
 _GRID = 20
-"""Steps of 5 cm in a metre: all plans lie on them."""
+"""Grid steps of 5 cm in a metre; all floor plans have coordinates on this grid."""
 
 _BESIDE_STEPS = 8
-"""Wall on both sides of the window: 0.4 m hold the reveal and a towel rail."""
+"""Least length of wall on both sides of a bathroom window, in grid steps: 0.4 m hold the reveal and a towel rail."""
 
 _WIDTHS_STEPS = (16, 12)
-"""Widths of the window, the preferred one first: 0.8 m and 0.6 m are the usual small sizes."""
+"""Widths of a bathroom window in grid steps, the preferred one first: 0.8 m and 0.6 m are the usual small sizes."""
 
 
 def with_bath_windows(plan: Floorplan) -> Floorplan:

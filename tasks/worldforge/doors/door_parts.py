@@ -1,4 +1,6 @@
-"""Doors as MJCF: leaves with panels, glass or boards and their poses, handles, and the frames around them.
+"""Parts of doors as MJCF: leaves with panels, glass or boards and their poses, handles, and frames.
+
+A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 
 A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 """
@@ -54,7 +56,7 @@ def door_parts(door: Door) -> list[Part]:
 
 
 def _relief(form: str, width: float, height: Span, accent: Color) -> Iterator[tuple[str, Span, Span, Color]]:
-    """Raised parts of a leaf's face: name, extent along the leaf, extent upwards, colour."""
+    """Yields the raised parts of a door leaf's face: name, extent along the leaf, extent upwards, colour."""
     low, high = height
     if form == "panelled":
         edge = (0.12, width - 0.12)
@@ -75,7 +77,7 @@ def _relief(form: str, width: float, height: Span, accent: Color) -> Iterator[tu
 
 
 def _handle(door: Door, face: str) -> list[Part]:
-    """A lever, which collides, and its plate, which does not."""
+    """Makes a door handle: a lever, which collides, and its plate, which does not."""
     end = door.leaf_width_m - _HANDLE_INSET_M
     up = (_HANDLE_HEIGHT_M - 0.01, _HANDLE_HEIGHT_M + 0.01)
     return [
@@ -99,13 +101,13 @@ def _handle(door: Door, face: str) -> list[Part]:
 
 
 def _across(door: Door, near: float, far: float) -> Span:
-    """Between two depths into the leaf, from its face in the room."""
+    """Returns the extent across a door leaf between two depths, measured from the face in the room it opens into."""
     one, other = sorted((-door.swing * near, -door.swing * far))
     return one, other
 
 
 def _off(door: Door, face: str, near: float, far: float) -> Span:
-    """Between two distances off a face."""
+    """Returns the extent across a door leaf between two distances off one of its faces."""
     if face == "front":
         return _across(door, -near, -far)
     return _across(door, door.thickness_m + near, door.thickness_m + far)
@@ -143,7 +145,7 @@ def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]
 FULLY_OPEN_PERCENT = 100.0
 
 HANDLE_M = 0.06
-"""Distance that handles stand off the leaf."""
+"""Distance by which door handles stick out from the leaf, in metres."""
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
@@ -199,11 +201,14 @@ def _local_box(door: Door, one: Point, other: Point) -> Box:
 
 
 _FRICTION_NM = 0.4
-"""Keeps the leaf where it is; a robot of 3 kg that pushes with 7 N moves it from 6 cm off the hinges on."""
+"""Friction torque of a door's hinge, in newton metres.
+
+It keeps the leaf where it is; a robot of 3 kg that pushes with 7 N moves the leaf from 6 cm off the hinge on.
+"""
 _DAMPING_NMS = 0.8
 
 WriteGeom = Callable[[Solid, str], str]
-"""Writer of a solid with its physics as a line of MJCF."""
+"""Function that writes a shape with its physical properties as a line of MJCF."""
 
 
 def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
@@ -277,7 +282,7 @@ def _mass_kg(door: Door, solid: Solid) -> float:
 
 
 def door_resistance(door: Door) -> dict[str, float]:
-    """Returns all that makes a door hard to turn, by the names that MJCF has for it.
+    """Returns the MJCF joint attributes that make a door hard to turn (friction, damping, ...), by attribute name.
 
     Args:
         door: the door.

@@ -1,4 +1,4 @@
-"""Hangs a door in every doorway: on which side its hinges are and into which room it swings.
+"""Gives doorways doors: chooses the side of the hinges and the room that each door opens into.
 
 A leaf stands in the gap of its wall, flush with the face on the side it opens to, and turns about its corner there;
 so nothing of it ever enters the wall. What it sweeps is a quarter of a disc: free of walls, of what other doors
@@ -21,21 +21,24 @@ from .door_parts import HANDLE_M, leaf_outlines, lintel_over, open_box
 THICKNESS_M = 0.04
 """Thickness of the leaf, in metres."""
 GAP_M = 0.005
-"""Between the leaf and its frame, on every side but the floor's."""
+"""Gap between a door leaf and its frame, in metres, on every side but the floor's."""
 BOTTOM_M = 0.01
 
 _ORIGIN_M = 0.58
-"""Radius around the origin that no door sweeps: the guaranteed cylinder's, and a cell of the map."""
+"""Radius around the world's origin that no door sweeps, in metres: the free circle for robots, and one map cell."""
 _APPROACH_M = 0.6
-"""Depth before every way that no open leaf stands in: a robot and some ease."""
+"""Depth in front of every doorway and opening that no open door leaf may cover, in metres: a robot and some margin."""
 _ROBOT_M = 0.25
-"""Radius of the robot that has to reach every room of the empty plan: some more than the worlds are checked for."""
+"""Radius of the robot that must reach every room of the unfurnished plan, in metres.
+
+More than the worlds are checked for.
+"""
 _MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
 _INTO: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
-"""Reluctance to open into a room of a type."""
+"""Cost of a door that opens into a room of this type."""
 _INTO_LARGER = 1.0
 _CORNER_SPAN_M = 2.0
 
@@ -54,7 +57,7 @@ class Hanging(NamedTuple):
 
     @property
     def swing(self) -> int:
-        """1 if the door opens counter-clockwise, else -1."""
+        """Direction in which the door opens: 1 counter-clockwise, -1 clockwise."""
         return 1 if self.along[0] * self.into[1] - self.along[1] * self.into[0] > 0 else -1
 
     def at(self, along: float, into: float) -> Point:
@@ -128,7 +131,7 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
 
 
 def _without_cages(plan: Floorplan, reasons: dict[int, str]) -> Floorplan:
-    """Takes off doors whose open leaves would together keep a robot out of a room; hardly ever any."""
+    """Removes doors whose open leaves would together keep a robot out of a room; rarely any."""
     doors = [index for index, passage in enumerate(plan.passages) if passage.door]
     walls = [bounds(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     leaves = [passage.door for passage in plan.passages if passage.door]
@@ -144,14 +147,14 @@ def _without_cages(plan: Floorplan, reasons: dict[int, str]) -> Floorplan:
 
 
 def _all_reached(plan: Floorplan) -> bool:
-    """Whether a robot reaches every room of the empty plan with all doors fully open."""
+    """Whether a robot reaches every room of the unfurnished plan with all doors fully open."""
     grid = occupancy_grid(plan, (), leaf_outlines(plan, fully_open=True))
     reached = reachable(grid, (0.0, 0.0), _ROBOT_M)
     return all(np.count_nonzero(reached & room_cells(grid, room)) >= _MIN_CELLS for room in plan.rooms)
 
 
 def _before_tip(door: Door) -> Box:
-    """The place between the open leaf's free edge and a wall across the room, if that is too near to pass."""
+    """Returns the area between the open leaf's free edge and a wall opposite; `None` if it is wide enough to pass."""
     box = open_box(door)
     x, y = (round(axis) for axis in (cos(door.yaw_at(door.max_angle_rad)), sin(door.yaw_at(door.max_angle_rad))))
     reach = 2 * _ROBOT_M
@@ -268,7 +271,7 @@ def _door(identifier: str, hanging: Hanging, passage: Passage, head_m: float) ->
 
 
 def _approach(passage: Passage) -> Box:
-    """The place before a way, on both sides."""
+    """Returns the area in front of a doorway or opening, on both sides."""
     return strip(passage.start, passage.end, _APPROACH_M)
 
 
@@ -278,7 +281,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _cage(one: Hanging, other: Hanging) -> bool:
-    """Whether no robot passes between two open leaves."""
+    """Whether two open door leaves are too close together for a robot to pass between."""
     return _overlap(_grown(one.open_leaf, _APPROACH_M / 2), _grown(other.open_leaf, _APPROACH_M / 2))
 
 
@@ -287,13 +290,13 @@ def _grown(box: Box, margin: float) -> Box:
 
 
 def _near(one: Hanging, other: Hanging) -> bool:
-    """Whether two doors can meet at all."""
+    """Whether two doors are near enough to touch each other in any position."""
     apart = max(abs(one.hinge[0] - other.hinge[0]), abs(one.hinge[1] - other.hinge[1]))
     return apart < one.leaf_m + other.leaf_m + 2 * HANDLE_M + _APPROACH_M
 
 
 def _meet(one: Sequence[Point], other: Sequence[Point]) -> bool:
-    """Whether two convex polygons overlap: no edge of either separates them."""
+    """Whether two convex polygons overlap: no edge of either separates them (separating axis theorem)."""
     if not _overlap(bounds(one), bounds(other)):
         return False
     for polygon in (one, other):

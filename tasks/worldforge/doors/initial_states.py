@@ -77,7 +77,7 @@ def _rank(target: DoorwayTarget) -> int:
 
 
 def _means(target: DoorwayTarget, passage: Passage, rooms: dict[str, Room]) -> bool:
-    """Whether a target means the doorway, in either direction."""
+    """Whether a doorway set of the world template applies to a doorway, in either direction."""
     if isinstance(target, str):
         return True
     one, other = (rooms[name] for name in passage.rooms)
@@ -115,7 +115,7 @@ def _preference(sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[in
 
 
 def _missing(target: DoorwayTarget, plan: Floorplan) -> list[str]:
-    """The pairs that a target names, room by room, and no doorway joins."""
+    """Returns the pairs of rooms that a doorway set names and that no doorway connects, as texts."""
     if isinstance(target, str) or target.From.RoomNames is None or target.To.RoomNames is None:
         return []
     kinds = {frozenset(passage.rooms): passage.kind for passage in plan.passages}

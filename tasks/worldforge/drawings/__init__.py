@@ -1,1 +1,1 @@
-"""Floor plans that people drew: reading them, and the worlds they become."""
+"""Imports of floor plans that people drew (SVG, DXF) or robots mapped: reads them and makes worlds of them."""

@@ -1,4 +1,4 @@
-"""Rooms of ragged maps: outlines along the few lines that most of their walls run near.
+"""Straightens the rooms of ragged lidar maps: outlines follow the few lines that most walls run near.
 
 A lidar's walls are bumpy, and have gaps. The borders of rooms vote for lines; each field
 between lines then belongs to the room that has most of its cells. So neighbours share lines, and nothing overlaps.
@@ -14,15 +14,18 @@ from ..floorplans.brief import EXTERIOR_WALL
 from ..floorplans.partition import UNITS_PER_M
 
 _WALL_M = 0.2
-"""Largest distance of a border from its line: half the thickest wall, and bumps of a lidar."""
+"""Largest distance of a room's border from the line it is moved to, in metres.
+
+Half the thickest wall, and bumps of a lidar.
+"""
 _APART_M = 0.45
-"""Smallest distance between two lines: less is a niche, a pillar or noise."""
+"""Smallest distance between two lines, in metres: less is a niche, a pillar or noise."""
 _LEAST_LINE_M = 0.8
 """Smallest length of border that makes a line, in metres: furniture has less of it."""
 _OUTER_SHARE = 0.8
-"""Share of a line's border with the room on the same side, above which it is an outer wall."""
+"""Share of a line's border that has the room on the same side, above which the line is an outer wall."""
 _HALF = 0.5
-"""Share of a field's cells that a room needs to have it."""
+"""Share of the cells of a field between lines that a room needs to get the field."""
 
 Regions = NDArray[np.int64]
 
@@ -61,7 +64,7 @@ def _without_holes(regions: Regions, rooms: int) -> Regions:
 
 
 def _lines(regions: Regions, resolution_m: float) -> list[int]:
-    """The columns that most upright borders of rooms lie near, from west to east."""
+    """Returns the grid columns near which most vertical room borders are, from west to east."""
     padded = np.pad(regions, ((0, 0), (1, 1)))
     differs = padded[:, 1:] != padded[:, :-1]
     begins = np.count_nonzero(differs & (padded[:, 1:] > 0), axis=0).astype(np.float64)
@@ -85,7 +88,10 @@ def _lines(regions: Regions, resolution_m: float) -> list[int]:
 
 
 def _outer(at: int, begins: float, ends: float, last: int, resolution_m: float) -> int:
-    """The middle of an outer wall, of which the map shows the inner face only; other lines stay."""
+    """Returns the centre column of an outer wall, of which the map shows only the inner face.
+
+    Other lines stay unchanged.
+    """
     off = round(EXTERIOR_WALL / 2 / UNITS_PER_M / resolution_m)
     if begins >= _OUTER_SHARE * (begins + ends):
         return max(0, at - off)
@@ -93,7 +99,7 @@ def _outer(at: int, begins: float, ends: float, last: int, resolution_m: float) 
 
 
 def _fields(cells: NDArray[np.bool_], upright: Sequence[int], level: Sequence[int]) -> NDArray[np.float64]:
-    """The share of each field between lines that a room has."""
+    """Returns the share of each field between the lines that belongs to a room."""
     total = np.pad(cells.cumsum(0, dtype=np.int64).cumsum(1), ((1, 0), (1, 0)))
     corners = total[np.ix_(level, upright)]
     count = corners[1:, 1:] - corners[:-1, 1:] - corners[1:, :-1] + corners[:-1, :-1]
@@ -101,7 +107,7 @@ def _fields(cells: NDArray[np.bool_], upright: Sequence[int], level: Sequence[in
 
 
 def _largest(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest part of a room that hangs together."""
+    """Returns a mask of the largest connected part of a room."""
     labels: Regions = np.asarray(ndimage.label(fields)[0]).astype(np.int64)  # pyright: ignore[reportIndexIssue]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0

@@ -1,4 +1,7 @@
-"""Finds doors and windows among what drawings show of them: frames in the wall, open leaves, the leaves' swings."""
+"""Finds doors and windows among the shapes of a floor plan drawing.
+
+Frames in the wall, open leaves, the arcs of their swings.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import dist
@@ -11,17 +14,25 @@ from ....schemas.worlds.world import Point, bounds
 from .drawn_shapes import Line, Shape
 
 _NEAR = 0.15
-"""Share of a leaf's width within which points are the same: leaves have a thickness, and frames have rebates."""
+"""Share of a door leaf's width within which two points of a drawing are the same.
+
+Leaves have a thickness, frames have rebates.
+"""
 _TOUCH = 0.02
-"""Share of their size by which parts of one symbol may lie apart: programs round coordinates."""
+"""Largest gap between parts of one door symbol, as a share of their size: programs round coordinates."""
 _FLAT = 0.6
-"""Largest thickness of a frame in a wall, as a share of its width: a leaf's square field of swing has 1, doors of 0.8 m
-in walls of 0.4 m have 0.5."""
+"""Largest thickness of a door frame in a wall, as a share of its width.
+
+The square around a leaf's swing has 1; doors of 0.8 m in walls of 0.4 m have 0.5.
+"""
 _FRAME = 0.5
-"""Smallest width of a frame, as a share of its symbol's size: posts and leaves' edges have a tenth."""
+"""Smallest width of a door frame, as a share of its symbol's size: posts and leaves' edges have a tenth."""
 
 MOST_PARTS = 2_000
-"""Shapes of one group that are compared with one another, 50 MB of memory; offices have some hundred doors."""
+"""Limit of the shapes of one group that are compared with one another: 50 MB of memory.
+
+Offices have some hundred doors.
+"""
 
 
 class Swing(NamedTuple):
@@ -31,34 +42,34 @@ class Swing(NamedTuple):
     ends: tuple[Point, Point]
 
     def near(self, one: Point, other: Point) -> bool:
-        """Whether two points are the same at the scale of this door."""
+        """Whether two points are the same at the scale of this door leaf."""
         return dist(one, other) <= _NEAR * dist(self.hinge, self.ends[0])
 
     def joins(self, points: Iterable[Point], end: Point) -> bool:
-        """Whether a drawn line leads from the hinge to a point."""
+        """Whether a drawn line connects the door's hinge to a point."""
         drawn = list(points)
         return all(any(self.near(point, each) for each in drawn) for point in (self.hinge, end))
 
 
 class Doorway(NamedTuple):
-    """Lines that a door with a swing may lie along; the wall that one of them lies in decides."""
+    """Lines along which a door that is drawn with a swing may be closed; the wall decides which of them it is."""
 
     swing: Swing
     lines: tuple[Line, ...]
     """Lines from the hinge to an end of the arc; the likeliest is first if `told`."""
     told: bool
-    """Whether one leaf is drawn, which says which line is likelier: leaves are mostly drawn open."""
+    """Whether exactly one leaf is drawn, which says which line is likelier: leaves are mostly drawn open."""
 
 
 class SymbolPart(NamedTuple):
-    """One shape of those that draw a door, an opening or a window together."""
+    """One of the shapes that together draw a door, an opening or a window."""
 
     shape: Shape
     direct: bool
-    """Whether it lies in the symbol's own group, and in no group inside of that."""
+    """Whether the shape is directly in the symbol's own group, and not in a nested group."""
     swings: tuple[Swing, ...] = ()
     lines: tuple[Line, ...] = ()
-    """Straight pieces of the shape; leaves are among them."""
+    """Straight lines of the shape; door leaves are among them."""
 
 
 def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Iterator[Doorway]:
@@ -122,7 +133,10 @@ def symbols(parts: Sequence[SymbolPart]) -> Iterator[Shape]:
 
 
 def _joined(cluster: Sequence[SymbolPart]) -> Iterator[Shape]:
-    """The doors of parts that touch: frames in the wall, else swings, else the longest extent of lines."""
+    """Yields the doors that touching shapes draw.
+
+    From frames in the wall, else from swings, else from the longest extent of lines.
+    """
     named = next((part.shape for part in cluster if part.shape.name), cluster[0].shape)
     own = [part for part in cluster if part.direct] or list(cluster)
     size = max(max(_lengths(part.shape.box)) for part in own)
@@ -149,7 +163,10 @@ Box = tuple[float, float, float, float]
 
 
 def _frames(group: Sequence[SymbolPart], least: float) -> list[Box]:
-    """Extents that may be a door's frame, the thickest first; a leaf that stands open at its frame is its own."""
+    """Returns the extents of shapes that may be a door's frame, thickest first.
+
+    A leaf that is drawn open at its frame is not part of it.
+    """
     boxes = [_extent(group)]
     if not _is_flat(boxes[0]):
         across = [part for part in group if _lengths(part.shape.box)[0] > _lengths(part.shape.box)[1]]
@@ -160,7 +177,7 @@ def _frames(group: Sequence[SymbolPart], least: float) -> list[Box]:
 
 
 def _framed(shape: Shape, boxes: Sequence[Box]) -> Shape:
-    """A door with that frame; of several the thickest is likelier to be the frame, and the others are leaves."""
+    """Returns a door shape with its frame: the thickest of the boxes, as the others are leaves."""
     made = _boxed(shape, boxes[0])
     return made if len(boxes) == 1 else made._replace(ways=tuple(map(_middle_line, boxes)), told=True)
 
@@ -171,7 +188,7 @@ def _middle_line(box: Box) -> Line:
 
 
 def _touching(parts: Sequence[SymbolPart]) -> list[list[SymbolPart]]:
-    """Groups of parts whose extents touch, in the order of their first ones."""
+    """Groups parts of a drawing whose extents touch, in the order of each group's first part."""
     boxes = np.array([part.shape.box for part in parts])
     if len(parts) < 2:
         return [[*parts]] if parts else []

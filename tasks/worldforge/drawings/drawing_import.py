@@ -1,4 +1,4 @@
-"""Makes a furnished, proved world of a drawing."""
+"""Imports a floor plan drawing: reads it, furnishes the rooms, and checks the resulting world."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -23,10 +23,16 @@ from .svg import read_svg
 MOST_BYTES = 20 * 1024 * 1024
 
 _MOST_LOOKS = 20_000_000
-"""Corners of closed shapes times texts: some seconds. A sheet of an architect has a thousand of either."""
+"""Limit of (closed shapes' corners × texts) in a drawing, so that reading takes seconds.
+
+An architect's sheet has a thousand of either.
+"""
 
 _MOST_OF_A_MAP = 0.8
-"""Least share of a map's rooms that has to be joined by doors; with less, something else is wrong."""
+"""Least share of a map's rooms that must be connected by doors, for an import with the other rooms left out.
+
+Below it the import fails.
+"""
 
 Reader = Callable[[bytes, str], Drawing]
 
@@ -34,7 +40,7 @@ READERS: Mapping[str, tuple[DrawingForm, Reader]] = {".svg": ("svg", read_svg), 
 """Form of a drawing and the function that reads it, by the ending of the file's name."""
 
 MAPS = (".yaml", ".yml")
-"""Ends of the names of maps."""
+"""File name suffixes of maps."""
 
 
 class Source(NamedTuple):
@@ -115,7 +121,7 @@ def _planned(
 
 
 class ReadFile(NamedTuple):
-    """A drawing or map file that was read: its format, shapes and texts, SHA-256, and cell size of a map."""
+    """Content of a drawing or map file: its format, shapes and texts, SHA-256, and cell size of a map."""
 
     form: DrawingForm
     drawing: Drawing
@@ -155,7 +161,7 @@ def _check(drawing: Drawing, name: str) -> None:
 
 
 def _finished(world: World, made: MadePlan, source: DrawnSource) -> World:
-    """The world with its doors as far open as they were drawn."""
+    """Returns the imported world with its doors as far open as they were drawn."""
     passages = [
         passage.model_copy(update={"door": passage.door.model_copy(update={"open_percent": made.open_percents[index]})})
         if passage.door and index in made.open_percents

@@ -1,4 +1,7 @@
-"""Makes the floor plan of a world from what was drawn: rooms, walls, ways, windows, and how far each is as drawn."""
+"""Makes the floor plan of a world from a drawing.
+
+Rooms, walls, doorways and windows, and how exactly each follows the drawing.
+"""
 
 from collections.abc import Sequence
 from random import Random

@@ -1,4 +1,4 @@
-"""Shapes of a drawing, whichever program drew it, and what each of them is: a room, a door, a window."""
+"""Shapes of a drawing from any program, and their classification as room, door, window, ..."""
 
 import re
 import unicodedata
@@ -25,13 +25,13 @@ _KINDS: tuple[tuple[Kind, str], ...] = (
     ("other", "wall walls wand furniture furn mobel dimension dimensions annotation annotations grid hatch"),
     ("room", "room rooms space spaces raum raume zimmer piece pieces"),
 )
-"""Words of names and layers by what they mean; the first that matches wins."""
+"""Words in names and layers of a drawing by the kind of shape they mean (door, window, ...); the first match wins."""
 
 _KIND_WORDS = frozenset(word for _, meaning in _KINDS for word in meaning.split())
 _IFC_CONTAINERS = frozenset(["storey", "site", "project"])
 
 _MOST_SORTS = 40
-"""Kinds of left out shapes that are listed by name; drawings have a dozen layers that are no plan."""
+"""Limit of the kinds of ignored shapes that are listed by name; drawings have a dozen layers that are no plan."""
 
 _ROOM_WORDS: tuple[tuple[FurnishedRoomType, tuple[str, ...]], ...] = (
     ("Closet", ("closet", "storage", "wardrobe", "pantry", "dressing", "abstell", "garderobe", "placard", "walkin")),
@@ -42,14 +42,14 @@ _ROOM_WORDS: tuple[tuple[FurnishedRoomType, tuple[str, ...]], ...] = (
     ("Hallway", ("hall", "corridor", "entr", "foyer", "lobby", "landing", "flur", "diele", "couloir", "pasillo")),
     ("Living", ("living", "lounge", "wohn", "salon", "sala", "sitting", "family", "office", "study", "arbeit", "buro")),
 )
-"""Beginnings of words in names of rooms, by the room's type."""
+"""First letters of words in room names (kitchen, Küche, ...), by the room type they mean."""
 
 _NUMBERED = re.compile(r"(rect|path|polygon|polyline|line|g|layer|shape|lwpolyline|room|space|raum)?[-_]?\d*(-\d+)*")
-"""Names that drawing programs give by themselves."""
+"""Pattern of names that drawing programs generate themselves, such as `rect12`."""
 
 
 _SIZE = re.compile(r"\s*\(?\d+([.,]\d+)?\s*(m²|m2|m\^2|qm|sqm|sq\.? ?m)\)?$", re.IGNORECASE)
-"""An area behind a name."""
+"""Pattern of an area in a room's name, such as `12 m²`."""
 
 
 Line = tuple[Point, Point]
@@ -62,23 +62,23 @@ class Shape(NamedTuple):
     """A polygon or line of a drawing, in drawing units, y upwards."""
 
     points: tuple[Point, ...]
-    """Its corners; of curves, their ends."""
+    """Corners of the shape; of curves, the ends."""
     closed: bool
     curved: bool
     name: str
     """Name of the shape; empty if it has none."""
     words: tuple[str, ...]
-    """Classes, names and layers, those of the shape itself first, then those of the groups around it."""
+    """Classes, names and layers: the shape's own first, then those of the groups around it."""
     facts: dict[str, str]
     """Further facts about the shape: `type`, `open`."""
     place: str
     """Name of the shape in error messages: `<rect> "kitchen"`."""
     sort: str = ""
-    """Name of all shapes that are counted together where they are left out: `<rect> in "Furniture"`."""
+    """Name under which ignored shapes are counted together: `<rect> in "Furniture"`."""
     ways: tuple[Line, ...] = ()
-    """Lines that a door with a swing may lie along, of which its wall decides; empty if its points say it."""
+    """Lines that a door with a swing may be closed along, the wall decides which; empty if `points` say it."""
     told: bool | None = True
-    """Whether the first of `ways` is likelier than the others; `None`: the nearest to a wall is."""
+    """Whether the first of `ways` is likelier than the others; `None`: the line nearest to a wall is taken."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -105,7 +105,7 @@ class Drawing(NamedTuple):
     left_out: Sequence[str] = ()
     """Descriptions of the elements that could not be read as shapes."""
     is_exact: bool = True
-    """Whether a person drew it, not a robot's mapping: only then is a door that lies in no wall an error."""
+    """Whether a person drew it, in contrast to a robot's map: only then is a door outside all walls an error."""
 
 
 def plain_words(text: str) -> list[str]:
@@ -137,7 +137,7 @@ def kind_of_words(words: Iterable[str]) -> Kind | None:
 
 @lru_cache(maxsize=4096)
 def _meaning(words: str) -> tuple[Kind | None, bool]:
-    """Kind that a name means, and whether it is a name of a type of rooms."""
+    """Returns the kind of shape that a name means, and whether the name is that of a room type."""
     found = set(plain_words(words))
     for kind, meaning in _KINDS:
         if not found.isdisjoint(meaning.split()):
@@ -149,13 +149,13 @@ def _meaning(words: str) -> tuple[Kind | None, bool]:
 
 
 def is_ifc_container(words: str) -> bool:
-    """Whether a class is that of a building or storey of IFC, which holds all else."""
+    """Whether a class name is that of an IFC building or storey, which contains all other elements."""
     found = set(plain_words(words))
     return "ifc" in found and (not found.isdisjoint(_IFC_CONTAINERS) or found == {"ifc", "building"})
 
 
 def is_given(name: str) -> bool:
-    """Whether somebody gave this name: drawing programs number their shapes."""
+    """Whether a person gave a shape this name, in contrast to the numbered names of drawing programs."""
     return bool(name) and not _NUMBERED.fullmatch(name.lower())
 
 
@@ -217,6 +217,14 @@ Notes = TypeVar("Notes", bound=Model)
 
 def read_yaml(path: Path, form: type[Notes]) -> Notes:
     """Reads and checks a YAML notes file.
+
+    Args:
+        path: the file.
+        form: model of the notes that the file must match.
+
+    Raises:
+        SpecError: with everything that is wrong: file, line, member, value and what would be right.
+        ConfigurationError: the file cannot be read.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Reads shapes and texts of a DXF file: its model space, layers that are on, and what blocks hold."""
+"""Reads the shapes and texts of a DXF file: its model space, visible layers, and the content of blocks."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +20,10 @@ Entity = Any
 
 _TEXTS = ("TEXT", "MTEXT", "ATTRIB")
 _DRAWN = frozenset(["LINE", "LWPOLYLINE", "POLYLINE", "SPLINE", "ARC", "CIRCLE", "ELLIPSE", "SOLID", "TRACE", "3DFACE"])
-"""Entities with an outline. Hatches, pictures and masks have one, too, that is drawn beside them as lines."""
+"""DXF entity types with an outline that is read.
+
+Hatches, pictures and masks have one too, but are drawn beside them as lines.
+"""
 _BINARY = b"AutoCAD Binary DXF"
 _WAYS: tuple[Kind, ...] = ("door", "opening", "window")
 _DEEPEST = 8
@@ -173,7 +176,7 @@ class _Reader:
             self.shapes += [_shape(line, "door") for line in lines if not belongs(line.points, swings)]
 
     def _parts(self, entity: Entity, words: tuple[str, ...], place: str) -> list[Part]:
-        """Converts an entity to lines and arcs; empty for an entity without an outline."""
+        """Converts a DXF entity to lines and arcs; empty for an entity without an outline."""
         from ezdxf.path import make_path
 
         if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and kind_of_words(words) == "door":
@@ -199,7 +202,7 @@ class _Reader:
 
 
 def _place(entity: Entity) -> str:
-    """Name of an entity in error messages, with the handle by which CAD programs find it."""
+    """Returns the name of a DXF entity for error messages, with the handle by which CAD programs find it."""
     return f'{entity.dxftype()} {entity.dxf.handle} on layer "{entity.dxf.layer}"'
 
 
@@ -208,7 +211,10 @@ def _sort(entity: Entity) -> str:
 
 
 def _shape(part: Part, kind: Kind | None = None) -> Shape:
-    """A part as a shape; only doors, openings and windows have names, those of rooms are texts in them."""
+    """Converts a DXF part to a shape.
+
+    Only doors, openings and windows have names; names of rooms are texts inside them.
+    """
     kind = kind or kind_of_words(part.words)
     name = part.place if kind in _WAYS else ""
     words = (kind, *part.words) if kind else part.words
@@ -216,7 +222,7 @@ def _shape(part: Part, kind: Kind | None = None) -> Shape:
 
 
 def _box(parts: Sequence[Part], kind: Kind) -> Shape:
-    """The extent of a block."""
+    """Returns the bounding box of a DXF block as one shape of a kind."""
     west, south, east, north = bounds(point for part in parts for point in part.points)
     corners = [(west, south), (east, south), (east, north), (west, north)]
     return _shape(parts[0]._replace(points=corners, closed=True, curved=False), kind)

@@ -1,4 +1,4 @@
-"""Puts drawn doors, openings and windows into the walls that they were drawn in."""
+"""Fits drawn doors, openings and windows into the walls of the floor plan."""
 
 from collections.abc import Sequence
 from math import inf
@@ -13,9 +13,9 @@ from .drawn_shapes import Line
 from .squaring import Lines
 
 _REACH = 8
-"""Largest distance from a wall's centre line of what is drawn in it, in units."""
+"""Largest distance between a drawn door and the centre line of its wall, in grid units."""
 _LEAST: dict[PassageKind, int] = {"Doorway": 17, "Opening": 16}
-"""Least widths of ways, in units: 0.8 m stay clear, beside an open leaf, too."""
+"""Smallest width of doorways and openings, in grid units: 0.8 m stay clear, beside an open leaf, too."""
 _NARROWEST_M = 0.5
 _WIDEST_M = 2.4
 """Largest width of a door, with two leaves, in metres."""
@@ -23,8 +23,11 @@ _LEAST_WINDOW = 8
 _AS_NEAR = 1.0
 """Difference of distances from walls, in units, that says nothing about which of two lines is the door."""
 _FURTHER = 4.0
-"""Largest excess of the likelier line's distance from a wall over another line's with which it is still the door, in
-units: doors are drawn on a face of thick walls, and open leaves stand at thin ones."""
+"""Largest amount, in grid units, by which the likelier line may be further from a wall than another line.
+
+Up to it, the likelier line is the door: doors are drawn on a face of thick walls, and open leaves are drawn at thin
+ones.
+"""
 
 
 Wall = TypeVar("Wall", Contact, Side)
@@ -36,13 +39,16 @@ class DrawnWay(NamedTuple):
     name: str
     kind: PassageKind
     lines: tuple[Line, ...]
-    """Lines from end to end that it may lie along: one, or both of a door's swing; the nearest wall decides."""
+    """Lines from end to end along which it may be: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
     """Opening of a door; None: the drawing does not say."""
     told: bool | None = True
-    """Whether the first of several lines is likelier, where all lie in walls; `None`: the nearest to a wall is."""
+    """Whether the first of several lines is likelier, where all are in walls.
+
+    `None`: the line nearest to a wall is taken.
+    """
     required: bool = True
-    """Whether it has to fit into a wall: what a map shows of a door may be noise."""
+    """Whether it is an error if it fits in no wall; doors of a robot's map may be noise."""
 
 
 class FittedWay(NamedTuple):
@@ -126,13 +132,16 @@ def fit_way(
 
 
 _Near = tuple[_Place, float, Wall]
-"""Place of something drawn, its distance from a wall, in units, and the wall."""
+"""Place of a drawn element, its distance from a wall in grid units, and the wall."""
 
 
 def _choose(
     drawn: DrawnWay, walls: Walls, moved: tuple[Lines, Lines], file: str
 ) -> tuple[_Near[Contact] | None, _Near[Side] | None, float]:
-    """Nearest inner and outer wall of the line of a door that lies nearest to any, and the door's width in metres."""
+    """Returns the nearest inner wall and the nearest outer wall to a drawn door, and the door's width in metres.
+
+    Of the lines that the door may be along, the one nearest to any wall counts.
+    """
     found: list[tuple[float, int, _Near[Contact] | None, _Near[Side] | None, float]] = []
     for number, line in enumerate(drawn.lines):
         places = _places([line], moved)
@@ -177,7 +186,10 @@ def fit_window(
 
 
 def _places(drawn: Sequence[Line], moved: tuple[Lines, Lines]) -> list[_Place]:
-    """Possible positions: along the longer side of a line; along either where both are about as long."""
+    """Returns the possible positions of a drawn door or window.
+
+    Along its longer side, or along either if both are about as long.
+    """
     found: list[_Place] = []
     for one, other in drawn:
         (x0, x1), (y0, y1) = (_span(lines, one[axis], other[axis]) for axis, lines in enumerate(moved))

@@ -1,4 +1,6 @@
-"""Reads a map of Nav2's map server as a drawing, coarsely: rooms are what its free space falls into at its narrows.
+"""Reads a map of Nav2's map server as a drawing: its free space is split into rooms at narrow places.
+
+A map has no names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
 
 A map says nothing of names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
 """
@@ -24,28 +26,34 @@ from .squaring import outline_of
 Cells = NDArray[np.bool_]
 
 _NARROW_M = 0.55
-"""Half the width of the widest door: where free space is narrower, one room ends and another begins."""
+"""Half the width of the widest door, in metres: where free space is narrower, one room ends and another begins."""
 _SPECK_M2 = 0.02
 """Smallest area of a wall, in square metres: eight cells of 5 cm; less than this is ignored."""
 _GAP_CELLS = 5
 _MOSTLY = 0.6
-"""Share of the cells around an unknown one that are free if it is, too: beside a wall half of them are."""
+"""Share of free cells around an unknown cell from which on that cell counts as free, too.
+
+Beside a wall half of them are.
+"""
 _LEAST_CORE_M2 = 0.05
 _LEAST_ROOM_M2 = 1.5
 _STRAIGHT_M = 0.2
-"""Edges of a room that are nearer than this to a longer one are on its line."""
+"""Distance in metres below which a short edge of a room is moved onto the line of a longer one."""
 _DOOR_M = 1.3
 """Largest width of a door, in metres; a wider gap is an opening."""
 _NARROWEST_M = 0.5
 """Smallest width of a door, in metres; what is narrower is noise, or a gap that no robot passes."""
 _LEAST_JOINED = 0.8
-"""Smallest share of all rooms' area that doors have to join; the rest is left out."""
+"""Smallest share of all rooms' area that must be connected by doors; unconnected rooms are left out."""
 _BLUR_M = 0.1
-"""Size of the bumps in walls that say nothing about their direction."""
+"""Size of bumps in walls that are ignored when the direction of walls is measured, in metres."""
 _MOST_LEAN_DEG = 3.0
-"""Largest lean of walls: 5 cm on a metre, which the lines of a coarse outline follow."""
+"""Largest angle of walls against the map's axes, in degrees.
+
+5 cm on a metre, which the lines of a coarse outline follow.
+"""
 _CLEAR = 0.3
-"""Share of the walls that has to agree on a direction; walls of arcs and furniture have a tenth."""
+"""Share of walls that must agree on a direction; walls of arcs and furniture have a tenth."""
 _MOST_SHARED_M2 = 0.1
 """Largest overlap of two rooms' outlines after their edges were made straight, in square metres."""
 _MOST_CELLS = 4_000_000
@@ -116,7 +124,7 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
 
 
 def _joined(pairs: Sequence[tuple[int, int]], areas: Mapping[int, int]) -> set[int]:
-    """Places of the rooms that doors join: those that have the most area together."""
+    """Returns the indices of the rooms that doors connect: the connected group with the largest area."""
     groups: list[set[int]] = []
     for place in areas:
         group = {place}
@@ -129,7 +137,7 @@ def _joined(pairs: Sequence[tuple[int, int]], areas: Mapping[int, int]) -> set[i
 def _refuse_apart(
     joined: Collection[int], areas: Mapping[int, int], outlines: Sequence[Corners], read: _Map, name: str
 ) -> None:
-    """Raises an error for a map of which more is left out than noise explains."""
+    """Raises an error if doors connect too small a part of a map's rooms for the rest to be noise."""
     share = sum(areas[place] for place in joined) / sum(areas.values())
     if share >= _LEAST_JOINED:
         return
@@ -149,7 +157,7 @@ def _renamed(door: Shape, pair: tuple[int, int], kept: Sequence[int]) -> Shape:
 
 
 def _by_size(regions: NDArray[np.int64]) -> list[int]:
-    """Numbers of the rooms, the largest first."""
+    """Returns the numbers of a map's rooms, the largest room first."""
     areas = np.bincount(regions.ravel())[1:]
     return [number + 1 for number in np.argsort(areas)[::-1].tolist()]
 
@@ -251,7 +259,7 @@ def _steps_outline(cells: Cells) -> Corners:
 
 
 def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """The borders of cells, each with its cell to the left."""
+    """Returns the border edges of cells, each with its cell to the left."""
     level = np.diff(np.pad(cells, ((1, 1), (0, 0))).astype(np.int8), axis=0)
     upright = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     east, west, south, north = (np.argwhere(at).tolist() for at in (level > 0, level < 0, upright > 0, upright < 0))
@@ -264,7 +272,7 @@ def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _straight(corners: Corners, near: int) -> Corners:
-    """Moves short edges onto the lines of longer ones."""
+    """Straightens a room's outline: moves short edges onto the lines of longer ones."""
     lines: tuple[dict[int, int], dict[int, int]] = ({}, {})
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     for one, other in sorted(edges, key=lambda edge: -abs(edge[0][0] - edge[1][0]) - abs(edge[0][1] - edge[1][1])):
@@ -279,7 +287,10 @@ def _straight(corners: Corners, near: int) -> Corners:
 
 
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
-    """Doors and openings between two rooms: the rooms' places in the order, and the line between them."""
+    """Yields doors and openings between two rooms of a map.
+
+    The rooms' positions in `order`, and the line between them.
+    """
     boxes = ndimage.find_objects(regions)
     for place, number in enumerate(order, 1):
         rows, columns = (slice(max(0, side.start - 1), side.stop + 1) for side in boxes[number - 1])
@@ -297,7 +308,7 @@ def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iter
 
 
 def _refuse_slanted(read: _Map, name: str) -> None:
-    """Refuses a map whose walls do not run along its rows and columns, and says how far to turn it."""
+    """Raises an error for a map whose walls do not run along its rows and columns; it says how far to turn the map."""
     up, along = np.gradient(
         np.asarray(ndimage.gaussian_filter(read.free.astype(np.float64), _BLUR_M / read.resolution_m))
     )
@@ -313,7 +324,10 @@ def _refuse_slanted(read: _Map, name: str) -> None:
 
 
 def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
-    """Refuses free space around the flat: it is no room, and all rooms would lie in it."""
+    """Raises an error if the map shows free space all around the flat.
+
+    It is no room, and all rooms would be inside of it.
+    """
     for place, number in enumerate(_by_size(regions), 1):
         cells = regions == number
         inside = np.asarray(ndimage.binary_fill_holes(cells)) & ~cells & (regions > 0)
@@ -326,7 +340,7 @@ def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
 
 
 def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None:
-    """Refuses outlines of which walls are too rough to tell apart."""
+    """Raises an error if outlines of two rooms overlap because the walls between them are too rough."""
     owner = np.zeros(read.free.shape, np.int64)
     for place, corners in enumerate(outlines, 1):
         x, y = min(x for x, _ in corners), min(y for _, y in corners)
@@ -345,7 +359,7 @@ def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None
 
 
 def _guess(corners: Corners, place: int, doors: int) -> FurnishedRoomType:
-    """The type of a room by its form and its ways: the notes may know better."""
+    """Guesses the type of a room of a map from its size, form and doors; the notes file may correct it."""
     box = extent(corners)
     short, long = sorted((box.x1 - box.x0, box.y1 - box.y0))
     if doors >= 3 and (long >= _LONG * short or len(corners) > 4):
@@ -354,7 +368,7 @@ def _guess(corners: Corners, place: int, doors: int) -> FurnishedRoomType:
 
 
 def _lost(outlines: Sequence[Corners], read: _Map) -> str:
-    """Share of the free space that is in no room, in words."""
+    """Returns the share of the map's free space that is in no room, as a text."""
     covered = np.zeros_like(read.free)
     for corners in outlines:
         x, y = min(x for x, _ in corners), min(y for _, y in corners)

@@ -33,11 +33,11 @@ _LARGEST_M = 100.0
 _SMALLEST_M = 1.5
 _MOST_NAMED = 5
 _LONGEST_NAME = 60
-"""Characters of a name that are repeated; a text may be a page long."""
+"""Limit of the characters of a name that messages repeat; a text of a drawing may be a page long."""
 _SHUT = frozenset(["shut", "closed", "zu", "geschlossen"])
 _OPEN = frozenset(["open", "offen"])
 _STRAIGHT = 0.1
-"""Share of its length by which the ends of an open path may be off an axis, for the path to be drawn along a wall."""
+"""Largest deviation of a line from an axis, as a share of its length, with which it is still drawn along a wall."""
 
 
 def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> float:
@@ -156,7 +156,10 @@ def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> Furnished
 
 
 def _way(shape: Shape, kind: PassageKind, scale: float, number: int, *, required: bool) -> DrawnWay:
-    """A door, an opening or a window: along its swing, the line from its first to its last point, or its extent."""
+    """Makes a door, an opening or a window from a shape.
+
+    Along its swing, its line from first to last point, or its extent.
+    """
     lines = tuple((_scaled(one, scale), _scaled(other, scale)) for one, other in shape.ways or (_ends(shape),))
     return DrawnWay(shape.name or f"number {number}", kind, lines, _percent(shape), shape.told, required)
 

@@ -1,4 +1,7 @@
-"""Makes drawn outlines of rooms meet: their walls' centre lines on the grid that floor plans have.
+"""Aligns the drawn outlines of rooms: moves their edges onto the wall centre lines of the floor plan grid.
+
+Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
+a wall become one line in the middle between them.
 
 Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
 a wall become one line in the middle between them.
@@ -17,12 +20,12 @@ from ..floorplans.partition import UNITS_PER_M, Corners, area, extent, turns
 from ..floorplans.walls import room_units
 
 THICKEST_M = 0.5
-"""Gaps up to this between rooms are walls."""
+"""Largest gap between two rooms that is a wall, in metres."""
 
 _SQUARE_M = 0.05
 """Largest lean of an edge, in metres between its ends."""
 _SAME_M = 0.04
-"""Edges that far apart along one line are on one line."""
+"""Distance in metres up to which parallel edges are moved onto one line."""
 _BESIDE_M = 0.05
 _OVERLAP_M = 0.06
 
@@ -34,12 +37,12 @@ class Edge(NamedTuple):
 
     room: int
     number: int
-    """Number of the edge in its room: it leads to the corner of this number from the one before."""
+    """Number of the edge in its room: the edge ends at the corner of this number."""
     at: float
     low: float
     high: float
     side: int
-    """1 if the room lies on the side of larger coordinates, else -1."""
+    """Side of the edge on which the room is: 1 for larger coordinates, else -1."""
 
 
 class Squared(NamedTuple):
@@ -48,7 +51,7 @@ class Squared(NamedTuple):
     rooms: list[Corners]
     """Corners, counter-clockwise, in units; the south-west corner of all of them together is at 0, 0."""
     moved: tuple["Lines", "Lines"]
-    """Drawn coordinates and the units they became, along x and along y."""
+    """Drawn coordinates and the grid units they were moved to, along x and along y."""
     on_faces: bool
     """Whether outlines were drawn along the faces of walls."""
 
@@ -130,7 +133,7 @@ def square(outlines: Outlines, on_faces: bool | None) -> Squared:
 
 
 def _edges(outlines: Outlines, axis: int) -> list[Edge]:
-    """The edges across an axis: those with one coordinate along it."""
+    """Returns the edges of room outlines that are perpendicular to an axis."""
     found: list[Edge] = []
     for room, corners in enumerate(outlines):
         for number, (one, other) in enumerate(zip([corners[-1], *corners[:-1]], corners, strict=True)):
@@ -143,7 +146,7 @@ def _edges(outlines: Outlines, axis: int) -> list[Edge]:
 
 
 def _facing(edges: Sequence[Edge]) -> list[tuple[int, int, float]]:
-    """Pairs of edges of two rooms with a wall between them, by their places, and how far apart they are."""
+    """Returns pairs of edges of two rooms with a wall between them: both indices, and the distance of the edges."""
     return [
         (one, other, edges[other].at - edges[one].at)
         for one in range(len(edges))
@@ -156,7 +159,7 @@ def _facing(edges: Sequence[Edge]) -> list[tuple[int, int, float]]:
 
 
 def _targets(edges: list[Edge], on_faces: bool) -> dict[tuple[int, int], int]:
-    """Target coordinates of the edges across an axis, in units, by room and number."""
+    """Computes the grid line that each edge across an axis is moved to, in units, by room and edge number."""
     group = list(range(len(edges)))
 
     def root(index: int) -> int:

@@ -1,4 +1,4 @@
-"""Reads shapes and texts of an SVG file, with the classes, names and layers of the groups around them."""
+"""Reads the shapes and texts of an SVG file, with the classes, names and layers of the groups around them."""
 
 import re
 from collections import Counter
@@ -41,21 +41,24 @@ _SILENT = (
     *("defs", "symbol", "clipPath", "mask", "pattern", "marker", "linearGradient", "radialGradient", "filter"),
     *("style", "script", "metadata", "title", "desc", "view", "animate", "animateTransform", "animateMotion", "set"),
 )
-"""Elements that draw nothing where they stand."""
+"""SVG elements that draw nothing at their own position."""
 _WAYS: tuple[Kind, ...] = ("door", "opening", "window")
 
 _DEEPEST = 100
-"""Groups around a shape; drawing programs nest a handful."""
+"""Limit of nested groups around a shape; drawing programs nest a handful."""
 
 _MOST_REPEATED = 20_000
-"""Elements that `<use>` shows, each counted as often as it does: a second. Offices have a thousand doors and chairs."""
+"""Limit of elements that `<use>` draws in total, each counted as often as drawn: a second.
+
+Offices have a thousand doors and chairs.
+"""
 _MOST_SHAPES = 100_000
 _MOST_POINTS = 500_000
-"""Corners of all shapes together: a second and 100 MB of memory."""
+"""Limit of the corners of all shapes of a drawing together: a second and 100 MB of memory."""
 _MOST_WORDS = 50
-"""Classes and names around a shape that count; ten groups up, none says what a shape is."""
+"""Limit of the classes and names around a shape that are considered; ten groups up, none says what a shape is."""
 _LONGEST = 60
-"""Characters of a class or an address that are repeated; a file may have some of a megabyte."""
+"""Limit of the characters of a class or link that messages repeat; a file may have some of a megabyte."""
 
 
 def read_svg(content: bytes, name: str) -> Drawing:
@@ -93,17 +96,17 @@ class _Around:
     """Classes, names and layers, those of the innermost group first."""
     facts: dict[str, str] = field(default_factory=dict[str, str])
     size: Size = (0.0, 0.0)
-    """Width and height of the viewport, of which 100 % is meant."""
+    """Width and height of the viewport that percentages refer to."""
     is_visible: bool = True
-    """Whether `visibility` leaves it to be seen, which groups pass on."""
+    """Whether `visibility`, which is inherited from groups, shows the element."""
     depth: int = 0
     symbol: "_Symbol | None" = None
     using: tuple[ET.Element, ...] = ()
-    """Elements that `<use>` shows here, one inside of another."""
+    """Stack of `<use>` elements that are being drawn, the outermost first."""
 
 
 class _Symbol(NamedTuple):
-    """A group of which a class or name says that it draws a door, an opening or a window, or some of them."""
+    """Group whose class or name says that it draws doors, openings or windows."""
 
     kind: Kind
     depth: int
@@ -118,11 +121,11 @@ class _Element(NamedTuple):
     words: tuple[str, ...]
     facts: dict[str, str]
     kind: Kind | None
-    """Kind of way that its own words mean."""
+    """Kind of shape (door, window, ...) that the element's own names mean."""
     is_hidden: bool
-    """Whether it and all in it is drawn nowhere."""
+    """Whether the element and all its children are not drawn at all."""
     is_visible: bool | None
-    """Whether it is seen by its own `visibility`; `None`: it says nothing."""
+    """Value of the element's own `visibility`; `None`: it has none."""
 
 
 class _Reader:
@@ -299,7 +302,7 @@ class _Reader:
             return None
 
     def _of(self, element: ET.Element, read: Callable[[], T]) -> T:
-        """Calls a function that reads an element; its error then names the element."""
+        """Calls a function that reads an SVG element; an error of it then names the element."""
         try:
             return read()
         except ValueError as error:
@@ -309,14 +312,14 @@ class _Reader:
 
 
 def _visibility(element: ET.Element, style: str) -> bool | None:
-    """Whether an element is seen by its own `visibility`; a style counts before the attribute, as in browsers."""
+    """Returns whether an SVG element's own `visibility` shows it; a style wins over the attribute, as in browsers."""
     said = re.search(r"(?:^|;)\s*visibility\s*:\s*(\w+)", style)
     word = said[1] if said else (element.get("visibility") or "").strip()
     return {"visible": True, "hidden": False, "collapse": False}.get(word)
 
 
 def _text_of(element: ET.Element) -> tuple[str, str | None, str | None]:
-    """A text and the coordinates that it has."""
+    """Returns the text of a `<text>` element, and its x and y coordinates."""
     text = " ".join("".join(element.itertext()).split())
     first = next((each for each in element.iter() if each.get("x") and each.get("y")), element)
     return text, first.get("x"), first.get("y")
@@ -333,7 +336,7 @@ def _words(element: ET.Element) -> tuple[str, ...]:
 
 
 def _ifc_name(element: ET.Element) -> str | None:
-    """`ifc:name`, as converters of IFC write it."""
+    """Returns the `ifc:name` attribute that converters of IFC write; `None` without one."""
     return next((value for key, value in element.attrib.items() if _IFC_NAME.fullmatch(key)), None)
 
 
@@ -341,7 +344,7 @@ _IFC_NAME = re.compile(r"\{[^}]*ifc[^}]*\}name", re.IGNORECASE)
 
 
 def _shown_names(element: ET.Element) -> tuple[str | None, ...]:
-    """Names that people give in programs, in the order in which they count."""
+    """Returns the names that people gave an SVG element in drawing programs, the most important first."""
     title = next((child.text for child in element if _tag(child) == "title"), None)
     return element.get("data-name"), element.get(f"{_INKSCAPE}label"), title, _ifc_name(element)
 
@@ -352,7 +355,7 @@ def _name(element: ET.Element) -> str:
 
 
 def _group_name(element: ET.Element, tag: str) -> str:
-    """Returns a group's name as that of a single object; ids count for `<use>` only: others are often generated."""
+    """Returns the name of a group that is one object. Ids count for `<use>` only, as others are often generated."""
     if element.get(f"{_INKSCAPE}groupmode") == "layer":
         return ""
     given = (*_shown_names(element), element.get("id") if tag == "use" else None)
@@ -361,13 +364,13 @@ def _group_name(element: ET.Element, tag: str) -> str:
 
 
 def _sort(element: ET.Element, around: Sequence[str]) -> str:
-    """Name of all elements of a kind that have the same class, or are in the same group, for counting."""
+    """Returns the name under which ignored SVG elements of the same tag, and class or group, are counted."""
     said = element.get("class") or next(iter(around), "")
     return f'<{_tag(element)}> in "{" ".join(said.split())[:_LONGEST]}"' if said else f"<{_tag(element)}>"
 
 
 def _tag(element: ET.Element) -> str:
-    """Name of an element of SVG; empty for one of another vocabulary, for a comment and the like."""
+    """Returns the tag of an SVG element without its namespace; empty for other vocabularies and for comments."""
     if not isinstance(element.tag, str):
         return ""
     space, _, tag = element.tag.rpartition("}")

@@ -12,14 +12,17 @@ from .door_symbols import Swing
 from .drawn_shapes import Line
 
 MOST_CORNERS = 10_000
-"""Corners of one shape. Rooms have a dozen; a traced picture has some thousands and is no part of a plan."""
+"""Limit of the corners of one shape.
+
+Rooms have a dozen; a traced picture has some thousands and is no part of a plan.
+"""
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TOKENS = re.compile(rf"([MmLlHhVvCcSsQqTtAaZz])|({NUMBER})")
 _COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
 _PAPER_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "m": 1.0}
 _ROUND = 0.05
-"""Share of an arc's radius by which its ends may differ in their distance from its hinge, as programs round."""
+"""Largest difference of the distances of an arc's two ends from its hinge, as a share of the radius; programs round."""
 _LONGEST_TRANSFORM = 10_000
 
 Matrix = tuple[float, float, float, float, float, float]
@@ -39,7 +42,7 @@ class Outline(NamedTuple):
     """Geometry of a shape, or of one part of a path, in its own coordinates."""
 
     points: tuple[Point, ...]
-    """Its corners; of curves, their ends."""
+    """Corners of the shape; of curves, the ends."""
     closed: bool = False
     curved: bool = False
     swings: tuple[Swing, ...] = ()
@@ -47,7 +50,7 @@ class Outline(NamedTuple):
     lines: tuple[Line, ...] = ()
 
     def moved(self, matrix: Matrix, *, is_way: bool) -> "Outline":
-        """Returns the outline on the page, y upwards; that of a door with its swings and lines."""
+        """Returns the outline transformed to page coordinates with y up; for a door, with its swings and lines."""
         points = tuple(moved(matrix, point) for point in self.points)
         if not is_way:
             return Outline(points, self.closed, self.curved)
@@ -120,7 +123,7 @@ def path_parts(d: str) -> list[Outline]:
 
 
 class _PathPart:
-    """A part of a path while it is read."""
+    """Part of an SVG path that is being read, from one `M` to the next."""
 
     def __init__(self, start: Point) -> None:
         self.points = [start]
@@ -149,7 +152,7 @@ class _PathPart:
 
 
 def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
-    """End point of a path's command."""
+    """Returns the end point of one SVG path command."""
     base = at if command.islower() else (0.0, 0.0)
     if command in "Hh":
         return base[0] + numbers[0], at[1]
@@ -159,7 +162,10 @@ def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
 
 
 def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> Point | None:
-    """Centre of a curve that is an arc: of `A` with one radius, else of a quarter of a circle."""
+    """Returns the centre of a curve if it is an arc of a circle.
+
+    An `A` with one radius, or a curve of a quarter circle.
+    """
     if command in "Aa":
         return _centre(numbers, start, end)
     if command not in "CcQq":
@@ -196,7 +202,7 @@ def _is_round(centre: Point, one: Point, other: Point) -> bool:
 
 
 def _commands(d: str) -> Iterator[tuple[str, list[float]]]:
-    """Commands with their numbers, as far as they are asked for; after `M`, repeated numbers are lines."""
+    """Yields the commands of an SVG path with their numbers, lazily; repeated numbers after `M` are lines."""
     command: str = ""
     numbers: list[float] = []
     begun = False
@@ -237,7 +243,7 @@ def number(text: str | None) -> float:
 
 
 def paper_m(root: ET.Element) -> float | None:
-    """Returns the metres of paper for one unit, where the drawing has a size on paper."""
+    """Returns the length on paper of one user unit of an SVG drawing, in metres; `None` without a size on paper."""
     size = re.fullmatch(rf"\s*({NUMBER})\s*([a-z]+)\s*", root.get("width") or "")
     box = view_box(root)
     if size is None or size[2] not in _PAPER_M or box is None:
@@ -336,14 +342,14 @@ def translation(x: float, y: float) -> Matrix:
 
 
 def times(one: Matrix, other: Matrix) -> Matrix:
-    """Returns the transform that does the second, then the first."""
+    """Multiplies two 2D transforms: the result applies the second one first, then the first."""
     a, b, c, d, e, f = one
     u, v, w, x, y, z = other
     return a * u + c * v, b * u + d * v, a * w + c * x, b * w + d * x, a * y + c * z + e, b * y + d * z + f
 
 
 def moved(matrix: Matrix, point: Point) -> Point:
-    """Returns a point on the page with y up."""
+    """Transforms a point of an SVG element to page coordinates with y up."""
     a, b, c, d, e, f = matrix
     x, y = point
     return a * x + c * y + e, -(b * x + d * y + f)

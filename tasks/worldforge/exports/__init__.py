@@ -1,1 +1,1 @@
-"""Exports: ROS packages, SDF, GLB, USD."""
+"""Exports of worlds to other formats: ROS packages, SDF (Gazebo), GLB, USD."""

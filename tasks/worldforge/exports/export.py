@@ -35,10 +35,10 @@ from .usd import scene_usd
 TOP = "aws_robomaker_worldforge_pkgs"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""A zip cannot say less; equal worlds make equal archives."""
+"""Time stamp of all files in the archive, the earliest that zip can hold: equal worlds then give equal archives."""
 _COMPRESSED_ALREADY = frozenset({".png", ".jpg", ".jpeg", ".gz", ".zip", ".mp4"})
 _FIRST_GENERATOR = 3
-"""First number of the version of the first generator whose worlds have plain names in exports."""
+"""First generator version whose worlds have plain names (letters, digits and `_`) in exports."""
 _CHUNK_BYTES = 1 << 20
 
 
@@ -98,7 +98,9 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 
 def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
-    """Files that an export has with plain names, or with legs of tables in place of outlines.
+    """Returns the files that an export writes anew: with plain names, or with table legs in place of outlines.
+
+    Worlds of generators before version 3 have none: they stay as they were made.
 
     None of worlds of generators before 3: they stay as they were made.
     """
@@ -118,7 +120,7 @@ class _Export:
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
         self._files: list[dict[str, Any]] = []
-        """Entries of `index.json` for the files of the part that is being written."""
+        """Entries of `index.json` for the files of the package that is being written."""
 
     def write(self, bundles: Mapping[str, Path]) -> None:
         names = sorted(bundles)

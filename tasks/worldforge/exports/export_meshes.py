@@ -17,9 +17,9 @@ from .export_scene import Kind, Shape, texture_pixels
 _SEGMENTS = 24
 _RINGS = 12
 _NO_AREA_M2 = 1e-12
-"""Twice the area of a face that has none, and so no normal."""
+"""Limit of twice the area below which a triangle is degenerate and has no normal, in square metres."""
 _LEVEL = 0.9
-"""Upward part of the normal from which a face is an end of a cylinder."""
+"""Upward part of a normal from which on a face is an end of a cylinder and not its side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,13 +27,13 @@ class Mesh:
     """Triangle mesh for world exports; triangles are counter-clockwise seen from outside."""
 
     positions: NDArray[np.float64]
-    """Shape (vertices, 3)."""
+    """Positions of the vertices, shape (vertices, 3)."""
     normals: NDArray[np.float64]
-    """Shape (vertices, 3), or (triangles, 3) where it is flat."""
+    """Normals, shape (vertices, 3); of a flat-shaded mesh one per triangle, shape (triangles, 3)."""
     triangles: NDArray[np.int64]
-    """Shape (triangles, 3)."""
+    """Vertex indices of each triangle, shape (triangles, 3)."""
     flat: bool = False
-    """Whether it has edges between all its faces: a normal for each face instead of each vertex."""
+    """Whether the mesh is flat-shaded: one normal per triangle instead of one per vertex."""
 
     def apart(self) -> "Mesh":
         """Returns the mesh with a normal at each vertex; faces of a flat-shaded mesh get their own vertices."""
@@ -124,7 +124,10 @@ def terrain_mesh(model: mujoco.MjModel, field: int) -> Mesh:
 
 
 def _side(surface: NDArray[np.float64], edge: NDArray[np.int64], bottom_m: float) -> NDArray[np.float64]:
-    """Triangles below an edge of terrain that runs counter-clockwise, down to a height."""
+    """Returns the triangles of a terrain's side wall.
+
+    From an edge of its surface, counter-clockwise, down to a height.
+    """
     high = surface[edge]
     low = high * [1, 1, 0] + [0, 0, bottom_m]
     return np.concatenate([
@@ -133,7 +136,7 @@ def _side(surface: NDArray[np.float64], edge: NDArray[np.int64], bottom_m: float
 
 
 def _smooth(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """A normal for each point: the mean of those of the faces around it, by their areas."""
+    """Computes smooth vertex normals: the area-weighted mean of the normals of the triangles around each vertex."""
     one, two, three = (points[triangles[:, corner]] for corner in range(3))
     normals = np.zeros_like(points)
     for corner in range(3):
@@ -180,7 +183,7 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
 
 
 def _lines(line: str, rows: NDArray[Any]) -> str:
-    """Formats all rows at once: meshes have a hundred thousand numbers."""
+    """Formats many rows of numbers at once with one line format, as meshes have a hundred thousand numbers."""
     return "\n".join([line] * len(rows)) % tuple(rows.ravel().tolist())
 
 
@@ -224,7 +227,7 @@ def picture_coordinates(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDAr
 
 
 def _projected(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.float64]:
-    """The picture projected along each face's normal, in the shape's own axes."""
+    """Computes texture coordinates by projecting the picture along each face's normal, in the shape's own axes."""
     axis = np.abs(mesh.normals).argmax(axis=1)
     # Which two axes run along the picture's width and height, by the normal's axis.
     across, up = np.array([2, 0, 0])[axis], np.array([1, 2, 1])[axis]

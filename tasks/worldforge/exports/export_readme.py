@@ -1,4 +1,4 @@
-"""The README at the top of an export."""
+"""Text of the README at the top of a world export."""
 
 from .ros_packages import SHARED_MODELS, WORLDS
 

@@ -1,4 +1,7 @@
-"""The scene of an export: a world bundle, taken apart into things made of shapes.
+"""Scene of a world export: a world bundle as a list of objects made of shapes.
+
+Shapes, masses, friction and joints are those of the compiled MJCF, so that every export format shows and weighs the
+same. `world.json` says which furniture a geom belongs to and where the furniture is.
 
 Shapes, masses, friction and joints are those of the compiled MJCF, so that every format shows and
 weighs the same. `world.json` says which furniture a geom belongs to and where that stands.
@@ -30,7 +33,7 @@ Matrix = NDArray[np.float64]
 
 BUILDING = "building"
 UNLIMITED_RAD = 1e16
-"""Limit of a hinge that has none: some readers take a joint without limits for a fixed one."""
+"""Limit in radians for an exported hinge without limits: some readers take a joint without limits for a fixed one."""
 
 _KINDS: dict[int, Kind] = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",
@@ -59,26 +62,30 @@ class Shape:
     """A geom of an exported world, in the frame of its object: form, size, pose and material."""
 
     name: str
-    """Unique in its thing."""
+    """Name that is unique within its object."""
     kind: Kind
     half: tuple[float, float, float]
-    """Half extents along its own axes, metres; a capsule's round ends come on top of the third; of a
-    plane the third means nothing, and 0 in the others means that it has no end; of terrain the third is its whole
-    height above its own origin."""
+    """Half extents along the shape's own axes, in metres.
+
+    Round ends of a capsule are added to the third. A plane's third number means nothing, and 0 in the others means that
+    it is infinite. The third of terrain is its whole height above its own origin.
+    """
     position: Vector
     rotation: Matrix
     color: tuple[float, float, float, float]
     """Mean colour, texture included; red, green, blue and opacity, 0 to 1."""
     material: int
-    """Index in the compiled model, or -1."""
+    """Material index in the compiled MuJoCo model, or -1."""
     mesh: int
-    """Index of the mesh in the compiled model, of terrain that of its height field, or -1."""
+    """Mesh index in the compiled MuJoCo model (of terrain: height field index), or -1."""
     mesh_name: str
-    """Good as a part of a file's name, and the same in all worlds that have this mesh; empty: it is none. Terrain has a
-    name of its world."""
+    """File name for the shape's mesh, the same in all worlds that have this mesh; empty without mesh.
+
+    Terrain has a name of its world.
+    """
     drawn: bool
     ceiling: bool
-    """Seen from below only, so that one can look into rooms from above."""
+    """Whether it is a ceiling, which is visible from below only, so that one can look into rooms from above."""
     collides: bool
     friction: float
 
@@ -97,7 +104,7 @@ class Joint:
     """Position in the body's frame, in metres."""
     axis: Vector
     lower: float
-    """Least way from where the body is now, radians or metres."""
+    """Lower limit of the joint, relative to the body's current position, in radians or metres."""
     upper: float
     damping: float
     friction: float
@@ -118,19 +125,19 @@ class Thing:
     """An object of an exported world: the building, a piece of furniture, or a movable body."""
 
     name: str
-    """Unique in the world."""
+    """Name that is unique in the world."""
     kind: ThingKind
     label: str
-    """Label of what the thing is; equal things have equal labels."""
+    """Kind of the object, equal for equal objects, such as `door 850x40x2050`."""
     position: Vector
     rotation: Matrix
     shapes: tuple[Shape, ...]
     inertia: Inertia | None = None
-    """Absent: it never moves."""
+    """Mass and moments of inertia; `None`: the object never moves."""
     joint: Joint | None = None
-    """Absent: it moves freely, or not at all."""
+    """Joint that connects the object; `None`: it moves freely, or not at all."""
     hung: tuple["Thing", ...] = ()
-    """Bodies that hang on it, such as the links of an arm, with their poses in its frame."""
+    """Bodies that are attached to this one by joints, such as the links of an arm, with poses in its frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,9 +172,9 @@ class Scene:
     world: World
     model: mujoco.MjModel
     things: tuple[Thing, ...]
-    """The building first, furniture in the order of `world.json`, then bodies as in the MJCF."""
+    """Objects of the world: the building first, furniture in the order of `world.json`, then bodies as in the MJCF."""
     folder: Path | None = None
-    """The bundle's, which holds the pictures that the MJCF names."""
+    """Folder of the world's bundle, which has the texture files that the MJCF names."""
 
 
 def read_scene(bundle: Path) -> Scene:
@@ -234,7 +241,7 @@ def _turned(yaw: float) -> Matrix:
 
 
 def _moved(shape: Shape, item: Furniture, name: str) -> Shape:
-    """The shape in the frame of the furniture that it is part of."""
+    """Returns a shape in the frame of the furniture that it is part of."""
     back = _turned(item.yaw).T
     position, rotation = back @ (shape.position - _spot(item)), back @ shape.rotation
     return replace(shape, name=name, position=position, rotation=rotation)
@@ -285,7 +292,7 @@ def _mesh_name(model: mujoco.MjModel, kind: Kind, form: int) -> str:
 def _surrounding_box(
     model: mujoco.MjModel, geom: int, position: Vector, rotation: Matrix
 ) -> tuple[tuple[float, float, float], Vector, Matrix]:
-    """Half extents, middle and turn of the box around a geom that stands square."""
+    """Returns half extents, centre and rotation of the box around a geom that is rotated by quarter turns only."""
     x, y, z = (float(value) for value in np.abs(rotation) @ model.geom_aabb[geom, 3:])
     return (x, y, z), position + rotation @ model.geom_aabb[geom, :3], np.eye(3)
 
@@ -309,7 +316,7 @@ def matrix_of(quaternion: Vector) -> Matrix:
 
 
 def _material_colors(model: mujoco.MjModel) -> list[Vector]:
-    """The mean colour of every material."""
+    """Returns the mean colour of every material of the model, textures included."""
     colors = []
     for material in range(model.nmat):
         color = model.mat_rgba[material].astype(np.float64)
@@ -380,7 +387,10 @@ def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors
 
 
 def _size_label(name: str, shapes: tuple[Shape, ...]) -> str:
-    """Kind and size of a body that `world.json` does not list as furniture: `door 850x40x2050`."""
+    """Returns the label of a body that `world.json` does not list as furniture, from kind and size.
+
+    `door 850x40x2050`.
+    """
     spans = np.array([np.abs(shape.rotation) @ shape.half for shape in shapes if shape.collides] or [np.zeros(3)])
     centers = np.array([shape.position for shape in shapes if shape.collides] or [np.zeros(3)])
     size = (centers + spans).max(axis=0) - (centers - spans).min(axis=0)

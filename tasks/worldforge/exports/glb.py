@@ -31,7 +31,7 @@ _DIGITS = 7
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _STRIDES = {"VEC2": 8, "VEC3": 12}
 _APART = "\n"
-"""Stands in names that are unique in trimesh's scene before the part's own name."""
+"""Separator between the prefix that makes a name unique in trimesh's scene and the part's own name."""
 
 
 def world_glb(bundle: Path) -> bytes:
@@ -50,7 +50,10 @@ def scene_glb(scene: Scene) -> bytes:
 
 
 class _Picture:
-    """A PNG file as trimesh takes pictures; trimesh writes its bytes unchanged and does not encode them again."""
+    """PNG file with the interface of a picture that trimesh expects.
+
+    Its bytes are written unchanged and not encoded again.
+    """
 
     format = "PNG"
 
@@ -120,7 +123,7 @@ class _Writer:
                 view["byteLength"] = len(self._pictures[name])
 
     def _shape(self, shape: Shape) -> tuple[str, Matrix]:
-        """The mesh's name and where it stands."""
+        """Adds a shape's mesh to the scene; returns the mesh's name and the shape's pose."""
         position = shape.position
         ceiling = shape.ceiling and shape.kind == "box"
         if ceiling:
@@ -145,7 +148,7 @@ class _Writer:
         return key, _matrix(position, shape.rotation * scale)
 
     def _material(self, shape: Shape) -> tuple[str, bool]:
-        """The material's name, and whether there is a picture on it."""
+        """Adds a shape's material; returns its name, and whether it has a texture."""
         textured = is_pictured(self._model, shape)
         name = texture_name(self._model, shape.material) if textured else "#" + " ".join(map(str, shape.color))
         if name not in self._materials:
@@ -175,7 +178,7 @@ def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) ->
 
 
 def _matrix(position: Vector, rotation: Matrix) -> Matrix:
-    """The matrix of a node."""
+    """Returns the 4×4 transformation matrix of a position and a rotation."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return np.round(matrix, _DIGITS)

@@ -1,4 +1,4 @@
-"""The ROS packages of an export: what makes models and worlds known to ROS 1, ROS 2 and Gazebo."""
+"""Text files of the exported ROS packages, with which ROS 1, ROS 2 and Gazebo find the models and worlds."""
 
 LAUNCH_ROS1 = """\
 <?xml version="1.0"?>
@@ -239,7 +239,10 @@ def _ament_dsv(folder: str) -> str:
 
 
 def _catkin_sh(folder: str) -> str:
-    """A hook of catkin, which expands it with empy: another folder after installing."""
+    """Returns a catkin environment hook that sets the search paths.
+
+    Catkin expands it with empy, for the source and the install folder.
+    """
     lines = [
         "@[if DEVELSPACE]@",
         f'_worldforge_folder="@(CMAKE_CURRENT_SOURCE_DIR)/{folder}"',

@@ -1,4 +1,4 @@
-"""The packages of an export as ROS finds installed ones: a prefix with `share/`, an index for ament, and a setup.
+"""ROS install prefix with the packages of an export: `share/`, an ament index, and setup scripts.
 
 ```
 setup.sh, setup.bash, local_setup.sh, local_setup.bash
@@ -18,10 +18,13 @@ from .ros_packages import PATH_VARIABLES, SHARED_MODELS, WORLDS
 
 PACKAGES = (WORLDS, SHARED_MODELS)
 CONTENTS = {WORLDS: ("worlds", "launch"), SHARED_MODELS: ("models",)}
-"""Folders of the packages that tell one export from another."""
+"""Folders of each exported package whose content depends on the world."""
 
 SETUP_VARIABLE = "AWS_ROBOMAKER_WORLDFORGE_SETUP_OVERRIDE"
-"""Variable that names the prefix; hooks that RoboMaker's packages put into bundles source the setup there."""
+"""Environment variable with the prefix's path.
+
+RoboMaker's packages in bundles have hooks that source the setup script there.
+"""
 
 _SETUP = """\
 # Puts the world of the job before all others; sourced after the setups of ROS and of a workspace.

@@ -1,4 +1,8 @@
-"""Models in SDF 1.6, which Gazebo 9 and 11 read as well as Gazebo Sim.
+"""Writes models in SDF 1.6, which Gazebo 9, Gazebo 11 and Gazebo Sim read.
+
+That version has boxes, cylinders, spheres, planes and meshes. Visible ellipsoids become meshes, and colliding ones
+boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as Gazebo reads height maps
+of some pictures only.
 
 That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for the eye become meshes,
 those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as
@@ -28,15 +32,15 @@ from .export_scene import Inertia, Joint, Matrix, Placed, Scene, Shape, Thing, V
 SDF_VERSION = "1.6"
 
 _ENDLESS_PLANE_M = 100.0
-"""Side of a plane without an end, where it has to be told."""
+"""Side of an infinite plane in the SDF, where SDF requires a size, in metres."""
 _SAME_VOLUME = (pi / 6) ** (1 / 3)
-"""A box of this share of an ellipsoid's extents has its volume."""
+"""Factor from an ellipsoid's extents to those of a box of the same volume."""
 _TERRAIN_DIGITS = 8
-"""Digits of places on terrain: it may be kilometres wide, and a millimetre counts."""
+"""Significant digits of terrain coordinates: terrain may be kilometres wide, and a millimetre counts."""
 _SPECULAR = "0.05 0.05 0.05 1"
 
 Pictures = dict[str, tuple[str, str]]
-"""Paths of the mesh and of the picture, in the model's folder, of shapes that have one, by their names."""
+"""Paths of mesh file and texture file, relative to the model's folder, by the name of the shape that has them."""
 
 
 def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
@@ -67,7 +71,7 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
 
 
 def _picture(thing: Thing, shape: Shape, scene: Scene) -> str | None:
-    """The path in the bundle of the picture that is drawn on a shape."""
+    """Returns the path of a shape's texture file in the world's bundle; `None` if it has none."""
     pictured = thing.kind == "building" and shape.drawn and not shape.endless and is_pictured(scene.model, shape)
     return texture_file(scene, shape.material) if pictured else None
 

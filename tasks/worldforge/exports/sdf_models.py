@@ -12,7 +12,10 @@ from .export_scene import BUILDING, Joint, Matrix, Scene, Shape, Thing
 from .sdf import SDF_VERSION, model_files, pose_text, xml_text
 
 _SAME_M = 6e-4
-"""Largest difference of equal pieces: the MJCF's numbers have four digits, poses in `world.json` three."""
+"""Largest difference of coordinates of equal pieces, in metres.
+
+The MJCF's numbers have four digits, poses in `world.json` three.
+"""
 
 
 class SharedModels:
@@ -20,7 +23,7 @@ class SharedModels:
 
     def __init__(self) -> None:
         self.files: dict[str, dict[str, str]] = {}
-        """The files of each model's folder, by the model's name."""
+        """Files of each model's folder, by the model's name."""
         self._things: dict[str, Thing] = {}
 
     def add(self, thing: Thing, scene: Scene) -> str:
@@ -52,7 +55,9 @@ def _square(thing: Thing) -> Thing:
 
 
 def _squared(shape: Shape) -> Shape:
-    """The shape with its sizes swapped in place of a turn, where that is the same shape.
+    """Returns a shape with swapped sizes and without rotation, where that is the same shape.
+
+    Equal pieces that are turned in the room have swapped sizes in the MJCF, and would look different.
 
     The MJCF swaps them as a piece is turned in the room, so that pieces that are equal look different.
     """
@@ -110,7 +115,7 @@ def _equal(first: Thing, second: Thing) -> bool:
 
 
 def _hang_alike(first: Thing, second: Thing) -> bool:
-    """Whether bodies that hang on equal objects are equal and hang there in the same way."""
+    """Whether the bodies attached to two equal objects are equal and attached in the same way."""
     joints = [_joint_values(each.joint) if each.joint else () for each in (first, second)]
     away = max(np.abs(first.position - second.position).max(), np.abs(first.rotation - second.rotation).max())
     alike = len(joints[0]) == len(joints[1]) and np.allclose(*joints, atol=_SAME_M)
@@ -136,11 +141,11 @@ class SdfWorld:
     """Gazebo files that belong to one exported world alone."""
 
     world: str
-    """The world file."""
+    """Content of the `.world` file."""
     building: dict[str, str]
-    """The files of its building's model."""
+    """Files of the building's Gazebo model, by path."""
     models: tuple[str, ...]
-    """Names of the shared models in it, each once."""
+    """Names of the shared models that the world includes, each once."""
 
 
 def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
@@ -199,7 +204,7 @@ def _light(world: ET.Element) -> None:
 
 
 def _window(world: ET.Element, scene: Scene) -> None:
-    """Gazebo's window looks at the whole building from the south."""
+    """Points the camera of Gazebo's window at the whole building from the south."""
     corners = np.array(scene.world.floorplan.footprint)
     x, y = (corners.max(axis=0) + corners.min(axis=0)) / 2
     width, depth = corners.max(axis=0) - corners.min(axis=0)

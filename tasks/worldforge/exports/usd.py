@@ -1,4 +1,8 @@
-"""A world as a USD stage with UsdPhysics, for Isaac Sim and other programs that read it.
+"""Writes a world as a USD stage with UsdPhysics, for Isaac Sim and other programs.
+
+Every object is an `Xform` of `/World` by its name in `world.json`, its shapes below it. Colliding shapes are
+primitives, as in the MJCF; a textured shape is a mesh beside one. Letters that USD's names do not allow are `_`;
+`displayName` has the original name.
 
 Every thing is an `Xform` of `/World` by its name in `world.json`, its shapes below it. What collides are primitives, as
 in the MJCF; what has a picture is a mesh beside one. Letters that USD's names do not take are `_`; `displayName` has
@@ -28,7 +32,7 @@ _HEAD = """\
 
 """
 _MESHES = ("mesh", "ellipsoid", "terrain")
-"""Kinds of shapes that USD has no primitive of."""
+"""Kinds of shapes for which USD has no primitive."""
 _PLACED = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]'
 _SCALED = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient", "xformOp:scale"]'
 
@@ -58,7 +62,10 @@ def scene_usd(scene: Scene) -> str:
 
 
 def _thing(scene: Scene, placed: Placed, name: str, looks: Looks, above: str) -> Prim:
-    """Makes an object's prim beside all others, as rigid bodies do not nest; `above` is the path of its parent."""
+    """Makes the USD prim of an object, next to all others, as rigid bodies do not nest.
+
+    `above` is the path of its parent.
+    """
     thing = placed.thing
     prim = Prim("Xform", name, metadata=['kind = "component"', *_called(name, thing.name)])
     prim.metadata.append(f"customData = {{ string label = {quoted(thing.label)} }}")
@@ -98,7 +105,7 @@ def _weigh(prim: Prim, inertia: Inertia) -> None:
 
 
 def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[Prim]:
-    """A prim for the eye, one that collides, or one that does both."""
+    """Returns the USD prims of a shape: one visible and one colliding, or one that is both."""
     seen = shape.drawn and shape.color[3] > 0 and not shape.endless
     pictured = seen and (is_pictured(scene.model, shape) or shape.ceiling)
     as_mesh = shape.kind in _MESHES or pictured
@@ -128,7 +135,7 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
 
 
 def _solid(shape: Shape, name: str) -> Prim:
-    """A primitive of USD."""
+    """Makes a USD primitive (cube, cylinder, ...) of a colliding shape."""
     x, y, z = shape.half
     if shape.kind == "box":
         prim = Prim("Cube", name)
@@ -177,7 +184,10 @@ _JOINTS = {"revolute": "PhysicsRevoluteJoint", "prismatic": "PhysicsPrismaticJoi
 
 
 def _joint(thing: Thing, joint: Joint, name: str, body: str, above: str) -> Prim:
-    """A joint with the world or with the body above, at 0 where the body stands; its axis is z of its frames."""
+    """Makes a USD joint with the world or a parent body, at position 0 in the body's pose.
+
+    Its axis is z of its frames.
+    """
     frame = _frame_along(joint.axis)
     turning = joint.kind == "revolute"
     prim = Prim(_JOINTS[joint.kind], name)
@@ -203,7 +213,7 @@ def _joint(thing: Thing, joint: Joint, name: str, body: str, above: str) -> Prim
 
 
 def _frame_along(axis: Vector) -> Matrix:
-    """A frame whose z axis is this one."""
+    """Returns the rotation matrix of a frame whose z axis is the given axis."""
     z = axis / np.linalg.norm(axis)
     aside = np.eye(3)[int(np.abs(z).argmin())]
     x = np.cross(aside, z)

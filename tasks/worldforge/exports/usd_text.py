@@ -1,4 +1,4 @@
-"""Prims of USD as text: what a stage is written with, without USD's own library."""
+"""Writes USD prims as text (`.usda`), without USD's own library."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -21,14 +21,14 @@ class Prim:
     """A USD prim with attributes and children, written as `.usda` text."""
 
     kind: str
-    """`Xform`, `Cube`, …"""
+    """USD type of the prim: `Xform`, `Cube`, …"""
     name: str
-    """A name that USD takes, see `prim_name`."""
+    """Valid USD name, see `prim_name`."""
     schemas: list[str] = field(default_factory=list)
-    """API schemas that are applied to it."""
+    """USD API schemas that are applied to the prim."""
     metadata: list[str] = field(default_factory=list)
     attributes: list[str] = field(default_factory=list)
-    """Lines such as `double size = 2`."""
+    """USD attribute lines such as `double size = 2`."""
     children: list["Prim"] = field(default_factory=list)
 
     def set(self, kind: str, name: str, value: str) -> None:
@@ -133,7 +133,7 @@ class Looks:
 
     def __init__(self, scene: Scene, root: str) -> None:
         self.scope = Prim("Scope", _LOOKS)
-        """The prim that has them."""
+        """USD prim that contains all materials."""
         self._scene = scene
         self._path = f"{root}/{_LOOKS}"
         self._names = PrimNames()

@@ -130,14 +130,17 @@ def _sizes(expression: Sequence[int], areas: Sequence[float]) -> tuple[list[floa
 
 
 def _pocket_ratio(box: Box, guest: int, ratios: Sequence[float]) -> float:
-    """Preferred extent along x over extent along y of a pocket with one room, or with several."""
+    """Returns the preferred width over height (x over y) of a pocket with one room, or with several."""
     if guest >= 0:
         return ratios[guest] if box.x1 - box.x0 > box.y1 - box.y0 else 1 / ratios[guest]
     return {SIDE_BY_SIDE: 2.0, STACKED: 0.5}.get(guest, 1.0)
 
 
 def _pocket(box: Box, corner: int, share: float, ratio: float) -> Box:
-    """A corner of the box with `share` of its area, and with the given ratio unless that makes it a corridor's."""
+    """Returns the rectangle in a corner of a box with `share` of its area.
+
+    It has the given ratio unless that would make the rest of the box a corridor.
+    """
     width, height = box.x1 - box.x0, box.y1 - box.y0
     if share > _CORRIDOR_SHARE:
         # What is left is a corridor around two sides; it is equally wide on both.
@@ -157,7 +160,7 @@ def _pocket(box: Box, corner: int, share: float, ratio: float) -> Box:
 
 
 def _around(box: Box, pocket: Box) -> tuple[Corners, int]:
-    """The L that a pocket leaves of a box, counter-clockwise, and its narrower arm."""
+    """Returns the L-shaped rest of a box around a pocket, counter-clockwise, and the width of its narrower arm."""
     x0, y0, x1, y1 = box
     west, south = pocket.x0 == x0, pocket.y0 == y0
     x, y = (pocket.x1 if west else pocket.x0), (pocket.y1 if south else pocket.y0)
@@ -204,7 +207,7 @@ def slenderness(plan: Partition, room: int) -> float:
 
 
 class Lines(NamedTuple):
-    """Room borders on one straight line, by side."""
+    """Room borders on one straight line, separated by the side on which the room is."""
 
     below: list[tuple[int, int, int]]
     """(start, end, room) of rooms left of or below the line."""
@@ -255,7 +258,7 @@ class Side(NamedTuple):
     end: int
     room: int
     forward: bool
-    """Whether the room lies to the left of the way from start to end."""
+    """Whether the room is to the left when walking from start to end."""
 
 
 def border(rooms: Sequence[Corners]) -> list[Side]:
@@ -298,7 +301,7 @@ def turns(points: Sequence[tuple[int, int]]) -> Corners:
 
 
 def _left(start: int, end: int, others: list[tuple[int, int, int]]) -> Iterator[tuple[int, int]]:
-    """Parts of a span that the others do not cover."""
+    """Yields the parts of an interval that no other interval covers."""
     for low, high, _ in sorted(others):
         if low < end and high > start:
             if low > start:

@@ -1,4 +1,7 @@
-"""The choice of a partition: of all good plans one whose form no earlier plan of the order has, bent a little.
+"""Chooses a floor plan: one of the good plans whose form no earlier plan of the order has, slightly varied.
+
+The candidate plans are computed once per brief. A random order goes through all their forms before one is repeated, so
+the plans of a generation job differ as long as there are others.
 
 Which plans there are is found once per brief. An order, drawn from dice of its own, goes through all their forms before
 one comes again; so the plans of a generation job differ as long as there are others.
@@ -24,60 +27,77 @@ from .plan_seed import PlanSeed
 from .plan_signature import forms_of
 
 _CHOICE_MARGIN = 2.0
-"""Cost above that of the cheapest plan within which the best one is looked for: of those with fewest misses."""
+"""Largest cost above the cheapest plan's with which a plan can be the best one.
+
+Of these, the one with fewest missed preferences is.
+"""
 
 _VARIETY_MARGIN = 4.0
-"""Cost above that of the best plan that a plan may have to differ: a missed ratio and rooms that lie together worse."""
+"""Largest cost above the best plan's with which a plan may be chosen so that plans differ.
+
+It allows a missed ratio and slightly unsuitable neighbours.
+"""
 
 _WORSE_TOGETHER = 0.75
-"""The part of it that may come from how rooms lie together: about a way through a bedroom, less than a dark room."""
+"""Largest part of that extra cost that may come from neighbours and daylight.
+
+About a way through a bedroom, less than a dark room.
+"""
 
 _MORE_MISSES = 1
-"""Preferences that a plan may miss beyond the best one, for each six rooms."""
+"""Number of preferences that a plan may miss in addition to those of the best plan, for each six rooms."""
 
 _RATIO_LIMITS = tuple(round(log(ratio), 6) + 1e-6 for ratio in (1.25, 1.5))
-"""Largest deviations of a room's ratio; the second one is taken where the first leaves few forms. Many plans are
-exactly at a limit: another machine's last digit has to make no difference."""
+"""Largest deviations of a room's aspect ratio from the preferred one, as logarithms.
+
+The second one is used if the first allows few forms. Many plans are exactly at a limit; the rounding keeps another
+machine's last digit from making a difference.
+"""
 
 _FEW_FORMS = 20
-"""Forms below which ratios give way further."""
+"""Number of different plan forms below which the second, larger ratio limit is used."""
 
 _ODD_SHARE = 0.5
-"""Most forms with other outlines than rectangles and clean L, T and U, over the number of those with such outlines."""
+"""Limit of the forms with odd outlines, as a share of those with plain outlines (rectangles and clean L, T and U)."""
 
 _MANY_FORMS = 75
-"""While there are fewer forms than this, odd outlines are taken as well: enough for 50 different worlds of a job, or 60
-different plans among 200 seeds."""
+"""Number of forms below which odd outlines are also used.
+
+It is enough for 50 different worlds of a job, or 60 different plans among 200 seeds.
+"""
 
 _ODD_ODDS = 0.5
-"""Factor of the odds of plans with odd outlines, so that they come later."""
+"""Factor of the odds of plans with odd outlines, so that they come later in an order."""
 
 _CONNECTION_WEIGHT = 3
-"""As how many preferences of shape a requested connection counts."""
+"""Weight of a requested connection that is missed, relative to one missed shape preference."""
 
 _TEMPERATURE = 1.5
-"""Difference in cost that makes a plan come first a third as often."""
+"""Difference in cost that makes a plan come first a third as often (softmax temperature)."""
 
 _MOST_OFTEN = 0.06
-"""Largest chance of any form to come first; well below a tenth, so that counts of 200 seeds stay below a tenth, too."""
+"""Largest chance of any form to be the first of an order.
+
+It is well below a tenth, so that counts of 200 seeds are below a tenth, too.
+"""
 
 _POOR = 5.0
-"""Cost of the best plan above which L-shaped rooms are tried as well, unless one grants all."""
+"""Cost of the best plan above which L-shaped rooms are tried as well, unless a plan satisfies all preferences."""
 
 _CLIMB_SEED = 1
-"""Seed of the search for L-shaped rooms where plans are not to differ."""
+"""Random seed of the search for L-shaped rooms, where plans need not differ."""
 
 _DRAWS = 4
 _WORSE = 0.2
-"""Largest cost that bending may add to a plan."""
+"""Largest cost that the random variation of sizes may add to a plan."""
 
 
 class Pool(NamedTuple):
-    """Plans to choose from, one of each form, cheapest first."""
+    """Floor plans to choose from: one of each form, cheapest first."""
 
     lists: list[Shortlist]
     places: list[tuple[int, int]]
-    """Each plan's list and its number there."""
+    """Index of each plan's shortlist, and its index there."""
     odds: list[float]
 
 
@@ -114,7 +134,12 @@ def shortlists(brief: Brief) -> list[Shortlist]:
 
 @lru_cache(maxsize=64)
 def plans_of(brief: Brief) -> Pool:
-    """Selects the plans of a brief that may be chosen: one of each form, or the best one if none is to differ.
+    """Selects the plans of a brief that may be chosen: one of each form, or only the best one if plans need not differ.
+
+    No plan misses a preferred area or connection that the best plan satisfies; one more aspect ratio may be missed.
+
+    Args:
+        brief: the preferences of two rooms or more, for which there is a valid plan.
 
     Areas and connections are missed by none unless the best plan misses them too; one ratio more may be.
 
@@ -151,7 +176,7 @@ def plans_of(brief: Brief) -> Pool:
 
 
 def _one_of_each(ordered: NDArray[np.intp], forms: NDArray[np.int64], plain: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """The first plan of each form, in the same order; with odd outlines only so many."""
+    """Returns the first plan of each form, in the same order, with a limited number of odd outlines."""
     _, first = np.unique(forms[ordered], return_index=True)
     each = ordered[np.sort(first)]
     clean = int(plain[each].sum())
@@ -160,7 +185,7 @@ def _one_of_each(ordered: NDArray[np.intp], forms: NDArray[np.int64], plain: NDA
 
 
 def capped(odds: Floats) -> Floats:
-    """Returns odds as shares, with none above the largest chance, or all equal where there are too few for that."""
+    """Normalises odds to shares with none above the largest chance; all are equal where there are too few for that."""
     if len(odds) * _MOST_OFTEN <= 1:
         return np.full(len(odds), 1 / len(odds))
     shares = odds / odds.sum()
@@ -173,7 +198,10 @@ def capped(odds: Floats) -> Floats:
 
 
 def _chosen(pool: Pool, seed: PlanSeed) -> int:
-    """The plan whose turn it is: those of higher odds tend to come earlier, and all come before one comes again."""
+    """Returns the plan at the seed's position in its random order.
+
+    Likelier plans tend to come earlier, and none is repeated before all were used.
+    """
     dice = Random(seed.order)  # noqa: S311 (chance, not secrecy)
     arrivals = [dice.expovariate(1) / odds for odds in pool.odds]
     order = sorted(range(len(arrivals)), key=arrivals.__getitem__)
@@ -181,7 +209,10 @@ def _chosen(pool: Pool, seed: PlanSeed) -> int:
 
 
 def _only_room(brief: Brief, dice: Random) -> Partition:
-    """The one room is the footprint, turned as the footprint is preferred or, if that is square, either way."""
+    """Returns the plan of a single room.
+
+    The footprint, turned as preferred, or randomly if the preference is square.
+    """
     least = brief.min_sides[0] - EXTERIOR_WALL
     square_units = brief.areas_m2[0] * UNITS_PER_M**2
     ratio = min(brief.ratios[0], square_units / least**2)
@@ -205,7 +236,7 @@ def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Par
 
 
 def _mirrored(plan: Partition, dice: Random) -> Partition:
-    """The plan turned over at one, both or none of its axes: all equally good."""
+    """Mirrors a plan randomly along x, y, both or neither: all are equally good."""
     flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
 
     def turn(corners: Corners) -> Corners:

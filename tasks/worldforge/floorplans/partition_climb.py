@@ -142,7 +142,10 @@ class PlanEvaluator:
         return cost
 
     def _ways(self, plan: Partition) -> tuple[list[int], int]:
-        """For every room a bit set of the rooms it can be joined to, and how many requested ways do not fit."""
+        """Returns for every room a bit set of the rooms it can be connected to.
+
+        The second value is the number of requested connections that do not fit.
+        """
         ways = [0] * len(plan.rooms)
         doors: dict[tuple[int, int], int] = {}
         openings: set[tuple[int, int]] = set()

@@ -40,7 +40,7 @@ _SIX_ROOMS_STRIDE = 5
 """Stride through the orders of six rooms: each shape takes every fifth one, five times as fast and hardly worse."""
 
 Node = int | tuple[bool, "Node", "Node"]
-"""A place for a room, numbered from left to right, or (sideways, first, second)."""
+"""Node of a slicing tree: the number of a room's place, or (is side by side, first child, second child)."""
 
 
 class Trees(NamedTuple):
@@ -325,7 +325,7 @@ class BatchEvaluator:
         return np.abs(np.log(width / height) - self.footprint)
 
     def _off(self, cuts: Cuts, *, roughly: bool = False) -> tuple[Floats, Floats, Floats]:
-        """Deviation of rooms from their ratios, from the least width in units, and from their areas."""
+        """Returns the rooms' deviations from preferred ratios, least width (in grid units), and preferred areas."""
         sides = self.floors(cuts, roughly=roughly)
         off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
         narrow = np.maximum(0.0, self.least - (cuts.high - cuts.low).min(axis=0))

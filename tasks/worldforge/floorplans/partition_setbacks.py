@@ -1,4 +1,4 @@
-"""Plans whose rooms keep their preferred shapes, and whose outline is set back where these fill no rectangle."""
+"""Floor plans with preferred room shapes whose outline is set back where the rooms fill no rectangle."""
 
 from functools import lru_cache
 from itertools import product

@@ -143,7 +143,7 @@ def has_small_steps(cuts: Cuts, least: int) -> Flags:
 
 
 def _at_corners(cuts: Cuts) -> tuple[Floats, Flags]:
-    """The corners of rooms as points, (axis, point, plan), and a mask of those where the outline turns, each once."""
+    """Returns the corners of rooms as points (axis, point, plan), and a mask of the outline's corners, each once."""
     low, high = cuts
     points = np.concatenate([np.array([x, y]) for x in (low[0], high[0]) for y in (low[1], high[1])], axis=1)
     filled = np.zeros((4, *points.shape[1:]), bool)

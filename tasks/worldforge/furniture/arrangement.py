@@ -1,4 +1,4 @@
-"""Furniture of rooms for which a template names none, and how full rooms are."""
+"""Default furniture of room types for which a template names none, and how much of the floor it covers."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -57,10 +57,10 @@ _LARGE: dict[RoomType, tuple[tuple[float, tuple[str, ...]], ...]] = {
 """Smallest floor area, in square metres, of a room with a corner to work and read in, or to dine in."""
 
 _DINES_FROM_M2 = 16.0
-"""Floor area from which on a living room has place for a table beside the sofa and the television."""
+"""Smallest floor area of a living room with a dining table beside sofa and television, in square metres."""
 
 FIRST: dict[RoomType, tuple[str, ...]] = {"Bathroom": ("Showers", "VanityCounters", "Toilets", "Baths")}
-"""Furniture that is placed before all other: a bathroom full of cupboards is none."""
+"""Furniture that is placed before all other, by room type: otherwise a bathroom might get only cupboards."""
 
 SPARE: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Bookcases", "Dressers"),
@@ -68,7 +68,7 @@ SPARE: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("SideboardsAndBuffets", "StorageBenches", "ConsoleTables"),
     "Living": ("StorageBenches", "Storage", "ServingCarts", "Dressers"),
 }
-"""Further furniture of dense rooms that what is usual there leaves too empty, mostly shallow, for short walls."""
+"""Additional furniture of dense rooms that the usual pieces leave too empty, mostly shallow, for short walls."""
 
 INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Toilets",),
@@ -78,7 +78,7 @@ INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Office": ("Desks",),
     "Storage": ("Storage", "Bookcases"),
 }
-"""Furniture without which a room does not deserve its type; one of several kinds is enough."""
+"""Essential furniture by room type; one of several listed kinds is enough."""
 
 SMALL_ROOM_NEEDS: dict[RoomType, tuple[tuple[str, ...], ...]] = {
     "Bathroom": (("Toilets",), ("Showers", "Baths"), ("VanityCounters",)),
@@ -90,7 +90,7 @@ SMALL_ROOM_NEEDS: dict[RoomType, tuple[tuple[str, ...], ...]] = {
     "Office": (("Desks",), ("DeskChairs",), ("Bookcases", "Storage")),
     "Storage": (("Storage", "Bookcases"),),
 }
-"""Furniture that makes a small room what it is called, of each group one kind."""
+"""Essential furniture of small rooms by room type; a room needs one kind of each group."""
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Bathroom": (0.19, 0.30, 14.0),
@@ -103,14 +103,16 @@ _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Office": (0.18, 0.28, 14.0),
     "Storage": (0.20, 0.29, 12.0),
 }
-"""Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
-hold when people and robots pass. Larger rooms are emptier, as the cube root of their area."""
+"""Share of the floor under furniture in moderate and dense rooms, and the floor area up to which it applies (m2).
+
+The shares leave place for people and robots to pass. Larger rooms are emptier, as the cube root of their area.
+"""
 
 COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense": 0.5}
-"""Share of the floor after which only kinds still missing are added."""
+"""Share of the floor under furniture above which only missing kinds are added, by density."""
 
 MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
-"""Pieces in a room of up to 40 m2; larger ones hold more, by the power 2/3 of their area."""
+"""Limit of the pieces in a room of up to 40 m2, by density; larger rooms have more, by the power 2/3 of their area."""
 
 DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 
@@ -123,7 +125,11 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
 
 
 def dining_room(rooms: Sequence[Room]) -> str | None:
-    """Returns the living room that people dine in, the largest; None where a dining room or a large kitchen is there.
+    """Returns the largest living room, which then has the dining table.
+
+    `None` if there is a dining room or a large kitchen.
+
+    It is `None` as well in a building without kitchen.
 
     Without a kitchen, nothing is said of meals.
     """

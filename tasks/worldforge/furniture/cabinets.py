@@ -33,7 +33,7 @@ _ROWS = (
 
 
 def _chest(style: Style, columns: int, rows: int) -> list[Part]:
-    """Plinth, body, top, fronts."""
+    """Builds the parts of a chest: plinth, body, top, and fronts in columns and rows."""
     top = style.height_m
     return [
         slab("plinth", style, (0, 0.07), BLACK, inset=0.04),
@@ -190,7 +190,10 @@ def _open_shelves(style: Style) -> list[Part]:
 
 
 def _counter(style: Style) -> list[Part]:
-    """Worktop on base units; the sink is drawn as a steel rim with a dark basin, and corners have no fronts."""
+    """Builds a kitchen counter: a worktop on base units.
+
+    The sink is drawn as a steel rim with a dark basin, and corner units have no fronts.
+    """
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     parts = [

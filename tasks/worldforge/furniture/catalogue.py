@@ -1,4 +1,7 @@
-"""The catalogue: every kind of furniture with its styles, its parts, its place in rooms and its symbol on plans.
+"""Furniture catalogue: every kind with its styles, parts, placement rule and floor plan symbol.
+
+Sizes are those of real furniture. A piece is fully described by its kind and the name of its style, so that readers of
+`world.json` can rebuild it part by part.
 
 Sizes are those of real furniture. A piece is fully described by its kind and the name of its style,
 so that readers of `world.json` can rebuild it part by part.
@@ -28,49 +31,49 @@ class Rule:
     """
 
     spot: Spot = "wall"
-    """Spot for a piece that is placed on its own."""
+    """Usual place in a room (at a wall, in the open, ...) of a piece that is placed on its own."""
     prefer: Literal["middle", "corner", "any"] = "any"
     """Preferred part of a wall."""
     front_m: float = 0.0
-    """Free space before it, in metres: to get up, to open it, to work at it."""
+    """Free space in front of it, in metres: to get up, to open it, to work at it."""
     beside_m: float = 0.0
     """Free space on both sides, in metres; on one side of a bed for one."""
     around_m: float = 0.0
     """Free space on every side of a piece in the open, in metres."""
     relation: Relation = ""
-    """Position relative to the kinds in `near`, tried before `spot`."""
+    """Position relative to the kinds in `near` (beside, before, around, ...), tried before `spot`."""
     near: tuple[str, ...] = ()
-    """Kinds it belongs to."""
+    """Kinds of furniture that it belongs to."""
     bound: bool = False
-    """Whether it makes no sense away from those kinds where the room has one."""
+    """Whether it may not be placed away from the kinds in `near` if the room has one of them."""
     seat_m: float = 0.0
-    """Depth that a chair before it takes, so that the place must not be at a door."""
+    """Depth that a chair in front of it takes, in metres; this area must not be at a door."""
     gap_m: float = 0.0
-    """Distance for `before` and `gathered`."""
+    """Distance to the partner for the relations `before` and `gathered`, in metres."""
     hides_window: bool = False
-    """Whether it never stands before a window, however low it is."""
+    """Whether it never is placed before a window, however low it is."""
     counts: tuple[int, int, int] = (1, 1, 1)
-    """Pieces wanted at first in sparse, moderate and dense rooms."""
+    """Number of pieces placed at first in sparse, moderate and dense rooms."""
     limit: int = 1
-    """At most so many per 30 m2."""
+    """Limit of the pieces per 30 m2 of floor."""
     one_a_room: bool = False
-    """Whether larger rooms get no more of them: a hall is not watched from ten screens."""
+    """Whether larger rooms get no more than one of them, such as a television."""
 
 
 KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
-"""Kinds of furniture in a kitchen's line."""
+"""Kinds of furniture that are placed in a kitchen's row."""
 
 SEATS = ("Sofas", "LivingRoomChairs")
-"""Seats of a living room."""
+"""Kinds of furniture for sitting in living rooms."""
 
 
 Builder = Callable[[Style], list[Part]]
 
 COMPACT = " compact"
-"""End of the names of forms that only rooms below 10 m2 have, where usual ones take the ways that robots need."""
+"""Suffix of form names that only rooms below 10 m2 get; usual pieces would block the paths that robots need there."""
 
 LOOSE_TYPES = ("Ball", "Book", "Carton", "Clothes", "Cup", "Plate", "Shoe", "ToyBlock")
-"""Kinds of loose objects, which no template can name."""
+"""Kinds of loose objects, which templates cannot list as furniture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +81,12 @@ class Kind:
     """A furniture type of the catalogue: its styles, builder and placement rule."""
 
     build: Builder
-    """Makes the parts of one of its styles."""
+    """Function that builds the parts of one of its styles."""
     styles: tuple[Style, ...]
     rule: Rule | None = None
-    """Rule by which rooms are furnished with it; loose objects have none."""
+    """Rule by which rooms are furnished with it; `None` for loose objects."""
     symbol: str = "plain"
-    """Symbol in plans: a name in `pictures/plan_symbols.py`."""
+    """Symbol on floor plans: a name in `pictures/plan_symbols.py`."""
 
 
 # In the order of placing: what rooms are arranged around comes first.
@@ -343,7 +346,7 @@ CATALOGUE: dict[str, Kind] = {
 }
 
 RULES: dict[str, Rule] = {name: kind.rule for name, kind in CATALOGUE.items() if kind.rule}
-"""Placement of each kind, in the order of placing."""
+"""Placement rule of each kind of furniture, in the order in which kinds are placed."""
 
 
 def styles_of(model_type: str) -> tuple[Style, ...]:
@@ -356,7 +359,10 @@ def styles_of(model_type: str) -> tuple[Style, ...]:
 
 
 IMPORTED = "imported"
-"""Style of a piece that is not from the catalogue: its model has its form, and plans and pictures show its extent."""
+"""Style name of a piece that is not from the catalogue.
+
+The form of an imported piece is in its world's MuJoCo model; plans and pictures show its extent.
+"""
 _IMPORTED_COLOR = (0.62, 0.6, 0.57, 1.0)
 
 

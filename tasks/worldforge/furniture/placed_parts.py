@@ -16,7 +16,7 @@ class Solid(NamedTuple):
     """A geometric primitive (box, cylinder, ellipsoid) in the world."""
 
     name: str
-    """Furniture id, a dot, the part's name."""
+    """Name of the part: furniture id, a dot, the part's name."""
     shape: Shape
     center: Vector
     size: Vector
@@ -24,7 +24,7 @@ class Solid(NamedTuple):
     axis: Axis
     """Direction of a cylinder in its own frame."""
     yaw: float
-    """Turn of its own frame; 0 for everything that stands square to the walls."""
+    """Rotation of the part's own frame about z, in radians; 0 for everything parallel to the walls."""
     color: Color
     solid: bool
     drawn: bool = True

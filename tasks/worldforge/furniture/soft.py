@@ -21,7 +21,7 @@ from ..geometry.parts import (
 )
 
 _GIVES_M = 0.02
-"""Depth that things sink into a cushion."""
+"""Depth that objects sink into a cushion, in metres."""
 
 
 def bed(style: Style) -> list[Part]:

@@ -25,7 +25,7 @@ from ..geometry.parts import (
 _LEAF = rgb("5f8a56")
 _CLAY = rgb("b5694a")
 _BEARING_DEG = (20.0, 45.0, 70.0)
-"""Three boxes, which cover nine tenths of a round top."""
+"""Angles of the three boxes that support a round table top, in degrees; they cover nine tenths of it."""
 
 
 def coffee_table(style: Style) -> list[Part]:
@@ -51,7 +51,7 @@ def coffee_table(style: Style) -> list[Part]:
 
 
 def _tray(style: Style, top: float) -> list[Part]:
-    """A small bowl with moss in it."""
+    """Builds a small decorative bowl with moss."""
     return [
         upright("tray", (-0.08, -0.1), 0.2, (top, top + 0.03), style.soft),
         rounded("moss", (-0.08, -0.1, top + 0.035), (0.17, 0.17, 0.06), _LEAF),
@@ -75,7 +75,7 @@ def dining_table(style: Style) -> list[Part]:
 
 
 def _apron(style: Style) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Left, right, bottom and top of the board below a table's top."""
+    """Returns left and right end, and bottom and top, of the board below a table's top."""
     side = style.half_width_m - 0.06
     return (-side, side), (style.height_m - 0.12, style.height_m - 0.03)
 
@@ -239,7 +239,7 @@ def _four_legged(style: Style, thickness: float) -> list[Part]:
 
 
 def _pedestal(style: Style, foot: float) -> list[Part]:
-    """A round top on a column; `foot` is the base's share of the width."""
+    """Builds a round table top on a column; `foot` is the base's width as a share of the top's."""
     top = style.height_m
     return [
         upright("top", (0, 0), style.width_m, (top - 0.035, top - BEARING_M), style.accent, solid=True),

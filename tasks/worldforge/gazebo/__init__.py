@@ -1,1 +1,1 @@
-"""Worlds in Gazebo's format become worlds like ours: shapes that collide, model, map, proofs and bundle."""
+"""Import of worlds in Gazebo's format (SDF): collision shapes, MuJoCo model, map, checks and bundle."""

@@ -1,4 +1,4 @@
-"""Rigid bodies of a world: links that are fixed to each other are one, joints tie them to others or to the world."""
+"""Rigid bodies of an imported Gazebo world: links that are fixed to each other form one body; joints connect bodies."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -10,9 +10,9 @@ from .solids import Solid, SolidMaker
 
 WORLD = "world"
 _USUAL_MASS_KG = 1.0
-"""Mass of a link that names none: Gazebo's own."""
+"""Mass of a link that names none, in kilograms: Gazebo's own default."""
 _SMALLEST_M = 0.01
-"""Least extent for the moments of a body that names none."""
+"""Smallest extent used to compute moments of inertia of a body that names none, in metres."""
 
 
 @dataclass(slots=True)
@@ -23,13 +23,13 @@ class Body:
     links: list[Link]
     pose: Pose
     joint: Joint | None = None
-    """Absent: it moves freely, or never."""
+    """Joint that connects the body; `None`: it moves freely, or never."""
     is_reversed: bool = False
-    """Whether the joint's child is the body around."""
+    """Whether this body is the parent in the file's joint, so that the joint is used in reverse."""
     parent: "Body | None" = None
-    """Absent: the world."""
+    """Body that this one is attached to by its joint; `None`: the world."""
     is_held: bool = False
-    """Whether it could move and is kept from it."""
+    """Whether the body could move and is kept fixed."""
     solids: list[Solid] = field(default_factory=list)
 
     @property
@@ -80,7 +80,7 @@ def _has_links(joint: Joint, known: dict[str, Link], world: SdfWorld) -> bool:
 
 
 def _tie(joint: Joint, groups: "_Groups", tied: dict[str, tuple[str, Joint, bool]], world: SdfWorld) -> None:
-    """Records the parent group of a group by a joint; a joint that would close a loop is left out."""
+    """Records a joint between two groups of links; a joint that would close a loop is left out."""
     parent, child, fixed = groups.root(joint.parent), groups.root(joint.child), groups.root(WORLD)
     if parent == child:
         return  # between parts that never move
@@ -97,7 +97,7 @@ def _tie(joint: Joint, groups: "_Groups", tied: dict[str, tuple[str, Joint, bool
 
 
 class _Groups:
-    """Disjoint sets of names."""
+    """Disjoint sets of link names (union-find)."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._above = {name: name for name in names}

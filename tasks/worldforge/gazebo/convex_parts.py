@@ -1,4 +1,8 @@
-"""Splits meshes into convex parts that keep their form, as MuJoCo takes the convex hull of every mesh that collides.
+"""Splits meshes into convex parts that keep their form, as MuJoCo collides the convex hull of each mesh.
+
+Faces in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as the mesh
+is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take `_FLAT_M`,
+unless the mesh is an open shell that has no inside.
 
 Faces that lie in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as
 the mesh is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take
@@ -18,22 +22,28 @@ from scipy.spatial import ConvexHull, QhullError
 from ...sdf.meshes import Triangles
 
 THICKNESS_M = 0.03
-"""Thickness of prisms: thin enough to leave the form, thick enough that no robot goes through within a step."""
+"""Thickness of the prisms that faces become, in metres.
+
+It is thin enough to keep the form, and thick enough that no robot passes through within a time step.
+"""
 
 _LEAST_M = 0.002
-"""Thickness of the thinnest part; MuJoCo refuses hulls without a volume."""
+"""Thickness of the thinnest part, in metres; MuJoCo refuses hulls without volume."""
 _FLAT_M = 1e-3
-"""Distance of corners from a plane up to which they lie in it."""
+"""Largest distance of corners from a plane with which they are in it, in metres."""
 _WELD_M = 1e-5
 _PARALLEL = np.cos(np.radians(0.5))
 _SMALLEST_M2 = 1e-4
-"""Faces of less than a square centimetre are left out: screws, letters."""
+"""Area below which faces are left out, in square metres: a square centimetre, as of screws and letters."""
 _FINE_M2 = 2e-3
-"""Area from which on such faces that hang together count: those of a bowl or of a bent tube, cut finely."""
+"""Area of connected small faces from which on they are not left out, in square metres.
+
+A finely cut bowl or bent tube has such faces.
+"""
 _NARROW_M = 1e-4
-"""Width of faces that are none: MuJoCo refuses hulls of them."""
+"""Width of a face below which it is degenerate, in metres: MuJoCo refuses hulls of such faces."""
 _FINE_PITCH_M = 0.015, 0.08
-"""Least and greatest cells of boxes in place of fine faces."""
+"""Smallest and largest cell of the grid of boxes that replaces fine faces, in metres."""
 
 Points = NDArray[np.float64]
 
@@ -64,7 +74,7 @@ ConvexPart = BoxPart | HullPart
 
 
 class _Faces(NamedTuple):
-    """Welded triangles."""
+    """Triangles of a mesh with equal vertices merged."""
 
     points: Points
     faces: NDArray[np.intp]
@@ -76,9 +86,9 @@ class Split(NamedTuple):
     """A mesh in convex parts."""
 
     parts: list[ConvexPart]
-    """The largest faces first."""
+    """Convex parts of the mesh, the largest faces first."""
     is_coarse: bool
-    """Whether boxes stand for faces that are too small for prisms."""
+    """Whether boxes replace faces that are too small for prisms."""
 
 
 def convex_parts(triangles: Triangles, *, is_loose: bool = False) -> Split:
@@ -134,7 +144,10 @@ def _welded(triangles: Triangles) -> _Faces:
 
 
 def _pieces(mesh: _Faces) -> list[NDArray[np.intp]]:
-    """Faces that hang together by edges, piece by piece; a leg that meets a table top in a corner is a piece."""
+    """Splits a mesh into pieces whose faces are connected by edges.
+
+    A table leg that meets the top in a corner only is a piece.
+    """
     count = len(mesh.faces)
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, edge = np.unique(edges, axis=0, return_inverse=True)
@@ -148,7 +161,7 @@ def _pieces(mesh: _Faces) -> list[NDArray[np.intp]]:
 
 
 def _convex_whole(mesh: _Faces, piece: NDArray[np.intp]) -> ConvexPart | None:
-    """A piece as one part, where all its faces lie on its hull and close it."""
+    """Returns a piece of a mesh as one convex part if all its faces are on its hull and close it; else `None`."""
     if len(piece) < 4:
         return None
     faces = mesh.faces[piece]
@@ -171,13 +184,13 @@ def _convex_whole(mesh: _Faces, piece: NDArray[np.intp]) -> ConvexPart | None:
 
 
 def _thickness(hull: ConvexHull) -> float:
-    """The least width of a hull."""
+    """Returns the smallest width of a convex hull."""
     widths = -(hull.equations[:, :3] @ hull.points[hull.vertices].T + hull.equations[:, 3:]).min(axis=1)
     return float(widths.min())
 
 
 def _as_box(corners: Points) -> BoxPart | None:
-    """The box with these corners, where they are those of a box."""
+    """Returns the box with these corners, if they are those of a box; else `None`."""
     if len(corners) != 8:
         return None
     center = corners.mean(axis=0)
@@ -202,12 +215,12 @@ class _Polygon(NamedTuple):
 
     area_m2: float
     ring: list[int]
-    """Its corners, counter-clockwise seen from outside."""
+    """Indices of the polygon's corners, counter-clockwise seen from outside."""
     normal: Points
 
 
 def _polygons(mesh: _Faces, faces: NDArray[np.intp]) -> list[_Polygon]:
-    """Joins the faces in one plane to convex polygons."""
+    """Joins faces of a mesh that are in one plane to convex polygons."""
     found: list[_Polygon] = []
     for flat in _flats(mesh, faces):
         normal = (mesh.normals[flat] * mesh.areas_m2[flat, None]).sum(axis=0)
@@ -217,7 +230,7 @@ def _polygons(mesh: _Faces, faces: NDArray[np.intp]) -> list[_Polygon]:
 
 
 def _fine(mesh: _Faces, small: list[_Polygon]) -> list[_Polygon]:
-    """Those small polygons that make a large surface together: they hang together by edges."""
+    """Returns the small polygons that together form a large surface, connected by edges."""
     owner = np.repeat(np.arange(len(small)), [len(each.ring) for each in small])
     starts = np.concatenate([each.ring for each in small])
     ends = np.concatenate([each.ring[1:] + each.ring[:1] for each in small])
@@ -232,7 +245,7 @@ def _fine(mesh: _Faces, small: list[_Polygon]) -> list[_Polygon]:
 
 
 def _boxes(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
-    """Boxes on a grid in place of polygons."""
+    """Returns boxes on a grid that replace polygons."""
     fans = [(ring[0], ring[at], ring[at + 1]) for _, ring, _ in polygons for at in range(1, len(ring) - 1)]
     triangles = mesh.points[np.array(fans)]
     # Cells as large as a hundredth of it, within what is fine for a robot.
@@ -243,7 +256,7 @@ def _boxes(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
 
 
 def _prisms(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
-    """Gives each polygon a thickness inwards, the largest first."""
+    """Makes a prism of each polygon by giving it a thickness inwards, the largest polygon first."""
     polygons = sorted(polygons, key=lambda each: -each.area_m2)
     if not polygons:
         return []
@@ -327,7 +340,10 @@ def _length(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 def _union(one: list[int], other: list[int], edge: tuple[int, int]) -> list[int] | None:
-    """The ring around two rings that share an edge, which they run through in opposite directions."""
+    """Merges two polygons that share an edge; returns the corners of the result, or `None`.
+
+    The polygons run through the shared edge in opposite directions.
+    """
     a, b = edge
     at = _edge_at(one, a, b)
     if at is None:
@@ -350,7 +366,7 @@ def _edge_at(ring: list[int], a: int, b: int) -> int | None:
 
 
 def _is_convex(ring: list[int], spots: dict[int, tuple[float, float]]) -> bool:
-    """Whether a counter-clockwise ring turns left or not at all everywhere."""
+    """Whether a counter-clockwise polygon turns left or goes straight at every corner."""
     points = [spots[point] for point in ring]
     for index in range(len(points)):
         (x0, y0), (x1, y1), (x2, y2) = points[index - 2], points[index - 1], points[index]
@@ -366,7 +382,7 @@ def _area(points: Points, normal: Points) -> float:
 
 
 def _without_needless(points: Points, normal: Points) -> Points:
-    """The corners of a polygon without those that lie on a straight edge."""
+    """Removes the corners of a polygon that are on a straight edge."""
     before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
     turn = np.cross(points - before, after - points) @ normal
     lengths = np.linalg.norm(points - before, axis=1) * np.linalg.norm(after - points, axis=1)
@@ -374,11 +390,13 @@ def _without_needless(points: Points, normal: Points) -> Points:
 
 
 _CHUNK = 4_000_000
-"""Pairs of rays and triangles at a time: 100 MB."""
+"""Number of (ray, triangle) pairs that are tested at a time: 100 MB of memory."""
 
 
 def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
-    """Thickness of each polygon's prism: up to the mesh's other side, where that is near.
+    """Returns the thickness of each polygon's prism: up to the opposite side of the mesh, if that is near.
+
+    The nearest back side counts, from the polygon's middle and from points towards its corners.
 
     The nearest back side counts, from the polygon's middle and from spots towards its corners.
     """
@@ -397,7 +415,7 @@ def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
 
 
 def _first_hits(mesh: _Faces, origins: Points, directions: Points) -> NDArray[np.float64]:
-    """Distances along rays to the nearest triangle that looks the same way as the ray, up to `THICKNESS_M`."""
+    """Returns distances along rays to the first back face of the mesh, up to `THICKNESS_M`."""
     corners = mesh.points[mesh.faces]
     base, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -427,10 +445,10 @@ def _first_hits(mesh: _Faces, origins: Points, directions: Points) -> NDArray[np
 
 
 _MOST_SAMPLES = 20_000_000
-"""Points on a surface that are looked at: some seconds. Larger meshes get larger cells."""
+"""Limit of the points on a surface that are sampled: some seconds. Larger meshes get larger cells."""
 
 _MOST_CELLS = 400_000_000
-"""Cells of a grid, a byte each; trees that are kilometres apart get larger ones."""
+"""Limit of the cells of a grid, one byte each; trees that are kilometres apart get larger cells."""
 
 
 def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
@@ -456,7 +474,7 @@ def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
 
 
 def _surface_cells(triangles: Triangles, longest: NDArray[np.float64], pitch_m: float) -> NDArray[np.int64]:
-    """Cells that triangles go through, by points on them a third of a cell apart."""
+    """Returns the grid cells that triangles pass through, from points on them a third of a cell apart."""
     step = pitch_m / 3
     counts = np.maximum(np.ceil(longest / step).astype(int), 1)
     found: list[NDArray[np.int64]] = []
@@ -474,7 +492,7 @@ def _surface_cells(triangles: Triangles, longest: NDArray[np.float64], pitch_m: 
 
 
 def _merged_boxes(grid: NDArray[np.bool_]) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
-    """Boxes that cover the set cells of a grid: each grows as far as it can, upwards last."""
+    """Covers the set cells of a grid with boxes: each grows as far as it can, upwards last."""
     found = []
     left = grid.copy()
     for x, y, z in np.argwhere(grid):

@@ -1,4 +1,4 @@
-"""Bodies that can move: which of them are held, and where the others come to rest."""
+"""Decides which movable bodies of an imported world are held fixed, and where the others come to rest."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -14,11 +14,11 @@ from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, REST_S
 from ..proofs.overlaps import find_overlaps, meet, motion_of_bodies
 
 _SETTLED_M = 0.05
-"""Way that a body may go until it rests; what goes further has no place there."""
+"""Largest distance that a body may move until it rests, in metres; a body that moves further is held."""
 _MOST_ROUNDS = 12
 
 Build = Callable[[Collection[str], Mapping[str, Pose]], mujoco.MjModel]
-"""Compiles the world with some bodies held, and others at poses of their own."""
+"""Function that compiles the world with some bodies held, and others at given poses."""
 
 
 @dataclass(slots=True)
@@ -26,9 +26,9 @@ class Rest:
     """Result of letting an imported world come to rest: which objects moved or are held."""
 
     held: dict[str, str] = field(default_factory=dict)
-    """Reasons why bodies are held, by their names."""
+    """Reasons why bodies are held, by body name."""
     poses: dict[str, Pose] = field(default_factory=dict)
-    """Poses in the world of bodies that settled, by their names."""
+    """World poses of bodies that settled, by body name."""
 
 
 def come_to_rest(build: Build) -> Rest:
@@ -108,7 +108,7 @@ def _overlapping(model: mujoco.MjModel) -> dict[str, float]:
 
 
 def _meet(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """Whether two geoms collide with each other at all."""
+    """Whether two geoms can collide with each other, by their contact bits and parents."""
     bodies: list[int] = model.geom_bodyid[[one, other]].tolist()
     near = {int(model.body_parentid[body]) for body in bodies}
     return meet(model, one, other) and not (near & {*bodies} - {0})

@@ -1,4 +1,4 @@
-"""Makes a world like ours of a world in Gazebo's format: model, map, plan, proofs, and what was left out."""
+"""Imports a world in Gazebo's format: makes model, map, floor plan and checks, and lists what was left out."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -41,7 +41,7 @@ from .visuals import Heightmaps, SeenGeom, Visuals
 Loose = Literal["hold", "free"]
 
 SUFFIXES = (".world", ".sdf")
-"""Ends of the names of world files."""
+"""File name suffixes of Gazebo worlds."""
 
 
 class Start(NamedTuple):
@@ -51,7 +51,7 @@ class Start(NamedTuple):
     y: float
     yaw: float = 0.0
     z: float | None = None
-    """Height that the floor is near; absent: near 0, or the lowest floor."""
+    """Approximate height of the floor at the start, in metres; `None`: near 0, or the lowest floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,11 @@ class Wishes:
     model_paths: Sequence[Path] = ()
     start: Start | None = None
     start_from: str | None = None
-    """Launch file that says the start."""
+    """Launch file from which the start position is read."""
     loose: Loose = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)
-    """Rooms and goals, in the frame of the world file."""
+    """Rooms and goals from the notes file, in the frame of the world file."""
 
 
 def import_gazebo_world(path: Path, wishes: Wishes, folder: Path) -> World:
@@ -99,12 +99,15 @@ class _Import:
         self._bodies, self._fixed = tie_bodies(sdf)
         paths = {(link.model, link.path.rpartition("::")[0]) for link in sdf.links}
         self._inner = Counter(outer for outer, _ in paths)
-        """Models that have links, by the outermost one that they are in."""
+        """Number of Gazebo models with links inside each outermost model."""
         self._maker = SolidMaker(sdf, self._meshes, {link.path for body in self._bodies for link in body.links})
         self._fixed_solids = make_solids(self._bodies, self._fixed, self._maker)
         self._visuals = Visuals(self._meshes, sdf.left_out)
         self._around_joints: set[str] = set()
-        """Fixed pieces that a body with a joint overlaps from the beginning, which it passes through."""
+        """Fixed pieces that a jointed body overlaps from the beginning, such as a door's frame.
+
+        The two do not collide.
+        """
 
     def write(self, folder: Path) -> World:
         rest = self._hold_first()
@@ -152,7 +155,7 @@ class _Import:
         return world
 
     def _rooms(self, shift: Pose) -> list[NamedArea]:
-        """Rooms of the notes, in the world."""
+        """Returns the rooms of the notes file, in the world's frame."""
         found: list[NamedArea] = []
         for name, room in self._wishes.notes.rooms.items():
             corners = [_moved_point(corner, shift) for corner in room.polygon]
@@ -172,7 +175,7 @@ class _Import:
         return digest.hexdigest()
 
     def _name(self, body: Body) -> str:
-        """A body's name: its model's, and its link's where the model has several bodies."""
+        """Returns the name of a body: its model's, plus its link's where the model has several bodies."""
         alone = sum(other.model == body.model for other in self._bodies) == 1
         alone &= not any(link.model == body.model for link in self._fixed)
         return self._names_of(body.model if alone else body.name)
@@ -188,7 +191,7 @@ class _Import:
         return self._pieces[name]
 
     def _kinds(self) -> dict[str, str]:
-        """Kinds of models by the names of their pieces and bodies."""
+        """Returns the kind of furniture of each piece and body, by name."""
         types = self._sdf.model_types
         found = {self._piece(link): types[link.path.rpartition("::")[0]] for link in self._fixed}
         for body in self._bodies:
@@ -206,7 +209,7 @@ class _Import:
         return rest
 
     def _scene(self, held: Collection[str], poses: Mapping[str, Pose]) -> Scene:
-        """The world with some bodies held, and others elsewhere."""
+        """Returns the world to be written as MJCF, with some bodies held fixed and others at new poses."""
         fixed: list[tuple[str, Solid]] = [(self._piece(link), solid) for link, solid in self._fixed_solids]
         bodies: list[tuple[str, Body]] = []
         shown: dict[int, Body] = {}
@@ -231,7 +234,7 @@ class _Import:
         return _compile(scene_text(self._scene(held, poses), self._bounds(None), None, self._heightmaps))
 
     def _settle(self, rest: Rest) -> None:
-        """Puts bodies where they came to rest."""
+        """Moves bodies to the poses in which they came to rest."""
         for body, turn in list(_turns(self._bodies, rest.poses, self._name)):
             if turn is not None:
                 _move_body(body, turn)
@@ -343,7 +346,7 @@ def _moved_joint(joint: Joint | None, turn: Pose) -> Joint | None:
 def _turns(
     bodies: Sequence[Body], poses: Mapping[str, Pose], name_of: Callable[[Body], str]
 ) -> Iterator[tuple[Body, Pose | None]]:
-    """Yields by how much each body is moved: a body with a pose of its own, and all that hangs on it."""
+    """Yields the displacement of each body: of one with a new pose, and of all bodies that are attached to it."""
     turns: dict[int, Pose | None] = {}
     for body in bodies:
         pose = poses.get(name_of(body))
@@ -352,7 +355,7 @@ def _turns(
 
 
 def _copied(body: Body, turn: Pose | None, parent: Body | None) -> Body:
-    """A copy of a body elsewhere, on another one."""
+    """Returns a copy of a body at another pose and with another parent."""
     links = [
         Link(link.path, link.model, link.pose, link.is_static, link.inertia, [], link.visuals) for link in body.links
     ]

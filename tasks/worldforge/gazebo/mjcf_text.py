@@ -30,15 +30,18 @@ DAY_SKY = (
     '<texture name="sky" type="skybox" builtin="gradient" width="64" height="384" rgb1="0.93 0.95 0.97" '
     'rgb2="0.74 0.8 0.86"/>'
 )
-"""Sky of a world by day."""
+"""MJCF texture of the sky by day."""
 _HIDDEN = ' group="3"'
 _DRAWN_ONLY = ' contype="0" conaffinity="0" group="2" mass="0"'
 _MOST_LAMPS = 6
-"""MuJoCo's renderer draws eight lights, the headlight and the sun included."""
+"""Limit of lamps: MuJoCo's renderer draws eight lights, the headlight and the sun included."""
 _LEAST_SIZE_M = 1e-5
-"""The least that numbers of the file tell apart from 0."""
+"""Smallest size that is written to MJCF, in metres; smaller ones could not be told from 0."""
 _NOT_EACH_OTHER = {"frame": ' contype="2" conaffinity="1"', "leaf": ' contype="4" conaffinity="1"'}
-"""Bodies that a joint ties to each other do not collide, as in Gazebo: with everything else both do."""
+"""MJCF contact attributes of two bodies that a joint connects: they do not collide with each other, as in Gazebo.
+
+Both collide with everything else.
+"""
 
 
 class Names:
@@ -68,16 +71,16 @@ class Scene:
     """An imported Gazebo world that is ready to be written as MJCF."""
 
     fixed: list[tuple[str, Solid]]
-    """Solids that never move, by the piece that they are part of."""
+    """Collision shapes that never move, each with the name of its piece."""
     bodies: list[tuple[str, Body]]
-    """Bodies that can move, by their names, each after the one that it hangs on."""
+    """Movable bodies with their names, each after the body that it is attached to."""
     seen: list[tuple[str, SeenGeom]] = field(default_factory=list)
-    """Drawn shapes of what never moves, by piece."""
+    """Visual shapes that never move, each with the name of its piece."""
     seen_of: Mapping[str, list[SeenGeom]] = field(default_factory=dict)
-    """Drawn shapes of each body, by its name."""
+    """Visual shapes of each movable body, by the body's name."""
     lights: list[Light] = field(default_factory=list)
     tied_pieces: frozenset[str] = frozenset()
-    """Pieces that a joint ties a body to."""
+    """Names of pieces to which a joint connects a body."""
 
 
 def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps: Heightmaps) -> str:
@@ -121,12 +124,12 @@ def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps
 
 
 def _is_drawn(solid: Solid) -> bool:
-    """Whether the shape that collides is also what is drawn: terrain of a picture."""
+    """Whether a collision shape is also drawn, as terrain from a heightmap picture is."""
     return solid.kind == "hfield" and solid.terrain is None
 
 
 class _Geoms:
-    """Writes geoms and the assets that they name."""
+    """Writes MJCF geoms and the assets that they use."""
 
     def __init__(self, heightmaps: Heightmaps) -> None:
         self.assets: list[str] = []
@@ -240,7 +243,10 @@ def _exact(values: Iterable[float]) -> str:
 
 
 def _lights(lights: Iterable[Light], bounds: Bounds) -> Iterator[str]:
-    """The sun, and the first lamps; a world without a sun gets one from above, so that cameras see it."""
+    """Yields the MJCF of the sun and the first lamps.
+
+    A world without a sun gets one from above, so that camera images are not dark.
+    """
     low, high = bounds
     center, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     every = list(lights)

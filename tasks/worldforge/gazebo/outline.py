@@ -44,11 +44,14 @@ from ..proofs.checks import Site, awake_scan, check_world
 from ..proofs.guarantees import REST_S
 
 AREA = "Area"
-"""Name of the room that an imported world is."""
+"""Name of the single room of an imported world without notes."""
 ROBOT_RADIUS_M = 0.2
 
 _FULL_SHARE = 0.5
-"""Share of its extent, seen from above, that a piece has to fill; what fills less is building: walls around a room."""
+"""Share of its bounding box that a piece must cover, seen from above, to be furniture.
+
+A piece that covers less is building.
+"""
 _LOWEST_CEILING_M = 2.0
 _HIGHEST_CEILING_M = 12.0
 
@@ -62,13 +65,13 @@ class Drawn:
     ground: Ground
     grid: OccupancyGrid
     loose: Sequence[str]
-    """Bodies that move freely."""
+    """Names of bodies that move freely."""
     kinds: Mapping[str, str]
-    """Kind of each piece."""
+    """Kind of furniture of each piece, by name."""
     fixed: Sequence[str]
-    """Pieces that never move."""
+    """Names of pieces that never move."""
     rooms: Sequence["NamedArea"] = ()
-    """Rooms that the notes name."""
+    """Rooms that the notes file names."""
 
 
 class NamedArea(NamedTuple):
@@ -167,7 +170,7 @@ def _room(area: NamedArea, grid: OccupancyGrid) -> Room:
 
 
 def _squared(polygon: Sequence[Point]) -> list[Point]:
-    """A polygon whose edges run along x or y to the last bit."""
+    """Returns the polygon with edges that run exactly along x or y."""
     found = [list(point) for point in polygon]
     for index in range(len(found)):
         before, here = found[index - 1], found[index]
@@ -207,7 +210,7 @@ def _movable(drawn: Drawn) -> NDArray[np.bool_]:
 
 
 def _walls(cells: NDArray[np.bool_], grid: OccupancyGrid, room: str) -> list[Wall]:
-    """Occupied cells as straight pieces of wall, for plans and pictures."""
+    """Converts occupied map cells to straight walls, for plans and pictures."""
     found: list[Wall] = []
     for west, south, east, north in wall_boxes(cells, grid):
         if east - west >= north - south:
@@ -224,7 +227,7 @@ def _walls(cells: NDArray[np.bool_], grid: OccupancyGrid, room: str) -> list[Wal
 
 
 def _furniture(drawn: Drawn, areas: Sequence[NamedArea]) -> tuple[list[Furniture], NDArray[np.bool_]]:
-    """Pieces that are drawn by their outlines, and the cells that these cover."""
+    """Returns the pieces that are shown as furniture by their outlines, and the map cells that they cover."""
     covered = np.zeros_like(drawn.grid.known)
     found: list[Furniture] = []
     names = _pieces_of_geoms(drawn.model)
@@ -266,7 +269,7 @@ def _furniture(drawn: Drawn, areas: Sequence[NamedArea]) -> tuple[list[Furniture
 
 
 def _seen_from_above(drawn: Drawn) -> dict[str, NDArray[np.bool_]]:
-    """Cells that the parts of each piece cover below 2 m."""
+    """Returns the map cells that each piece covers below 2 m, by its name."""
     found: dict[str, NDArray[np.bool_]] = {}
     for geom, outline in solid_outlines(drawn.model, drawn.data, LOW_M, _LOWEST_CEILING_M):
         piece = drawn.model.geom(geom).name.partition(".")[0]

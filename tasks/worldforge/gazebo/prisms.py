@@ -1,4 +1,4 @@
-"""Polylines and cones in convex pieces, and as triangles."""
+"""Converts Gazebo's polylines (extruded polygons) and cones to convex parts, and to triangles."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,11 @@ from ...sdf.sdf_types import Geometry
 from .convex_parts import HullPart, Points
 
 COMPOSED = ("mesh", "prism", "cone")
-"""Kinds of shapes that become several convex parts, or a mesh where they are drawn."""
+"""Shape kinds that become several convex parts for collisions, or a mesh for drawing."""
 _LEAST_TURN_M2 = 1e-6
-"""Twice the area of a triangle that is none: its corners lie on a line."""
+"""Twice the area below which a triangle is degenerate: its corners are on a line."""
 _ROUND = 32
-"""Corners of the foot of a cone: within half a per cent of its radius."""
+"""Number of corners with which a cone's base is approximated: within half a per cent of its radius."""
 
 Outline = Sequence[tuple[float, float]]
 
@@ -47,7 +47,7 @@ def _parts(outline: Outline, height_m: float) -> list[HullPart]:
 
 
 def _cone(geometry: Geometry) -> tuple[Points, Points]:
-    """The foot of a cone, counter-clockwise, and its top."""
+    """Returns the base corners of a cone, counter-clockwise, and its apex."""
     radius, length = geometry.size
     turns = 2 * np.pi * np.arange(_ROUND) / _ROUND
     foot = np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.full(_ROUND, -length / 2)])
@@ -87,7 +87,7 @@ def _is_ear(points: Points, left: list[int], at: int) -> bool:
 
 
 def _turn(a: Points, b: Points, c: Points) -> Points:
-    """Twice the area of triangles; above 0 where they turn left."""
+    """Returns twice the signed area of triangles; positive where they turn left."""
     return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
 
 

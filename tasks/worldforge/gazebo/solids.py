@@ -1,4 +1,4 @@
-"""Shapes that collide, as MuJoCo has them: primitives, boxes and convex hulls, at most 5,000 in a world."""
+"""Converts Gazebo's collision shapes to MuJoCo geoms: primitives, boxes and convex hulls, at most 5,000 in a world."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,20 +14,20 @@ from .prisms import COMPOSED, prism_parts, prism_triangles
 from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
-"""Shapes that collide in one world: beyond that a step takes milliseconds."""
+"""Limit of collision shapes in one world: with more, a time step takes milliseconds."""
 _MOST_OF_ONE = 1500
-"""Shapes of one mesh; the walls of a hospital have 1,447."""
+"""Limit of the collision shapes of one mesh; the walls of a hospital have 1,447."""
 _MOST_FACES = 6000
-"""Triangles of a mesh whose faces are looked at one by one: some seconds."""
+"""Limit of the triangles of a mesh that is split exactly, face by face: some seconds."""
 _MOST_OF_LOOSE = 200
-"""Shapes of a mesh of a body that moves: the largest faces, so that it never grows."""
+"""Limit of the collision shapes of a movable body's mesh: the largest faces are kept, so that the body never grows."""
 _MANY = 100
-"""Shapes of one mesh from which on a height field is looked for in their place."""
+"""Number of collision shapes of one mesh from which on a height field is tried instead."""
 _FIRST_PITCH_M = 0.015
 _LAST_PITCH_M = 2.0
 
 _UPRIGHT = 1 - 1e-6
-"""Upward part of the vertical axis of what stands upright, within 0.1 degrees."""
+"""Upward part of a vertical axis with which a shape is upright, within 0.1 degrees."""
 _Part = ConvexPart | Terrain
 
 SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "hull", "hfield"]
@@ -40,20 +40,20 @@ class Solid:
 
     kind: SolidKind
     pose: Pose
-    """Pose in the world."""
+    """Pose in the world's frame."""
     size: tuple[float, ...]
     """Size as MuJoCo has it: half extents, radius, radius and half length."""
     friction: float
     corners: Points | None = None
-    """Corners of a hull, in its own frame."""
+    """Corners of a convex hull, in its own frame."""
     geometry: Geometry | None = None
-    """The shape that it was made of, where it is the whole of it."""
+    """Gazebo shape that this one is the whole conversion of; `None` for parts of a mesh."""
     terrain: Terrain | None = None
-    """Heights of a height field that was made of a mesh."""
+    """Heights of a height field that was made from a mesh."""
 
 
 class _Key(NamedTuple):
-    """A mesh that collides: one that moves gets other shapes than one that does not."""
+    """Key of a mesh's collision shapes: a mesh that moves gets other shapes than a fixed one."""
 
     geometry: Geometry
     is_loose: bool
@@ -151,7 +151,10 @@ class SolidMaker:
         return None if key.is_loose or key.geometry in self._tilted else terrain_of(triangles)
 
     def _coarser(self, key: _Key, pitch_m: float, before: list[_Part] | None) -> list[_Part]:
-        """A mesh in fewer parts: of bodies that move the largest half of the faces, else boxes on a grid."""
+        """Returns the collision shapes of a mesh with fewer parts.
+
+        Movable bodies keep the largest half of the faces; other meshes become boxes on a grid.
+        """
         self._note(key)
         if before is not None and key.is_loose:
             return before[: max(1, len(before) // 2)]
@@ -210,7 +213,7 @@ def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: boo
 
 
 def _to_normal(normal: tuple[float, float, float]) -> Points:
-    """A rotation that brings z to a normal."""
+    """Returns a rotation matrix that turns the z axis to a normal."""
     z = np.array(normal) / np.linalg.norm(normal)
     x = np.cross((0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0), z)
     x /= np.linalg.norm(x)

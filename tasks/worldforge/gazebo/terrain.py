@@ -1,4 +1,7 @@
-"""Meshes that are terrain: one height at each spot of a regular grid, which MuJoCo takes as a height field.
+"""Recognises meshes that are terrain: one height at each point of a regular grid, as in MuJoCo's height fields.
+
+Hundreds of triangles in no common plane would be too many prisms, and boxes on a grid would be too coarse. A height
+field has the exact surface.
 
 Hundreds of triangles that lie in no common plane would be too many prisms, and boxes on a grid in their place are as
 coarse as these. A height field has the surface itself.
@@ -12,25 +15,25 @@ from numpy.typing import NDArray
 from ...sdf.meshes import Triangles
 
 _SAME_M = 1e-3
-"""Distance of places that are the same: files have five digits or more."""
+"""Distance of vertices below which they are the same, in metres: files have five digits or more."""
 _LEAST_SIDE = 3
-"""Corners along a side; a face of a box has two."""
+"""Least number of corners along a side of terrain; a face of a box has two."""
 _CUT_M = 0.01
-"""Height by which the middle of a cell may differ when it is cut along its other diagonal."""
+"""Largest height difference in the middle of a cell, in metres, between the mesh's diagonal and MuJoCo's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
-    """A surface with one height at each spot of a regular grid, and all below it."""
+    """Surface with one height at each point of a regular grid, and the solid below it."""
 
     lowest: NDArray[np.float64]
-    """Middle of the grid at the height of its lowest spot, shape (3,), metres."""
+    """Centre of the grid at the height of its lowest point, shape (3,), in metres."""
     heights_m: NDArray[np.float64]
-    """Heights above the lowest spot, shape (rows from south to north, columns from west to east)."""
+    """Heights above the lowest point, in metres, shape (rows from south to north, columns from west to east)."""
     size: tuple[float, float, float]
-    """Extents along x and y, and of the heights; metres."""
+    """Extents along x and y, and range of heights, in metres."""
     is_closed: bool
-    """Whether the mesh has a bottom, so that all below the surface is solid in the file, too."""
+    """Whether the mesh has a bottom, so that it is solid below the surface in the file, too."""
 
 
 def terrain_of(triangles: Triangles) -> Terrain | None:
@@ -71,7 +74,7 @@ def terrain_of(triangles: Triangles) -> Terrain | None:
 
 
 def _line(values: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """The places of a grid along an axis, where they are equally far apart."""
+    """Returns the grid coordinates along an axis, if they are equally spaced; else `None`."""
     ordered = np.sort(values.ravel())
     firsts = ordered[np.r_[True, np.diff(ordered) > _SAME_M]]
     if len(firsts) < _LEAST_SIDE:
@@ -85,7 +88,7 @@ def _nearest(line: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[
 
 
 def _covers(row: NDArray[np.intp], column: NDArray[np.intp], heights_m: NDArray[np.float64]) -> bool:
-    """Whether two triangles are in each cell, and cut it as MuJoCo does, or in a way that makes little difference."""
+    """Whether each cell has two triangles that are cut like MuJoCo's, or in a way that makes little difference."""
     south, west = row.min(axis=1), column.min(axis=1)
     across, along = row - south[:, None], column - west[:, None]
     if (across.max(axis=1) != 1).any() or (along.max(axis=1) != 1).any():

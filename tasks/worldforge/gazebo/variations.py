@@ -1,4 +1,4 @@
-"""Variations of worlds that were imported from Gazebo: light, friction, and loose bodies that are moved or gone."""
+"""Variations of worlds that were imported from Gazebo: other light or friction, and loose bodies moved or removed."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -26,9 +26,9 @@ from .outline import AREA, Drawn, NamedArea, bundle_texts, world_of
 
 _MOST_NAMED = 12
 _MOST_FRICTION = 10.0
-"""Greatest sliding friction that can be asked for: nothing slides on what has more."""
+"""Largest sliding friction that can be requested: nothing slides on a surface with more."""
 _ANEW = {WORLD_FILE, MODEL_FILE, DESCRIPTION_FILE, PREVIEW_FILE, "floorplan.svg", *MAP_FILES}
-"""Files of a bundle that a variation does not take from the other world."""
+"""Files of a bundle that are written anew for a variation, and not copied from the original world."""
 
 
 def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -> World:
@@ -86,7 +86,7 @@ def _compiled(text: str, files: dict[str, bytes]) -> mujoco.MjModel:
 def _measured(
     world: World, model: mujoco.MjModel, text: str, update: dict[str, object]
 ) -> tuple[World, dict[str, bytes]]:
-    """Draws and proves the world of a changed model; returns it with the files that say so."""
+    """Draws and checks the world of a changed MuJoCo model; returns it with its description files."""
     source = world.source
     assert isinstance(source, GazeboSource)
     data = mujoco.MjData(model)
@@ -144,7 +144,7 @@ class _Model:
         return Change(what="moved", thing=name, before=f"at ({x:.2f}, {y:.2f})", after=after)
 
     def remove(self, name: str) -> Change:
-        """Takes a body or a piece that never moves away."""
+        """Removes a movable body or a fixed piece."""
         parts = [self._bodies[name]] if name in self._bodies else self._geoms(self._world, name)
         self._check(name, bool(parts))
         for part in parts:
@@ -153,7 +153,9 @@ class _Model:
         return Change(what="removed", thing=name, before="there", after="not there")
 
     def rub(self, name: str, friction: float) -> Change:
-        """Sets the sliding friction of a piece, or of all, which are called `*`, against whatever touches it.
+        """Sets the sliding friction of a piece (or of all pieces: `*`) against whatever touches it.
+
+        Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
 
         Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
         """

@@ -1,4 +1,4 @@
-"""Drawn shapes of a world: meshes as OBJ files, pictures as PNG files of at most 512 pixels, materials."""
+"""Visual shapes of an imported world: meshes as OBJ files, textures as PNG files of at most 512 pixels, materials."""
 
 import hashlib
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ from .solids import primitive
 from .terrain import Terrain
 
 MOST_PIXELS = 512
-"""Side of a picture in a bundle; 1,024 made a world of 241 models 46 MB."""
+"""Limit of a texture's side in a bundle, in pixels; 1,024 made a world of 241 models 46 MB."""
 _MOST_PICTURE_BYTES = 64 * 1024 * 1024
 _MOST_SOURCE_PIXELS = 16384 * 16384 // 4
 _MOST_DRAWN = 40_000
-"""Triangles of one mesh that are drawn; a page in a browser shows some millions."""
+"""Limit of the triangles of one visual mesh; a page in a browser shows some millions."""
 _MOST_TERRAIN = 257
-"""Samples of a heightmap along a side."""
+"""Limit of a heightmap's samples along a side."""
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "GIF", "DDS", "WEBP", "PPM")
-"""Formats of pictures; reading others, such as PostScript, starts programs."""
+"""Allowed picture formats; reading others, such as PostScript, starts programs."""
 _LEAST_AREA_M2 = 1e-7
-"""Area of a mesh below which MuJoCo may refuse it."""
+"""Surface area of a mesh below which MuJoCo may refuse it, in square metres."""
 _PLAIN_REPEAT = 'texrepeat="1 1"'
 
 
@@ -54,7 +54,7 @@ class Visuals:
     def __init__(self, meshes: Meshes, left_out: Omissions) -> None:
         self._meshes, self._left_out = meshes, left_out
         self.files: dict[str, bytes] = {}
-        """Files of the bundle by their paths in it."""
+        """Content of the bundle's files, by path."""
         self._lines: dict[str, str] = {}
         self._drawn: dict[Geometry, list[tuple[str | None, MeshPart]]] = {}
         self._pictures: dict[str, str | None] = {}
@@ -103,7 +103,7 @@ class Visuals:
         return self._drawn[geometry]
 
     def _mesh(self, part: MeshPart, geometry: Geometry) -> str | None:
-        """Writes a mesh; nothing where it is too small for one."""
+        """Writes a visual mesh and returns its name; `None` if it is too small."""
         triangles, places = part.triangles, part.places
         if len(triangles) > _MOST_DRAWN:
             triangles, places = _thinned(triangles, places)
@@ -177,7 +177,7 @@ def _hex(color: Rgba) -> str:
 def _thinned(
     triangles: NDArray[np.float64], places: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Fewer triangles: corners snap to a grid that gets coarser until few enough are left."""
+    """Reduces the triangles of a mesh: corners snap to a grid that gets coarser until few enough are left."""
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     pitch = max(extent / 400, 1e-6)
     while True:
@@ -197,7 +197,7 @@ def _thinned(
 
 
 def _obj(triangles: NDArray[np.float64], places: NDArray[np.float64] | None) -> bytes | None:
-    """An OBJ file with each corner once."""
+    """Formats a mesh as an OBJ file with each corner once; `None` if no triangle is left."""
     points, corner = np.unique(np.round(triangles.reshape(-1, 3), 4), axis=0, return_inverse=True)
     faces = corner.reshape(-1, 3) + 1
     spread = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
@@ -224,7 +224,7 @@ def _short(value: float) -> str:
 
 
 def _hfield(name: str, heights_m: NDArray[np.float64], extents: tuple[float, ...]) -> str:
-    """A height field that begins at its lowest spot, as a line of MJCF."""
+    """Formats a height field that begins at its lowest point as a line of MJCF."""
     top = max(float(heights_m.max()), 1e-3)
     # MuJoCo stretches heights to 0 to 1 itself, whatever they are; the first row of the text is the northernmost.
     shares = " ".join(f"{value:.6g}" for value in np.flipud(heights_m / top).ravel())

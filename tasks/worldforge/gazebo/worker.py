@@ -1,4 +1,14 @@
-"""A process that imports one world: files that others wrote get limits of time and memory.
+"""Child process that imports one Gazebo world, with limits of time and memory, as others wrote the files.
+
+Started as `python -P -m prefect_robomaker.tasks.worldforge.gazebo.worker`; reads one JSON object from standard input
+and answers with one on standard output:
+
+
+    {"path": "small.world", "model_paths": [], "start": [0, 0, 0, null], "start_from": null, "loose": "free",
+     "allow_missing": false, "notes": "{}", "folder": "/…/bundle"}
+    {}   or   {"error": "<why there is no world>"}
+
+It ends when its input does.
 
 Started as `python -P -m prefect_robomaker.tasks.worldforge.gazebo.worker`; reads one JSON object from standard
 input and answers with one on standard output:
@@ -23,9 +33,9 @@ from ....schemas.worlds.gazebo_notes import GazeboNotes
 from .importing import Start, Wishes, import_gazebo_world
 
 MEMORY_BYTES = 8 * 2**30
-"""Address space; the largest public world takes 2 GB."""
+"""Limit of address space of the import process, in bytes; the largest public world takes 2 GB."""
 CPU_S = 600
-"""Processor time; the largest public world took 124 s."""
+"""Limit of processor time of the import process, in seconds; the largest public world took 124 s."""
 
 
 def main() -> None:

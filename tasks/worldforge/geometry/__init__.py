@@ -1,1 +1,1 @@
-"""Geometry that all of WorldForge uses: boxes, poses, primitive parts, slices, the occupancy grid."""
+"""Geometry used by all of WorldForge: boxes, poses, primitive parts, slices, the occupancy grid."""

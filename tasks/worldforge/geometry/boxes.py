@@ -1,4 +1,6 @@
-"""Rectangles along the axes, and poses of furniture that stands square to the walls.
+"""Axis-aligned rectangles, and poses of furniture that is parallel to the walls.
+
+These are plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
 
 Plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
 """
@@ -9,10 +11,10 @@ from typing import NamedTuple
 from ....schemas.worlds.world import Furniture, Point, bounds
 
 Box = tuple[float, float, float, float]
-"""West, south, east, north, metres."""
+"""Rectangle: west, south, east, north, in metres."""
 
 FRONTS: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Directions by quarter turns from +x."""
+"""Unit vectors of the facing directions, by quarter turns from +x."""
 
 _TOUCHING_M = 1e-6
 _HALF_PI = 1.5707963267948966
@@ -26,7 +28,7 @@ class Pose(NamedTuple):
     quarter: int
     """Facing direction in quarter turns from +x, 0 to 3."""
     score: float = 0.0
-    """Higher is better."""
+    """Rating of the pose; higher is better."""
 
     def box(self, back: float, front: float, right: float, left: float) -> Box:
         """Returns the rectangle between two distances forward and two sideways from the pose."""

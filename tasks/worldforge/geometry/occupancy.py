@@ -1,4 +1,8 @@
-"""The occupancy grid of a world: what a robot's lidar and its planner see of walls and furniture.
+"""Occupancy grid of a world: obstacles for a robot's lidar and planner.
+
+Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin. The grid shows the
+slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above the floor. `write_map`
+writes the pair of files that Nav2's map server reads.
 
 Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin.
 The grid speaks of the slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above
@@ -26,10 +30,10 @@ FREE_PIXEL = 254
 UNKNOWN_PIXEL = 205
 
 _MARGIN_M = 0.5
-"""Unknown border around the building, so that a map shows its outer walls whole."""
+"""Width of the unknown border around the building, in metres, so that a map shows its outer walls whole."""
 
 _TOUCHING_M = 1e-6
-"""An obstacle that enters a cell by less than this only touches it."""
+"""Depth up to which an obstacle only touches a cell and does not occupy it, in metres."""
 
 _GRACE_M = 5e-4
 
@@ -42,13 +46,16 @@ class OccupancyGrid:
     """South-west corner of cell `[0, 0]`, in metres."""
 
     occupied: NDArray[np.bool_]
-    """Shape (rows, columns)."""
+    """Whether each cell is occupied, shape (rows, columns)."""
 
     known: NDArray[np.bool_]
-    """Shape (rows, columns); nothing is known outside the building. Occupied cells are known."""
+    """Whether each cell is known, shape (rows, columns).
+
+    Cells outside the building are unknown; occupied cells are known.
+    """
 
     resolution_m: float = RESOLUTION_M
-    """Side of a cell."""
+    """Side of a cell, in metres."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -165,7 +172,7 @@ def fill(
 
 
 def _is_upright(corners: Sequence[Point]) -> bool:
-    """Whether a polygon is a rectangle along the axes: it enters all cells of its extent."""
+    """Whether a polygon is an axis-aligned rectangle, which covers all cells of its bounding box."""
     return len(corners) == 4 and all(
         abs(x - u) < _TOUCHING_M or abs(y - v) < _TOUCHING_M
         for (x, y), (u, v) in zip(corners, (*corners[1:], corners[0]), strict=True)

@@ -1,4 +1,9 @@
-"""Primitive parts that furniture is made of, in the furniture's own frame.
+"""Primitive parts of which furniture is made, in the furniture's own frame.
+
+The frame is on the floor in the middle of the footprint: x points to the front, y to the left, z up. Parts that carry
+or stop objects collide and are drawn; most others are only drawn, so that a piece with drawers and cushions costs
+physics little more than a crate. A few parts collide and are not drawn: the inside of a cushion, and the squares that
+round objects rest on.
 
 The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
 up. What carries or stops things collides and is drawn; most of the rest is there for the eye only, so that a
@@ -22,21 +27,21 @@ class Part:
     """A geometric primitive of a piece of furniture, in the piece's frame."""
 
     name: str
-    """Unique in its piece of furniture."""
+    """Name that is unique in its piece of furniture."""
     shape: Shape
-    """A cylinder's ends are round; `axis` says where they point."""
+    """Kind of primitive; `axis` is the direction of a cylinder."""
     center: Vector
-    """Middle, metres."""
+    """Centre in metres."""
     size: Vector
-    """Full extents along x, y and z, metres."""
+    """Full extents along x, y and z, in metres."""
     color: Color
     """Red, green, blue and opacity, 0 to 1."""
     solid: bool
-    """Whether it collides."""
+    """Whether the part collides."""
     axis: Axis = "z"
     """Direction of a cylinder; other shapes have none."""
     drawn: bool = True
-    """Whether it is seen; what is not, collides."""
+    """Whether the part is drawn; an undrawn part collides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +51,19 @@ class Style:
     form: str
     """Form that the builder makes, such as `round` or `three-seat`."""
     width_m: float
-    """Across the facing direction."""
+    """Width across the facing direction, in metres."""
     depth_m: float
-    """Along the facing direction."""
+    """Depth along the facing direction, in metres."""
     height_m: float
-    """Upwards."""
+    """Height in metres."""
     colors: str
     """Name of the colour scheme."""
     main: Color
-    """Body, frame, legs."""
+    """Colour of body, frame and legs."""
     accent: Color
-    """Tops, fronts, metal."""
+    """Colour of tops, fronts and metal."""
     soft: Color
-    """Cushions, covers, screens."""
+    """Colour of cushions, covers and screens."""
 
     @property
     def name(self) -> str:
@@ -93,7 +98,7 @@ MIRROR = rgb("cfe0e8")
 SCREEN = rgb("1b2230")
 
 BEARING_M = 0.001
-"""Length that bearings reach past the end of their cylinder: it touches nothing, and is not seen."""
+"""Length by which the boxes under a cylinder reach past its end, in metres: it touches nothing, and is not seen."""
 
 _SCHEMES: dict[str, tuple[Color, Color, Color]] = {
     "oak": (rgb("c89f6d"), rgb("dcb888"), rgb("5f7f92")),
@@ -215,6 +220,9 @@ def fronts(
 
 def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
     """Makes the body of a cabinet, over a plinth and under a top.
+
+    One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
+    by as much, which is too little for two more boxes.
 
     One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
     by as much, which is too little to cost two boxes more.

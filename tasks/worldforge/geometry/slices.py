@@ -1,4 +1,4 @@
-"""Outlines of solid parts between two heights, seen from above."""
+"""Outlines, seen from above, of the solid parts of a MuJoCo model between two heights."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -14,18 +14,18 @@ from scipy.spatial import ConvexHull, QhullError
 from ....schemas.worlds.world import Point
 
 _ROUND = 24
-"""Corners of a circle."""
+"""Number of corners with which a circle is approximated."""
 _UPRIGHT = 1 - 1e-9
-"""Cosine of the angle to the vertical up to which a part stands: 0.04 mm on a metre."""
+"""Cosine of the angle to the vertical up to which a part is upright: 0.04 mm on a metre."""
 
 _BOX, _CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _ENDLESS = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
-"""As numbers: comparing an array with a member of an enumeration takes a millisecond."""
+"""Geom types without an outline, as integers: comparing an array with an enumeration member takes a millisecond."""
 _ROUNDED = tuple(
     int(kind) for kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_CAPSULE)
 )
 _LEVEL_M = 1e-9
-"""Corners of a ring are as high as each other, but for the last digits."""
+"""Difference of heights up to which corners are at the same height, in metres: only the last digits differ."""
 
 Points = NDArray[np.float64]
 
@@ -78,7 +78,10 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Points, Points]
 
 
 def _upright_boxes(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_]) -> dict[int, list[Point]]:
-    """Outlines of boxes that stand on one of their faces: most of a world, and a hundred times faster than a hull."""
+    """Returns the outlines of boxes that stand on one of their faces.
+
+    These are most of a world, and a hundred times faster than a hull.
+    """
     boxes = np.flatnonzero(chosen & (model.geom_type == _BOX))
     upwards = np.abs(data.geom_xmat[boxes, 6:])
     stands = (upwards > _UPRIGHT) @ np.ones(3) > 0
@@ -95,7 +98,7 @@ def _upright_boxes(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[n
 
 
 def _upright_cylinders(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_]) -> dict[int, list[Point]]:
-    """Outlines of cylinders that stand on their lower end."""
+    """Returns the outlines of upright cylinders."""
     stands = data.geom_xmat[:, 8] > _UPRIGHT
     cylinders = np.flatnonzero(chosen & (model.geom_type == _CYLINDER) & stands)
     circle = np.stack(_circle(), axis=1)
@@ -136,7 +139,10 @@ def _circle() -> tuple[Points, Points]:
 
 
 def _between(corners: Points, low_m: float, high_m: float, *, ringed: bool) -> Points:
-    """Possible corners of a convex body between two heights, seen from above; of rings, only neighbours are joined."""
+    """Returns the possible outline corners of a convex body between two heights, seen from above.
+
+    Of a body made of rings, only edges between neighbouring rings are cut.
+    """
     heights = corners[:, 2]
     found = [corners[(heights >= low_m) & (heights <= high_m), :2]]
     for level in (low_m, high_m):

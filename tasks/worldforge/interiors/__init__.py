@@ -1,1 +1,1 @@
-"""Interiors: which furniture stands where, and small objects that lie about."""
+"""Interiors of worlds: chooses and places furniture and small loose objects."""

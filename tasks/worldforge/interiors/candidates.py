@@ -1,4 +1,4 @@
-"""Poses a piece of furniture could take in a room, each with a score; which of them fit is asked later."""
+"""Candidate poses of furniture in a room, each with a score; whether they fit is checked later."""
 
 from collections.abc import Iterator
 from math import hypot
@@ -11,23 +11,23 @@ from ..geometry.parts import Style
 from .placement import WALL_GAP_M, RoomSpace, Side
 
 TUCK_M = 0.13
-"""Distance that chairs are pushed under their table."""
+"""Distance that chairs are pushed under their table, in metres."""
 
 DESK_SEAT_M = 0.12
-"""Distance of a chair to the left of its desk's middle: drawers are on the right."""
+"""Offset of a chair to the left of its desk's middle, in metres: drawers are on the right."""
 
 _LEG_GAP_M = 0.01
-"""Between a chair that is pushed in and a leg of the table."""
+"""Gap between a chair that is pushed in and a leg of the table, in metres."""
 
 _SEAT_M = 0.5
 """Height above which a part does not block a chair, in metres."""
 
 FLUSH_M = 0.004
-"""Between pieces that stand edge to edge."""
+"""Gap between pieces that are placed edge to edge, in metres."""
 
 _STEP_M = 0.3
 OPEN_SCORE = -2.0
-"""Least score of a pose away from walls."""
+"""Lowest score of a pose away from walls."""
 
 _END_ON_SCORE = -3.0
 _CORNER_M = 0.2
@@ -35,7 +35,7 @@ _BESIDE_GAP_M = 0.04
 _NEAREST_SCREEN_M = 1.7
 _FARTHEST_SCREEN_M = 4.2
 _BEST_SCREEN_M = 2.5
-"""Distance from a screen's front to the sofa's: about three times the width of the screen."""
+"""Best distance between a television and the sofa opposite, in metres: about three times the width of the screen."""
 
 
 def against_walls(
@@ -95,7 +95,7 @@ def in_corners(space: RoomSpace, style: Style, dice: Random) -> list[Pose]:
 
 
 def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Pose]:
-    """Returns candidate poses of a piece of furniture away from walls, best in the middle of the room."""
+    """Returns candidate poses of a piece of furniture away from walls; those in the middle of the room score best."""
     x0, y0, x1, y1 = space.bounds
     middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
     columns, rows = int((x1 - x0 - 0.8) / 2 / _STEP_M), int((y1 - y0 - 0.8) / 2 / _STEP_M)
@@ -113,7 +113,7 @@ def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Po
 
 
 def end_on(space: RoomSpace, style: Style) -> list[Pose]:
-    """Returns candidate poses of a table with one end at a wall, less liked than any in the open."""
+    """Returns candidate poses of a table with one end at a wall; they score below those away from walls."""
     poses: list[Pose] = []
     for side in space.sides:
         first, last = side.low + style.depth_m / 2, side.high - style.depth_m / 2

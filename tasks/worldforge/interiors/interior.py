@@ -86,7 +86,13 @@ def furnish(
 def _furnished(
     begin: Callable[[], RoomFurnishing], kinds: Sequence[str], names: Counter[str], *, is_open: bool
 ) -> tuple[RoomFurnishing, list[Preference]]:
-    """Furnishes a room, once more where it lacks what makes it what it is, and says what it lacks still.
+    """Furnishes a room, a second time if essential furniture is missing; reports the pieces that are still missing.
+
+    Args:
+        begin: makes the empty room.
+        kinds: kinds of furniture to place.
+        names: pieces of each kind in the world so far.
+        is_open: whether the template names no furniture for the room.
 
     Args:
         begin: makes the empty room.
@@ -117,7 +123,7 @@ def _furnished(
 
 
 def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dict[str, int]) -> list[Preference]:
-    """The preferred number of loose objects, where one is asked for: satisfied when every room has as many."""
+    """Reports the preferred number of loose objects, if the template has one: satisfied when every room has as many."""
     asked = arrangement.LooseObjects
     if asked is None or not lying:
         return []
@@ -128,7 +134,12 @@ def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dic
 
 
 def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) -> None:
-    """Furnishes a room: first groups of furnishings that belong together, then single ones.
+    """Furnishes a room: first groups of pieces that belong together, then single ones.
+
+    Args:
+        work: the room.
+        kinds: kinds of furniture to place.
+        is_open: whether the template names no furniture for the room.
 
     Args:
         work: the room.
@@ -148,13 +159,16 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) 
 
 
 def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
-    """Returns the kinds of which a room of this type needs one, if it has none of them; empty otherwise."""
+    """Returns the essential kinds of a room type if the room has none of them; empty otherwise."""
     needed = [kind for kind in INDISPENSABLE.get(work.room.type, ()) if kind in kinds]
     return [] if any(work.placed(kind) for kind in needed) else needed
 
 
 def _bare_preferences(work: RoomFurnishing, kinds: Sequence[str]) -> list[Preference]:
-    """Missed preferences for essential furniture that found no place; kinds that are listed are reported elsewhere."""
+    """Lists essential furniture that did not fit (a bed in a bedroom, say) as missed preferences.
+
+    Kinds that the template lists are reported elsewhere.
+    """
     lacking = _lacking(work, kinds)
     if not lacking:
         return []
@@ -194,7 +208,10 @@ def _preferences(
 def _density_preferences(
     arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]
 ) -> list[Preference]:
-    """The preferred density: satisfied when every room is about as full; nothing if no room has a preference."""
+    """Reports the preferred density: satisfied when every room is about as full.
+
+    Nothing if no room has a preference.
+    """
     density = arrangement.DesiredSpatialDensity
     short = [work for work in rooms if work.covered_share < work.granted_share]
     found = [

@@ -16,19 +16,22 @@ from .placement import WALL_GAP_M, Side
 from .room_furnishing import RoomFurnishing
 
 _COUNTERS: dict[Density, tuple[int, int]] = {"Sparse": (1, 1), "Moderate": (2, 3), "Dense": (3, 4)}
-"""Counters besides those with the sink and in corners: what a kitchen is tried with first, drawn between the two."""
+"""Least and greatest number of additional kitchen counters by density; sink and corner counters come on top."""
 
 _TALL_CHANCES: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.4, "Dense": 0.7}
-"""Chance of a tall cupboard beside the fridge, where two counters have place as well."""
+"""Probability of a tall cupboard beside the fridge by density, if there is also place for two counters."""
 
 _LEAST_PIECES = 6
-"""Pieces that a kitchen should have: fridge, stove, sink, dishwasher, and worktop on both sides of the stove."""
+"""Number of pieces that a kitchen should have.
+
+Fridge, stove, sink, dishwasher, and worktop on both sides of the stove.
+"""
 
 _CORNER_M = 0.2
 _MOST_TRIES = 16
 
 _MOST_GAP_M = 0.2
-"""Widest gap of a kitchen along three walls, beside its second corner: a strip of wood closes it."""
+"""Widest gap beside the second corner of a U-shaped kitchen, in metres: a strip of wood closes it."""
 
 Form = Literal["line", "corner", "three walls"]
 _FORMS: tuple[Form, ...] = ("line", "corner", "three walls")
@@ -40,7 +43,7 @@ class Unit(NamedTuple):
     kind: str
     style: Style
     blind: bool = False
-    """Whether it stands in the corner, behind the other half of the line: people do not stand before it."""
+    """Whether it is the unit in a corner, which people do not stand in front of."""
 
 
 Placed = list[tuple[Unit, Pose]]
@@ -50,12 +53,12 @@ class Halves(NamedTuple):
     """The two halves of a kitchen run, each from its outer end to their joint, and optional units."""
 
     cooking: list[Unit]
-    """Pieces of the line, the fridge first, up to the worktop beside the stove."""
+    """Units of the first half, from the fridge to the worktop beside the stove."""
     washing: list[Unit]
-    """Pieces of the line that begin with the sink."""
+    """Units of the second half, from the sink on."""
     corner: Unit
     counters: list[Unit]
-    """Counters of each size, to fill a wall with."""
+    """Counters of each size, with which a wall can be filled."""
 
 
 def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
@@ -92,7 +95,7 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
 
 
 def _poverty(form: Form, counters: int, others: int) -> int:
-    """Rank of a kitchen: 0 if it has all it should have, 1 with too few pieces, 2 without worktop before the sink."""
+    """Rates a kitchen's completeness: 0 complete, 1 too few pieces, 2 no worktop between stove and sink."""
     few = others + counters + _FORMS.index(form) < _LEAST_PIECES
     return 2 if form == "line" and counters == 0 else int(few)
 
@@ -104,7 +107,7 @@ def _options(work: RoomFurnishing, form: Form, halves: Halves) -> Iterator[tuple
 
 
 def _halves(work: RoomFurnishing, styles: dict[str, Style], number: int, *, tall: bool) -> Halves:
-    """The units of a kitchen with so many counters."""
+    """Chooses the units of a kitchen with `number` additional counters."""
     counters = [Unit("Storage", work.style_of("Storage", form)) for form in ("counter-drawers", "counter")]
     # Drawers and doors by turns: the first beside the stove, towards the sink; the next between fridge and stove.
     spare = [counters[index % len(counters)] for index in range(number if "Storage" in styles else 0)]
@@ -122,7 +125,10 @@ def _length(units: Sequence[Unit]) -> float:
 
 
 def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
-    """The line at both ends of every free stretch of wall, either way round."""
+    """Yields placements of a straight kitchen, with scores.
+
+    At both ends of every free stretch of wall, in both directions.
+    """
     length = _length(units)
     depth, front = _reach(work, units)
     for side in work.space.sides:
@@ -137,19 +143,19 @@ def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tup
 
 
 def _reach(work: RoomFurnishing, units: Sequence[Unit]) -> tuple[float, float]:
-    """Depth of the shallowest unit, and the least that any needs before it."""
+    """Returns the depth of the shallowest kitchen unit, and the smallest free space that any unit needs in front."""
     return min(unit.style.depth_m for unit in units), min(front_of(unit.kind, work.room.type) for unit in units)
 
 
 def _score(side: Side, order: Sequence[Unit], start: float, length: float) -> float:
-    """A line begins in a corner, best with the fridge."""
+    """Scores a straight kitchen: best if it begins in a corner, with the fridge."""
     at_low, at_high = start - side.low < _CORNER_M, side.high - start - length < _CORNER_M
     fridge = (at_low and order[0].kind == "Fridges") or (at_high and order[-1].kind == "Fridges")
     return 1.0 * (at_low or at_high) + 0.6 * fridge
 
 
 def _in_line(side: Side, units: Sequence[Unit], start: float) -> Placed:
-    """Units from a point on, their backs to the wall."""
+    """Places kitchen units next to each other from a point on, with their backs to the wall."""
     placed: Placed = []
     for unit in units:
         width, depth = unit.style.width_m, unit.style.depth_m
@@ -159,7 +165,7 @@ def _in_line(side: Side, units: Sequence[Unit], start: float) -> Placed:
 
 
 def _around_a_corner(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[float, Placed]]:
-    """One half on each of two walls that meet; worktop fills the corner."""
+    """Yields placements of an L-shaped kitchen, with scores: one half on each of two walls, worktop in the corner."""
     outward, beyond = [halves.corner, *reversed(halves.cooking)], _beyond(halves.corner)
     for first, second, ends in _corners(work):
         one, other = _from(first, outward, ends[0], WALL_GAP_M), _from(second, halves.washing, ends[1], beyond)
@@ -167,7 +173,10 @@ def _around_a_corner(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[flo
 
 
 def _along_three_walls(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[float, Placed]]:
-    """The sink's half fills the wall between two corners; the stove is on one side, counters are on the other."""
+    """Yields placements of a U-shaped kitchen, with scores.
+
+    The half with the sink fills the wall between two corners; the stove is on one side, counters are on the other.
+    """
     corner, counters = halves.corner, halves.counters
     beyond = _beyond(corner)
     for middle, cooking, near in _corners(work):
@@ -190,7 +199,7 @@ def _along_three_walls(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[f
 
 
 def _filled(room_m: float, washing: Sequence[Unit], counters: Sequence[Unit]) -> list[Unit] | None:
-    """The sink's half with so many counters that it fills a length; None: nothing fills it."""
+    """Fills a wall of given length with the sink's half and counters; `None` if no combination fits."""
     sink = [unit for unit in washing if unit.kind != "Storage" or unit.style.form.startswith("counter-sink")]
     for numbers in product(range(4), repeat=len(counters)):
         units = [*sink, *(unit for unit, number in zip(counters, numbers, strict=True) for _ in range(number))]
@@ -205,11 +214,11 @@ def _beyond(corner: Unit) -> float:
 
 
 End = tuple[float, int]
-"""Coordinate of the face of the wall at one end of another, and the way from it."""
+"""Inner end of a wall in a corner: coordinate of the face of the adjacent wall, and the direction away from it."""
 
 
 def _corners(work: RoomFurnishing) -> Iterator[tuple[Side, Side, tuple[End, End]]]:
-    """Pairs of walls that meet in an inside corner, either way round."""
+    """Yields pairs of walls that meet in an inside corner, in both orders."""
     for first in work.space.sides:
         for second in work.space.sides:
             ends = _meet(first, second)
@@ -218,7 +227,7 @@ def _corners(work: RoomFurnishing) -> Iterator[tuple[Side, Side, tuple[End, End]
 
 
 def _meet(first: Side, second: Side) -> tuple[End, End] | None:
-    """Inside corner of two walls: where each ends; None: no corner."""
+    """Returns the ends of two walls at their inside corner; `None` if they do not meet in one."""
     if (first.quarter - second.quarter) % 2 == 0:
         return None
     found: list[End] = []
@@ -231,7 +240,7 @@ def _meet(first: Side, second: Side) -> tuple[End, End] | None:
 
 
 def _from(side: Side, units: Sequence[Unit], end: End, gap: float) -> Placed:
-    """Units along a wall, from one of its ends on."""
+    """Places kitchen units along a wall, beginning at one of its ends."""
     at, way = end
     if way > 0:
         return _in_line(side, units, at + gap)
@@ -239,7 +248,7 @@ def _from(side: Side, units: Sequence[Unit], end: End, gap: float) -> Placed:
 
 
 def _settle(work: RoomFurnishing, options: Iterator[tuple[float, Placed]]) -> bool:
-    """Places the best option that fits as a whole; says whether there was one."""
+    """Places the best kitchen layout that fits as a whole; returns whether there was one."""
     tries = 0
     for _, placed in sorted(options, key=lambda option: -option[0]):
         if not all(_fits(work, unit, pose) for unit, pose in placed):

@@ -1,4 +1,4 @@
-"""Small things that lie about: free bodies at rest on the floor, on tables, desks and nightstands."""
+"""Places small loose objects: free bodies at rest on the floor, on tables, desks and nightstands."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from .candidates import against_walls, sits_at
 from .room_furnishing import RoomFurnishing
 
 MOST_LOOSE = 12
-"""Loose objects per world: awake bodies are what a simulation's time goes into."""
+"""Limit of loose objects per world: moving bodies take most of a simulation's time."""
 
 _ON_TOP: dict[str, tuple[str, ...]] = {
     "CoffeeTables": ("Cup", "Book"),
@@ -35,11 +35,11 @@ _ON_MORE_TOPS: dict[str, tuple[str, ...]] = {
     "StorageBenches": ("Book", "Clothes"),
     "VanityCounters": ("Cup",),
 }
-"""Things to grasp, by the furniture that carries them, where a template asks for them."""
+"""Kinds of graspable objects by the furniture that carries them, where a template requests loose objects."""
 
 _HIGHEST_TOP_M = 1.2
 _MOST_MISSES = 6
-"""Things that find no place on the floor, one after another, before a room counts as full."""
+"""Number of consecutive objects without a place on the floor after which a room counts as full."""
 
 _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Clothes", "Shoe", "ToyBlock", "Clothes"),
@@ -57,10 +57,10 @@ _MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("ToyBlock", "Carton", "Ball"),
     "Hallway": ("Shoe", "ToyBlock", "Carton", "Ball"),
 }
-"""Kinds that lie on the floor where a template asks for more than there are tops for; elsewhere the same as usual."""
+"""Kinds of objects on the floor by room type, where a template requests more than fit on furniture."""
 
 _SMALLEST = ("ToyBlock",)
-"""Kinds that still find a place where others do not."""
+"""Kinds of objects that still fit where others do not."""
 
 _ANCHORS: dict[str, tuple[str, ...]] = {
     "Clothes": ("Beds", "Storage", "Dressers"),
@@ -68,7 +68,7 @@ _ANCHORS: dict[str, tuple[str, ...]] = {
     "Ball": ("CoffeeTables",),
     "Book": ("Bookcases", "Sofas"),
 }
-"""Furniture that things on the floor are near."""
+"""Kinds of furniture near which each kind of object is put on the floor."""
 
 _BY_A_WALL = ("Carton", "Shoe")
 
@@ -80,7 +80,7 @@ _MANY_TRIES = 60
 _ANCHOR_REACH_M = 0.9
 _SHOE_GAP_M = 0.02
 _APART_M = 0.02
-"""Between things on one table."""
+"""Smallest gap between objects on one table, in metres."""
 
 
 def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> list[Furniture]:
@@ -111,7 +111,10 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 
 
 def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) -> None:
-    """Adds as many as are asked for, as far as there is place: on all tops by turns, the rest on the floor."""
+    """Adds the requested number of loose objects, as far as there is place.
+
+    On furniture in turn, the rest on the floor.
+    """
     hosts = [item for item in furnished.items if item.model_type in _ON_MORE_TOPS]
     while hosts and len(objects) < room_for:
         having: list[Furniture] = []
@@ -134,7 +137,7 @@ def _style(kind: str, furnished: RoomFurnishing) -> Style:
 
 
 def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
-    """A plate and a cup before the first chairs."""
+    """Places a plate and a cup in front of the first chairs of a table."""
     laid: list[Furniture] = []
     plate, cup = _style("Plate", furnished), _style("Cup", furnished)
     chairs = [chair for chair in furnished.placed("DiningChairs") if sits_at(chair, table)]
@@ -155,7 +158,7 @@ def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
 
 
 def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
-    """A point in a piece's own frame: forward, left."""
+    """Converts a point to the frame of a piece of furniture: forward, left."""
     c, s = cos(host.yaw), sin(host.yaw)
     return (x - host.x) * c + (y - host.y) * s, (y - host.y) * c - (x - host.x) * s
 
@@ -187,7 +190,14 @@ def _half_extents(style: Style, turn: float) -> tuple[float, float]:
 
 
 def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()) -> list[Furniture]:
-    """An object, or a pair of shoes, at a free spot that leaves the ways open; nothing when no random spot does.
+    """Places an object, or a pair of shoes, at a free spot on the floor that does not block robots' paths.
+
+    Nothing is placed if no random spot is suitable.
+
+    Args:
+        furnished: the room.
+        kinds: kinds of objects, one of which is chosen.
+        corners: spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
 
     Args:
         furnished: the room.

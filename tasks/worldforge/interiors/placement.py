@@ -1,4 +1,4 @@
-"""Free space for furniture: rectangles, keep-clear zones and the ways that must stay open."""
+"""Free space for furniture in a room: rectangles, keep-clear zones, and paths for robots that must stay open."""
 
 import itertools
 from collections.abc import Iterable, Sequence
@@ -14,29 +14,38 @@ from ..geometry.occupancy import wall_corners
 from .ways import Ways
 
 Rects = NDArray[np.float64]
-"""Shape (n, 4): west, south, east, north, metres."""
+"""Rectangles, shape (n, 4): west, south, east, north, in metres."""
 
 TALL_M = 1.1
-"""Anything higher would stand before a window's glass."""
+"""Height above which furniture would cover the glass of a window, in metres."""
 
 WALL_GAP_M = 0.015
-"""Between a piece and the wall beside or behind it."""
+"""Gap between a piece of furniture and the wall beside or behind it, in metres."""
 
 _HALF_WAY_M = 0.3
-"""Half the width of the ways kept open: the robot's 0.2 m, a cell of the map, and some ease."""
+"""Half the width of the paths kept open in rooms, in metres.
+
+The robot's radius of 0.2 m, a map cell, and some margin.
+"""
 
 _HALF_HALLWAY_M = 0.4
-"""The same in hallways. Cells stand for squares of 5 cm, so that at least 0.85 m stay clear there."""
+"""Half the width of the paths kept open in hallways, in metres.
+
+Cells are squares of 5 cm, so at least 0.85 m stay clear there.
+"""
 
 _LEAST_HALF_M = 0.25
-"""The same where open doors leave no more: what the robot needs, and a cell."""
+"""Half the width of the paths kept open where open doors leave no more, in metres: the robot's need, and a map cell."""
 
 _ORIGIN_HALF_M = 0.56
 _DOOR_DEPTH_M = 0.8
 _OPENING_DEPTH_M = 0.5
 _WINDOW_DEPTH_M = 0.4
 _GATE_M = 0.475
-"""Distance from the middle of a wall to the beginning of ways: the middle of a cell, as near as ways come."""
+"""Distance from the middle of a wall to the beginning of paths, in metres.
+
+The nearest cell centre that a path can have.
+"""
 
 
 class Side(NamedTuple):
@@ -48,7 +57,7 @@ class Side(NamedTuple):
     face: float
     """Coordinate of the wall's face across the axis, in metres."""
     quarter: int
-    """Direction into the room."""
+    """Direction from the wall into the room, in quarter turns from +x."""
 
     @property
     def axis(self) -> int:
@@ -78,7 +87,12 @@ class RoomSpace:
     """
 
     def __init__(self, room: Room, floorplan: Floorplan, *, is_small: bool = False) -> None:
-        """An empty room.
+        """Makes the space of an empty room.
+
+        Args:
+            room: the room.
+            floorplan: its plan.
+            is_small: whether paths are only as wide as a robot needs, in place of the usual width.
 
         Args:
             room: the room.
@@ -109,7 +123,13 @@ class RoomSpace:
                 break
 
     def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
-        """Whether a piece of furniture may cover a rectangle, without looking at its own clearances and the ways.
+        """Whether a piece of furniture may cover a rectangle, apart from its own clearances and the robots' paths.
+
+        Args:
+            box: the rectangle.
+            tall: whether the piece would hide a window.
+            partners: ids of the pieces it belongs to, whose keep-clear zones it may enter.
+            tucked: footprint of the piece it may be pushed under.
 
         Args:
             box: what it would cover.
@@ -171,7 +191,7 @@ class RoomSpace:
 
 
 def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, float]]:
-    """The stretches along an axis that boxes take from a strip along it."""
+    """Returns the stretches along an axis in which boxes overlap a strip along it."""
     across = 1 - axis
     near, far = strip[across] + 1e-6, strip[across + 2] - 1e-6
     return [(box[axis], box[axis + 2]) for box in boxes if box[across] < far and near < box[across + 2]]
@@ -201,7 +221,7 @@ def _edges(room: Room) -> list[tuple[Point, Point]]:
 
 
 def _clear_at(passage: Passage, room: Room) -> list[Box]:
-    """Boxes that stay free at a way in: the approach, and the swing of its door."""
+    """Returns the boxes that must stay free at a door or opening: the approach, and the swing of its door."""
     found = [strip(passage.start, passage.end, _depth_m(passage))]
     if passage.door is not None and passage.door.room == room.name:
         found.append(swept_box(passage.door))
@@ -213,7 +233,7 @@ def _depth_m(passage: Passage) -> float:
 
 
 def _gate(room: Room, start: Point, end: Point) -> Point:
-    """A point inside the room, before the middle of a way in."""
+    """Returns the point inside the room in front of the middle of a door or opening."""
     x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
     along_x = abs(end[0] - start[0]) > abs(end[1] - start[1])
     sides = [(x, y + _GATE_M), (x, y - _GATE_M)] if along_x else [(x + _GATE_M, y), (x - _GATE_M, y)]
@@ -221,7 +241,7 @@ def _gate(room: Room, start: Point, end: Point) -> Point:
 
 
 def _complement(room: Room) -> list[Box]:
-    """Boxes inside a room's bounding box but outside the room."""
+    """Returns rectangles that cover a room's bounding box outside the room."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
     return [
         (x0, y0, x1, y1)

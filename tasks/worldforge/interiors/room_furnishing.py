@@ -28,29 +28,35 @@ from . import candidates
 from .placement import TALL_M, RoomSpace
 
 NewId = Callable[[str], str]
-"""Gives a kind's next free id."""
+"""Function that returns a new id for a piece of a kind."""
 
 _SMALL_ROOM_M2 = 15.0
 _LARGE_ROOM_M2 = 45.0
 _TIGHT_M2 = 6.5
-"""Floor area up to which a small room gets compact pieces first: usual ones leave no place for a toilet and shower."""
+"""Floor area in square metres below which compact pieces are tried first.
+
+Usual ones leave no place for a toilet and shower.
+"""
 _DENSE_WEIGHT = -2.5
-"""Liking for small pieces in dense rooms: large ones nearly always come first, as far as they fit."""
+"""Weight of smallness when a piece's styles are ranked in dense rooms, negative: large ones come first if they fit."""
 
 _WIDE_BED_M = 1.2
 _FOR_TWO_M2 = 12.0
-"""Smallest floor area of a bedroom with a bed for two: 2.5 m of wall for the bed and both its sides."""
+"""Smallest floor area of a bedroom with a double bed, in square metres.
+
+2.5 m of wall for the bed and both its sides.
+"""
 _DOUBLE_BED_M, _WIDEST_BED_M = 1.5, 1.8
 _MEALS_M = 3.8
-"""Largest distance of a table's middle from the kitchen: a few steps with a full plate."""
+"""Largest distance of a dining table from the kitchen, in metres: a few steps with a full plate."""
 
 _TRIES = 6
 _HALF_SEAT_M = 0.3
 _COMPANIONS = ("beside", "before", "gathered", "around", "desk")
-"""Relations without which a second piece makes no sense: one chair may stand alone, not four."""
+"""Relations to other furniture without which a second piece makes no sense: one chair may be alone, not four."""
 
 _ATTENDANTS = {"Beds": ("Nightstands", 2), "Desks": ("DeskChairs", 1), "DiningTables": ("DiningChairs", 4)}
-"""Companions without which every further piece of a kind is useless, and how many of them."""
+"""Kinds that each further piece needs as companions, and how many: a bed needs nightstands, a table chairs."""
 
 _WAITING = frozenset(kind for kind, _ in _ATTENDANTS.values())
 
@@ -63,9 +69,9 @@ class Group(NamedTuple):
 
     poses: list[Pose]
     partners: tuple[str, ...] = ()
-    """Ids of the pieces whose clear zones may be entered."""
+    """Ids of the pieces whose keep-clear zones may be entered."""
     tucked: Box | None = None
-    """Footprint of the piece that it is pushed under."""
+    """Footprint of the piece that it is pushed under, such as a table."""
 
 
 _NO_GROUP = Group([])
@@ -78,7 +84,7 @@ def _schemes() -> tuple[str, ...]:
 
 
 def _in_order(kinds: Sequence[str], room_type: RoomType) -> list[str]:
-    """Sorts kinds in the order of placement: those that define the room's type, then the others as in the catalogue."""
+    """Sorts kinds of furniture in the order of placement: essential ones of the room type, then as in the catalogue."""
     wanted, first = set(kinds), FIRST.get(room_type, ())
     return [kind for kind in (*first, *(kind for kind in RULES if kind not in first)) if kind in wanted]
 
@@ -107,7 +113,7 @@ class RoomFurnishing:
     missed: dict[str, str] = field(default_factory=dict)
     _taste: dict[str, int] = field(default_factory=dict)
     _kitchens: Sequence[Box] = ()
-    """Other rooms in which people cook."""
+    """Rectangles of other rooms that are kitchens."""
     is_small: bool = False
 
     @classmethod
@@ -144,7 +150,7 @@ class RoomFurnishing:
         self.fill(kinds)
 
     def place_each(self, kinds: Sequence[str]) -> None:
-        """Places of each furniture type as many pieces as a room has at first."""
+        """Places the initial number of pieces of each furniture type."""
         listed = _in_order(kinds, self.room.type)
         for kind in listed:
             self._place_first(kind)
@@ -205,7 +211,7 @@ class RoomFurnishing:
         return self.covered_share >= share
 
     def _place(self, kind: str) -> str:
-        """Places one piece; returns why not, or an empty string."""
+        """Places one piece of a kind; returns the reason if it is impossible, else an empty string."""
         lost = [near for near in RULES[kind].near if near in self.missed]
         if RULES[kind].bound and lost and not any(self.placed(near) for near in RULES[kind].near):
             return f"{' and '.join(lost)} found no place in {self.room.name}"
@@ -294,7 +300,7 @@ class RoomFurnishing:
         return False
 
     def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
-        """Boxes that a piece and its chair cover."""
+        """Returns the boxes that a piece and its chair cover at a pose."""
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]
@@ -302,7 +308,7 @@ class RoomFurnishing:
         return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, right, left)]
 
     def _zones(self, kind: str, style: Style, pose: Pose) -> Iterator[list[Box]]:
-        """Boxes that have to stay free around a piece; several lists when there is a choice."""
+        """Yields alternatives of the boxes that must stay free around a piece; one of the lists is enough."""
         rule, half_depth, half_width = RULES[kind], style.depth_m / 2, style.width_m / 2
         if rule.around_m:
             reach = rule.around_m
@@ -355,7 +361,7 @@ class RoomFurnishing:
         return item
 
     def _groups(self, kind: str, style: Style) -> Iterator[Group]:
-        """Groups of poses, the most fitting first."""
+        """Yields groups of candidate poses for a piece, the most suitable group first."""
         rule = RULES[kind]
         partners = [item for near in rule.near for item in self.items if item.model_type == near]
         if rule.relation == "run" and self.room.type in ("Kitchen", "Bathroom"):
@@ -430,7 +436,7 @@ class RoomFurnishing:
         return min((candidates.distance(pose, kitchen) for kitchen in self._kitchens), default=0.0)
 
     def _dining_score(self, pose: Pose) -> float:
-        """Rates a table's place: in the middle of a dining room, aside in a living room, near the kitchen."""
+        """Scores a dining table's pose: central in a dining room, at the side in a living room, near the kitchen."""
         away = self._to_kitchen_m(pose)
         if self.room.type != "Living":
             return pose.score - max(0.0, away - _MEALS_M)
@@ -438,11 +444,11 @@ class RoomFurnishing:
 
     @property
     def _dines_aside(self) -> bool:
-        """Whether a living room is so small that its table stands wherever the kitchen is near."""
+        """Whether a living room is so small that its dining table is placed wherever the kitchen is near."""
         return self.room.type == "Living" and self.room.floor_m2 < _LARGE_ROOM_M2
 
     def _run(self, kind: str, rule: Rule, style: Style, run: list[Furniture]) -> Iterator[Group]:
-        """Yields places edge to edge with units of the run, else along a wall; never a second separate counter."""
+        """Yields poses next to units of the kitchen row, else along a wall; never a second separate counter."""
         run = [item for item in run if self.room.type == "Kitchen" or item.model_type == kind]
         if run:
             yield Group([pose for item in run for pose in candidates.next_to(item, style)])

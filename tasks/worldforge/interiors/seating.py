@@ -10,7 +10,7 @@ from .room_furnishing import RoomFurnishing
 
 _MOST_SEAT_TRIES = 12
 _BEST_WALLS = 10
-"""Spots for the screen that seats are looked for opposite of."""
+"""Number of best wall positions for a television that are tried when looking for seats opposite."""
 
 _HALF_SIGHT_M = 0.4
 
@@ -44,13 +44,13 @@ def is_watched(work: RoomFurnishing) -> bool:
 
 
 GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
-"""Kinds of furniture that people who talk sit around and on."""
+"""Kinds of furniture of a seating group."""
 
 _FLOOR_OF_GROUP_M2: dict[Density, float] = {"Sparse": inf, "Moderate": 70.0, "Dense": 45.0}
 _MOST_GROUPS = 4
 _TABLE_GAP_M, _CHAIR_GAP_M, _BETWEEN_CHAIRS_M = 0.4, 0.46, 0.2
 _AROUND_M = 0.7
-"""Free around a group: a robot passes."""
+"""Free space around a seating group, in metres, through which a robot passes."""
 
 _GROUP_TRIES = 300
 
@@ -85,7 +85,7 @@ def _place_group(work: RoomFurnishing) -> bool:
 
 
 def _away(spot: Pose, work: RoomFurnishing) -> float:
-    """Distance of a spot from all furniture: groups spread over the room."""
+    """Returns the distance of a point from all furniture, so that seating groups spread over the room."""
     return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
 
 

@@ -1,4 +1,4 @@
-"""Furnishes rooms below 10 m2, which RoboMaker's templates did not have: the best of several tries counts."""
+"""Furnishes rooms below 10 m2, which RoboMaker's templates did not have: the best of several attempts is kept."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from ..furniture.arrangement import SMALL_ROOM_NEEDS
 from .room_furnishing import RoomFurnishing
 
 _TRIES = 6
-"""Furnishings of a small room that are compared; the first two or three mostly have everything."""
+"""Number of attempts to furnish a small room; the first two or three mostly have everything."""
 
 
 def small_rooms(body: WorldTemplateBody) -> frozenset[str]:
@@ -23,7 +23,13 @@ def furnish_small(
     kinds: Sequence[str],
     names: Counter[str],
 ) -> RoomFurnishing:
-    """Furnishes a small room several times, and keeps the furnishing that lacks least of what makes the room.
+    """Furnishes a small room several times, and keeps the attempt that lacks least of its essential furniture.
+
+    Args:
+        begin: makes the empty room.
+        fill: furnishes it.
+        kinds: kinds of furniture to place.
+        names: pieces of each kind in the world so far; afterwards those with the kept attempt.
 
     Args:
         begin: makes the empty room.
@@ -54,14 +60,21 @@ def furnish_small(
 
 
 def _worth(work: RoomFurnishing, group: Sequence[str]) -> int:
-    """Weight of furniture that lacks: more than of all that is named after it, so that a bath rather has its toilet."""
+    """Returns the weight of a missing kind.
+
+    More than all kinds listed after it, so that a bath rather has its toilet.
+    """
     groups = SMALL_ROOM_NEEDS[work.room.type]
     place = next(place for place, each in enumerate(groups) if set(group) <= set(each))
     return 2 ** (len(groups) - place)
 
 
 def put_back(names: Counter[str], before: Counter[str]) -> None:
-    """Counts pieces as before a furnishing that is not kept.
+    """Restores the counts of pieces after an attempt that is not kept.
+
+    Args:
+        names: pieces of each kind in the world.
+        before: pieces of each kind before the attempt.
 
     Args:
         names: pieces of each kind in the world.
@@ -72,7 +85,7 @@ def put_back(names: Counter[str], before: Counter[str]) -> None:
 
 
 def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[list[str]]:
-    """Groups of kinds of which the room should have one, and has none."""
+    """Returns the groups of kinds of which the room should have one and has none."""
     groups = ([kind for kind in group if kind in kinds] for group in SMALL_ROOM_NEEDS.get(work.room.type, ()))
     return [group for group in groups if group and not any(map(work.placed, group))]
 

@@ -1,4 +1,4 @@
-"""The ways through a room that stay open for a robot while furniture is put into it."""
+"""Paths through a room that stay open for a robot while furniture is placed."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,10 +14,10 @@ from ..geometry.boxes import Box
 _CELL_M = 0.05
 _FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _GATE_REACH = 6
-"""Number of cells beside a point at which a way to it may end, where a wall or an open door is too near."""
+"""Distance from a door, in cells, at which a path to it may end where a wall or an open door is too near."""
 
 _LARGEST_POCKETS = 0.06
-"""Share of a room's ways that furniture may cut off, such as the gap behind a sofa."""
+"""Share of a room's free cells that furniture may cut off, such as the gap behind a sofa."""
 
 
 class Ways:
@@ -28,7 +28,13 @@ class Ways:
     """
 
     def __init__(self, bounds: Box, half_width_m: float, solids: Sequence[Box], outside: Sequence[Box]) -> None:
-        """An empty room.
+        """Makes the grid of an empty room.
+
+        Args:
+            bounds: the room's extent.
+            half_width_m: half the width of the paths.
+            solids: walls, which keep the middle of a robot at that distance.
+            outside: parts of the extent that are outside the room.
 
         Args:
             bounds: the room's extent.
@@ -49,7 +55,7 @@ class Ways:
         self._most_lost = 0.0
 
     def join(self, gates: Sequence[Point]) -> None:
-        """Sets the points (doors) between which there have to be ways; called once, at first."""
+        """Sets the points (doors) between which paths must exist; called once, at first."""
         rows, columns = self._free.shape
         for x, y in gates:
             row, column = int((y - self._y0) / _CELL_M) + 1, int((x - self._x0) / _CELL_M) + 1
@@ -61,7 +67,7 @@ class Ways:
 
     @property
     def joined(self) -> bool:
-        """Whether there are ways between all points of `join`."""
+        """Whether all points of `join` are connected by paths."""
         return self._open is not None
 
     def _nearest_free(self, row: int, column: int) -> tuple[int, int]:
@@ -115,6 +121,8 @@ class Ways:
     def nearest(self, point: Point) -> Point:
         """Returns the centre of the free cell nearest to a point.
 
+        If not all doors are connected, cells connected with most of the doors count.
+
         Where there are no ways between all gates, those from the most gates count.
         """
         cells = self._best_part() if self._open is None else self._open
@@ -126,7 +134,7 @@ class Ways:
         return round(float(x[best]), 3), round(float(y[best]), 3)
 
     def _best_part(self) -> NDArray[np.bool_]:
-        """The cells that hang together with most of the gates, or the largest part of all."""
+        """Returns a mask of the free cells that are connected with most of the doors, or the largest connected part."""
         labels = np.asarray(ndimage.label(self._free, _FOUR_NEIGHBOURS)[0])  # pyright: ignore[reportIndexIssue]
         found = Counter(int(labels[gate]) for gate in self._gates if labels[gate])
         if not found:
@@ -134,7 +142,10 @@ class Ways:
         return labels == (found.most_common(1)[0][0] if found else -1)
 
     def _rim_is_whole(self, rows: slice, columns: slice) -> bool:
-        """Whether the free cells around a block hang together along its rim.
+        """Whether the free cells around a block are connected along its rim.
+
+        If they are, a robot that passed through the block can drive around it, and nothing is cut off: the common case,
+        decided without examining the whole room.
 
         If they do, a robot that passed through the block can drive around it, and nothing is cut off: the
         common case, decided without looking at the whole room.
@@ -153,7 +164,7 @@ class Ways:
         return runs <= 1
 
     def _component(self, free: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-        """The cells that hang together with all gates; None when the gates do not."""
+        """Returns a mask of the free cells connected with all doors; `None` if the doors are not connected."""
         labels = np.asarray(ndimage.label(free, _FOUR_NEIGHBOURS)[0])  # pyright: ignore[reportIndexIssue]
         found = {int(labels[gate]) for gate in self._gates}
         if len(found) != 1 or 0 in found:
@@ -161,7 +172,7 @@ class Ways:
         return labels == found.pop()
 
     def _slices(self, box: Box, margin: float) -> tuple[slice, slice]:
-        """Cells whose middle lies within `margin` of a block, as a square would measure it."""
+        """Returns the row and column ranges of cells whose centre is within `margin` of a box (square distance)."""
         rows, columns = self._free.shape
         west = min(max(1, ceil((box[0] - margin - self._x0) / _CELL_M + 0.5)), columns - 1)
         east = min(max(1, ceil((box[2] + margin - self._x0) / _CELL_M + 0.5)), columns - 1)

@@ -1,4 +1,7 @@
-"""Materials of floors and walls: their looks, their grip, the rooms that usually have them, and choosing them.
+"""Floor and wall materials: their looks, their friction, the rooms that usually have them, and choosing them.
+
+Every material has several finishes: another wood, another tile, another wallpaper. `world.json` names both, so that its
+readers can draw the surface again.
 
 Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
 names both, so that its readers can draw the surface again.
@@ -27,13 +30,13 @@ class Finish:
     """A finish (colour and pattern) of a floor or wall material."""
 
     name: str
-    """Unique among the finishes of its material."""
+    """Name that is unique among the finishes of its material."""
     pattern: Pattern
     """Layout of the colours."""
     color: Color
     """Main colour of the surface."""
     second: Color
-    """Colour of the other boards, stripes, stones."""
+    """Colour of every second board, stripe or stone."""
     line: Color
     """Colour of joints, grooves and specks."""
 
@@ -43,13 +46,13 @@ class Material:
     """A floor or wall material with its finishes."""
 
     finishes: tuple[Finish, ...]
-    """Its looks; the first one stands for it where a plan names none."""
+    """Finishes of the material; the first one is used where a plan names none."""
     friction: float = 0.8
     """Sliding friction of dry rubber on it; walls do not use it."""
 
 
 def _material(*finishes: str, friction: float = 0.8) -> Material:
-    """A material by its finishes, each written as its name, pattern, main colour, second colour and line colour."""
+    """Makes a material from texts, one per finish: name, pattern, main colour, second colour and line colour."""
     return Material(tuple(map(_finish, finishes)), friction)
 
 
@@ -105,7 +108,7 @@ FLOORS: dict[str, Material] = {
         friction=0.65,
     ),
 }
-"""The six floor materials."""
+"""The six floor materials, by name."""
 
 WALLS: dict[str, Material] = {
     "Brick": _material(
@@ -147,10 +150,10 @@ WALLS: dict[str, Material] = {
         "rose-stripes stripes ead9d2 dcc4bb c7a69b",
     ),
 }
-"""The seven wall materials."""
+"""The seven wall materials, by name."""
 
 OUTSIDE = _finish("outside plain e6dfd3 e6dfd3 d2c9ba")
-"""Outer faces of exterior walls."""
+"""Finish of the outer faces of exterior walls."""
 
 USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Carpet", "Floorboards", "Parquetry"),
@@ -276,7 +279,10 @@ def _choose(
 
 
 def _finishes(chosen: dict[str, str], table: dict[str, Material], rng: np.random.Generator) -> dict[str, str]:
-    """One finish per material and building, mostly: homes do not have a different oak in every room."""
+    """Chooses one finish per material for the whole building, mostly.
+
+    Homes do not have a different oak in every room.
+    """
     usual = {material: str(rng.choice([each.name for each in table[material].finishes])) for material in sorted(table)}
     finishes: dict[str, str] = {}
     for room, material in chosen.items():

@@ -12,11 +12,11 @@ from .materials import FLOORS, WALLS
 from .textures import SKY, painted_png, texture_size_m
 
 FOLDER = Path(__file__).with_name("assets")
-"""Folder of the files, `<surface>.png` each."""
+"""Folder of the texture files, `<surface>.png` each."""
 
 
 def textured() -> list[str]:
-    """Lists all that has a texture: the sky, and surfaces whose finish is not plain."""
+    """Lists the names of all textures: the sky, and surfaces whose finish is not plain."""
     surfaces = [
         f"{surface}_{material}_{finish.name}"
         for surface, table in (("floor", FLOORS), ("wall", WALLS))
@@ -37,7 +37,7 @@ def texture_png(name: str) -> bytes:
 
 
 def write_textures(folder: Path) -> None:
-    """Paints all textures and writes them to a folder, in place of what pictures it has."""
+    """Paints all textures and writes them to a folder, replacing the pictures in it."""
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink()

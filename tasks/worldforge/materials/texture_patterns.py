@@ -1,4 +1,4 @@
-"""The patterns that textures are painted with: woods, stones, tiles, fabrics, wallpapers.
+"""Procedural texture patterns: woods, stones, tiles, fabrics, wallpapers.
 
 Each takes the grid of a texture's pixels and a finish's three colours, and gives colours of shape
 (rows, columns, 3), 0 to 1, that repeat without a seam in both directions.
@@ -267,20 +267,20 @@ def _tiled(grid: Grid, finish: Finish, width: float, height: float, *, bond: boo
 
 
 def _mix(first: Any, second: Any, share: Array) -> Array:
-    """Gradient from the first colour to the second."""
+    """Interpolates between two colours by a share from 0 to 1."""
     low = np.asarray(first, float)[..., :3]
     high = np.asarray(second, float)[..., :3]
     return low + (high - low) * np.asarray(share, float)[..., None]
 
 
 def _wood(finish: Finish, tone: Array, grain: Array) -> Array:
-    """Wood by the tone of each board, 0 to 1, and the grain in it, 0 to 1."""
+    """Returns the colours of wood from the tone of each board, 0 to 1, and its grain, 0 to 1."""
     colors = _mix(finish.color, finish.second, np.clip(0.75 * tone + 0.9 * (grain - 0.45), 0, 1))
     return _mix(colors, finish.line, np.clip(2.2 * (grain - 0.72), 0, 0.55)) * (0.97 + 0.06 * tone)[..., None]
 
 
 def _grain(grid: Grid, across: int, down: int) -> Array:
-    """Long fibres; the shorter of the two counts is along them."""
+    """Returns noise of long wood fibres; the smaller of the two counts is along the fibres."""
     fine = grid.noise(across, down)
     broad = grid.noise(max(2, across // 3), max(2, down // 3))
     return 0.55 * fine + 0.45 * broad
@@ -291,23 +291,23 @@ def _speck(grid: Grid, depth: float) -> Array:
 
 
 def _number(place: Array, size: float) -> Numbers:
-    """Number of the board, stone or tile of this size at a place."""
+    """Returns the number of the board, stone or tile of a given size at each position."""
     return np.floor(place / size + 1e-9).astype(np.int64)
 
 
 def _edge(place: Array, size: float) -> Array:
-    """Distance to the nearest joint."""
+    """Returns the distance of each position to the nearest joint of boards or tiles."""
     inside = place - np.floor(place / size) * size
     return np.minimum(inside, size - inside)
 
 
 def _top(place: Array, size: float, reach: float) -> NDArray[np.bool_]:
-    """Close behind a joint, on the far side of it."""
+    """Returns a mask of the positions close behind a joint."""
     return place - np.floor(place / size) * size < reach
 
 
 def _first(place: Array, size: float, is_first: NDArray[np.bool_], is_last: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the nearest edge is the outer one of the first or the last square."""
+    """Returns a mask of positions whose nearest edge is the outer edge of the first or the last square."""
     low = place - np.floor(place / size) * size < size / 2
     return (is_first & low) | (is_last & ~low)
 
@@ -324,7 +324,7 @@ def _joints(colors: Array, finish: Finish, *where: NDArray[np.bool_]) -> Array:
 
 
 def _cuts(grid: Grid, length: float, least: float, most: float) -> Array:
-    """Starts of the stones of one course, then the place where the first one begins again."""
+    """Returns random starts of the stones of one course, then the position where the first one is repeated."""
     widths: list[float] = []
     while sum(widths) < length:
         widths.append(float(grid.rng.uniform(least, most)))

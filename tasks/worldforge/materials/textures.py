@@ -1,4 +1,6 @@
-"""Pictures of floor and wall materials and of the sky, made from their finishes: small, seamless, the same everywhere.
+"""Textures of floor and wall materials and of the sky: small, seamless, and the same on every machine.
+
+Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own name.
 
 Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own
 name; so every process on every machine makes the same ones.
@@ -120,10 +122,10 @@ def _bytes(colors: NDArray[np.floating[Any]]) -> Pixels:
 
 
 SKY = "sky"
-"""Its name."""
+"""Name of the sky's texture."""
 
 LAYOUT = 'gridsize="3 4" gridlayout=".U..LFRB.D.."'
-"""Layout of the picture's squares, as MJCF says it."""
+"""MJCF attributes for the layout of the six cube map squares in the sky's picture."""
 
 _SIDE_PIXELS = 160
 _SKY_COLORS = 96
@@ -133,7 +135,7 @@ _TREES, _TREES_FAR = np.array([0.33, 0.46, 0.30]), np.array([0.55, 0.66, 0.58])
 
 
 def _sky_pixels() -> Pixels:
-    """The sky's cube map: three squares high, four wide."""
+    """Paints the cube map of the sky: three squares high, four wide."""
     side = _SIDE_PIXELS
     # Every side is the same, so that trees go on from one to the next.
     picture = np.zeros((3 * side, 4 * side, 3))
@@ -144,7 +146,7 @@ def _sky_pixels() -> Pixels:
 
 
 def _horizon(side: int) -> Array:
-    """One of the four sides."""
+    """Paints one of the four side squares of the sky's cube map."""
     across = (np.arange(side) + 0.5) / side * 2 - 1
     up = -((np.arange(side) + 0.5) / side * 2 - 1)
     # Tangent of the angle above the horizon.
@@ -161,7 +163,7 @@ def _horizon(side: int) -> Array:
 
 
 def _above(side: int) -> Array:
-    """Sky overhead; its edges have the colours of the sides' top edges."""
+    """Paints the upper square of the sky's cube map; its edges have the colours of the sides' top edges."""
     x = (np.arange(side) + 0.5) / side * 2 - 1
     return _sky(1 / np.maximum(np.sqrt(x[:, None] ** 2 + x**2), 1e-3))
 

@@ -1,1 +1,1 @@
-"""The world as MJCF, and its description for other programs."""
+"""Writes a world as an MJCF model, and as a description for other programs."""

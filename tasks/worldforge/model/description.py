@@ -1,4 +1,4 @@
-"""Describes a world for other programs."""
+"""Makes the description of a world for other programs (`world_description.json`)."""
 
 from ....schemas.worlds.description import (
     DescribedDoor,

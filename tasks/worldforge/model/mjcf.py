@@ -48,10 +48,10 @@ from ..ornaments.ornaments import numbers as _numbers
 from ..ornaments.things import shaped
 
 TEXTURES_FOLDER = "textures"
-"""Folder of a textured model's pictures, beside the model."""
+"""Folder of the texture files, beside the model."""
 
 SLAB_M = 0.1
-"""Thickness of the floors, whose tops are at 0."""
+"""Thickness of the floor slabs in metres; their tops are at height 0."""
 
 _FOVY_DEG = 45.0
 _ASPECT = 4 / 3
@@ -196,7 +196,10 @@ def _cameras(world: World) -> Iterator[str]:
 
 
 def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
-    """The floor of a room, and its ceiling where its height is given.
+    """Yields the MJCF of a room's floor, and of its ceiling if a height is given.
+
+    Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
+    touch, so a wheel with less friction than the floor grips as well as the floor lets it.
 
     Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
     touch, so a wheel whose own is below the floor's grips as well as the floor lets it.
@@ -301,7 +304,7 @@ def _loose(item: Furniture, shapes: Shapes | None, *, solid_only: bool = False) 
 
 
 def _mass_kg(item: Furniture) -> float:
-    """Smaller ones of one kind weigh less, by their volume; to the gram."""
+    """Returns the mass of a loose object in kilograms, to the gram: in proportion to the volume within its kind."""
     if item.style == IMPORTED:
         return 1.0  # only pictures are drawn of it
     first = styles_of(item.model_type)[0]
@@ -326,7 +329,7 @@ def _geom(solid: Solid, physics: str = "") -> str:
 
 
 def _cylinder(axis: Axis, half: tuple[float, float, float]) -> tuple[str, str]:
-    """Size and rotation of a cylinder."""
+    """Returns the MJCF size and rotation of a cylinder along an axis."""
     index = "xyz".index(axis)
     radius = half[(index + 1) % 3]
     return _numbers(radius, half[index]), CYLINDER_QUAT[axis]

@@ -1,1 +1,1 @@
-"""Shapes that are only drawn: ornaments, procedural shapes, furniture drawn with these, small things."""
+"""Shapes that are only drawn: decoration, procedural meshes, detailed furniture, small objects."""

@@ -1,4 +1,7 @@
-"""Procedural shapes that fill a box: bevelled, turned, stuffed and leafy ones; closed, a few hundred triangles each."""
+"""Procedural meshes that fill a box: bevelled, turned, stuffed and leafy shapes.
+
+Closed, a few hundred triangles each.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, wraps
@@ -12,20 +15,20 @@ from ..geometry.parts import Color, Part, Vector
 from .ornaments import Floats, Ints, Mesh, Ornament, color_look, joined
 
 Shape = Callable[[Vector], Mesh]
-"""Makes a mesh about the origin that fills a box of a size."""
+"""Function that makes a mesh of a given size (box extents), centred at the origin."""
 
 _SECTIONS = 14
 _FOLDS = 5
 _CLOTH_M = 0.004
 _GOLDEN = 2.399963
-"""Angle between two leaves of a stem."""
+"""Golden angle between two leaves of a stem, in radians."""
 
 Unit = tuple[Floats, Ints]
-"""Points and triangles of a form before it is stretched to a size."""
+"""Vertices and triangles of a form before it is stretched to a size."""
 
 
 def _frozen(*arrays: NDArray[Any]) -> None:
-    """Keeps arrays that several meshes share from being changed."""
+    """Makes arrays that several meshes share read-only."""
     for array in arrays:
         array.flags.writeable = False
 
@@ -77,7 +80,7 @@ def block(size: Vector) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _sharp() -> Unit:
-    """A box that reaches from -1 to 1, each corner of a triangle being a point of its own."""
+    """Makes a box from -1 to 1 whose faces share no vertices."""
     points, triangles = _cube(np.array([-1.0, 1.0]))
     corners, numbered = points[triangles.ravel()], np.arange(triangles.size).reshape(-1, 3)
     _frozen(corners, numbered)
@@ -92,7 +95,7 @@ def stuffed(size: Vector) -> Mesh:
 
 @lru_cache(maxsize=3)
 def _cushion(through: int) -> Unit:
-    """A cushion that reaches from -1 to 1 and is flat along an axis."""
+    """Makes a cushion from -1 to 1 that is flat along one axis."""
     across = [axis for axis in range(3) if axis != through]
     count = 9
     row = np.sin(np.linspace(-pi / 2, pi / 2, count))
@@ -139,7 +142,7 @@ def mug(size: Vector) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _mug() -> Unit:
-    """A mug of radius 1 and height 1 about the origin."""
+    """Makes a mug of radius 1 and height 1, centred at the origin."""
     body = _turned(((0.86, 0.0), (1.0, 0.1), (1.0, 1.0), (0.9, 1.0), (0.88, 0.12)))
     # The ear stands out of the box, as a cylinder of the cup's size is what collides.
     ear = _tube([(0.0, 1.0 + 0.62 * sin(a), 0.5 - 0.3 * cos(a)) for a in np.linspace(0.1, pi - 0.1, 6)], 0.1)
@@ -245,7 +248,10 @@ def curtain(size: Vector) -> Mesh:
 
 
 def _band(first: int, second: int, count: int, facing: bool) -> Ints:
-    """Triangles between two rows of vertices; seen from -y, the second above the first, they face the eye or not."""
+    """Returns triangles between two rows of vertices.
+
+    Seen from -y with the second row above the first, they face the viewer or not, as `facing` says.
+    """
     a = first + np.arange(count - 1)
     b = second + np.arange(count - 1)
     faces_eye = np.concatenate([np.stack([a, a + 1, b + 1], axis=1), np.stack([a, b + 1, b], axis=1)])
@@ -253,7 +259,7 @@ def _band(first: int, second: int, count: int, facing: bool) -> Ints:
 
 
 def _side(first: int, count: int) -> Ints:
-    """Two triangles that close one side between four rows of vertices, seen from -x."""
+    """Returns two triangles that close one side between four rows of vertices, seen from -x."""
     a, b, c, d = first + count * np.array([0, 1, 3, 2])
     return np.array([[a, b, c], [a, c, d]])
 
@@ -279,7 +285,7 @@ def draped() -> Unit:
 
 
 def _cube(row: Floats) -> tuple[Floats, Ints]:
-    """A grid on each face of a cube whose corners and edges are shared."""
+    """Makes a grid on each face of a cube; corners and edges are shared."""
     places: dict[tuple[float, ...], int] = {}
     triangles = []
     for axis in range(3):
@@ -298,7 +304,7 @@ def _cube(row: Floats) -> tuple[Floats, Ints]:
 
 
 def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -> tuple[Floats, Ints]:
-    """Rings of a profile, closed at both ends."""
+    """Makes a surface of revolution from a profile, closed at both ends."""
     angles = np.arange(sections) * (2 * pi / sections)
     rings = [np.stack([r * np.cos(angles), r * np.sin(angles), np.full(sections, z)], 1) for r, z in profile]
     points = [*rings, np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, profile[-1][1]]])]
@@ -314,7 +320,7 @@ def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -
 
 
 def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats, Ints]:
-    """A bent rod, closed at both ends."""
+    """Makes a bent rod along a path, closed at both ends."""
     line = np.array(path)
     ahead = np.gradient(line, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -338,7 +344,7 @@ def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats
 
 
 def _leaf(root: Vector, turn: float, lean: float, length: float, wide: float) -> tuple[Floats, Ints]:
-    """A closed, thin leaf that grows from its root, leans outwards and hangs a little at its end."""
+    """Makes a closed, thin leaf that grows from its root, leans outwards and hangs a little at its end."""
     out, up, aside = sin(lean), cos(lean), np.array([-sin(turn), cos(turn), 0.0])
     away = np.array([cos(turn), sin(turn), 0.0])
     middle = np.array(root) + 0.55 * length * (out * away + np.array([0.0, 0.0, up]))
@@ -380,7 +386,7 @@ FORMS: dict[str, Shape] = {
     "lamp": lathed(((1.0, 0.0), (1.0, 0.1), (0.3, 0.2), (0.42, 0.5), (0.2, 0.9), (0.2, 1.0))),
     "ball": lathed([(sin(a), (1 - cos(a)) / 2) for a in (0.45, 0.9, 1.35, 1.8, 2.25, 2.7)]),
 }
-"""Shapes by their names."""
+"""Procedural shapes by name."""
 
 # By kinds of furniture: beginnings of the names of parts, the longest that fits counts.
 _CLOTH = {"cushion": "soft", "back-cushion": "soft", "pillow": "cushion", "base": "soft", "back": "soft", "arm": "soft"}
@@ -409,9 +415,9 @@ _OF_KIND: dict[str, dict[str, str]] = {
 
 
 _LEAFY = ("bush", "sprigs", "fruit", "cushion", "crumpled")
-"""Forms in place of ellipsoids."""
+"""Shapes that replace ellipsoids."""
 _TURNED = ("bottle", "bowl", "glass", "jar", "kettle", "mug", "plate", "pot", "shade", "vase")
-"""Forms of what is round."""
+"""Shapes of round objects."""
 
 
 def form_of(kind: str, part: Part) -> str:
@@ -433,7 +439,7 @@ class Shapes:
     """Collects the meshes of a world's model, each once."""
 
     def __init__(self) -> None:
-        """Begins without any."""
+        """Makes an empty collection."""
         self._lines: dict[str, str] = {}
 
     def named(self, form: str, size: Vector) -> str:
@@ -454,7 +460,7 @@ class Shapes:
 
 @lru_cache(maxsize=1024)
 def _mesh_line(name: str, form: str, size: Vector) -> str:
-    """Most worlds of a template have the same shapes."""
+    """Formats a mesh as MJCF; results are cached, as most worlds of a template have the same shapes."""
     return FORMS[form](size).line(name)
 
 

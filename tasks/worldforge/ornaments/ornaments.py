@@ -1,4 +1,4 @@
-"""Ornaments: geoms for the eye only, and the procedural meshes that some of them have."""
+"""Ornaments: geoms that are only drawn, and their procedural meshes."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..geometry.parts import Color, Vector
 
 MESHES_FOLDER = "meshes"
-"""Folder of a decorated model's meshes with pictures, beside the model."""
+"""Folder of a decorated model's textured meshes, beside the model."""
 
 VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
 
@@ -38,7 +38,7 @@ class _Texts(dict[float, str]):
 
 
 class _StepTexts(dict[float, str]):
-    """Texts of numbers by how many ten-thousandths they are: a third as many as there are coordinates of meshes."""
+    """Cache of formatted numbers by the number of ten-thousandths: a third as many entries as mesh coordinates."""
 
     def __missing__(self, steps: float) -> str:
         if len(self) >= _MOST_TEXTS:
@@ -48,13 +48,16 @@ class _StepTexts(dict[float, str]):
 
 
 _MOST_TEXTS = 1 << 15
-"""Some 4 MB."""
+"""Limit of cached texts; some 4 MB."""
 
 _STEPS = 1e4
-"""Steps of a written number in 1: MJCF has four decimals, a tenth of a millimetre."""
+"""Steps of a written number per unit: MJCF has four decimals, a tenth of a millimetre."""
 
 _NEAR_HALF = 1e-6
-"""Distance from the middle between two steps below which a product is unsure: a hundred times its error to 10 km."""
+"""Distance from the middle between two steps below which rounding is unsure.
+
+It is a hundred times the error of a product up to 10 km.
+"""
 
 _text_of = _Texts().__getitem__
 _text_of_steps = _StepTexts().__getitem__
@@ -83,18 +86,18 @@ class Ornament(NamedTuple):
     """A decorative geom that never collides."""
 
     name: str
-    """Unique in the world."""
+    """Name that is unique in the world."""
     kind: str
-    """`box`, `cylinder` or `mesh`."""
+    """Geom type: `box`, `cylinder` or `mesh`."""
     center: Vector
     size: Sequence[float]
-    """Half extents as MJCF has them; of a mesh nothing."""
+    """Half extents as in MJCF; empty for a mesh."""
     look: str
-    """Attributes: `rgba` or `material`."""
+    """MJCF attribute of the look: `rgba` or `material`."""
     quat: str = ""
-    """Its turn; empty: none."""
+    """MJCF attribute of the rotation; empty: none."""
     mesh: str = ""
-    """Name of the mesh that it has."""
+    """Name of the mesh asset."""
 
     def line(self) -> str:
         """Returns the geom as MJCF."""
@@ -109,14 +112,16 @@ class Mesh:
     """Triangle mesh of a decoration; triangles are counter-clockwise seen from outside."""
 
     vertices: Floats
-    """Shape (n, 3), metres."""
+    """Vertex positions in metres, shape (n, 3)."""
     triangles: Ints
-    """Shape (m, 3)."""
+    """Vertex indices of the triangles, shape (m, 3)."""
     places: Floats | None = None
-    """Picture coordinates of the vertices, shape (n, 2): repetitions to the right and down; None: no picture."""
+    """Texture coordinates of the vertices, shape (n, 2): repetitions to the right and down; `None`: no texture."""
 
     def line(self, name: str) -> str:
         """Returns the mesh as an MJCF asset.
+
+        A textured mesh is a file: MuJoCo before 3.1.6 crashes on texture coordinates within MJCF.
 
         MuJoCo before 3.1.6 crashes on places on pictures within MJCF, and reads them in files.
         """
@@ -137,7 +142,7 @@ class Mesh:
 
 @lru_cache(maxsize=64)
 def _faces(triangles: bytes) -> str:
-    """The text of triangles, 64-bit numbers; meshes of one form have the same ones at every size."""
+    """Formats the vertex indices of triangles; cached, as meshes of one form have the same ones at every size."""
     return " ".join(map(str, np.frombuffer(triangles, np.int64).tolist()))
 
 
@@ -147,7 +152,7 @@ def mesh_path(name: str) -> str:
 
 
 def _texts(values: Floats) -> Iterator[Iterator[str]]:
-    """The numbers of each column."""
+    """Yields the formatted numbers of each column."""
     return map(number_texts, values.T)
 
 
@@ -171,7 +176,7 @@ def sheet(corner: Vector, along: Vector, up: Vector, cells: tuple[int, int]) -> 
 
 @lru_cache(maxsize=256)
 def _grid(columns: int, rows: int) -> tuple[Floats, Floats, Ints]:
-    """Shares of the way along and up of each corner of a sheet's cells, shape (n, 1), and its triangles."""
+    """Returns the position of each corner of a sheet's cells (shares along and up, shape (n, 1)), and the triangles."""
     i, j = (axis.reshape(-1, 1) for axis in np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)))
     first = np.arange(columns + 1 - 1) + (columns + 1) * np.arange(rows)[:, None]
     a = first.ravel()

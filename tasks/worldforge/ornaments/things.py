@@ -1,4 +1,4 @@
-"""Small things on furniture, books among them: the look of each kind."""
+"""Small decorative objects on furniture, books among them, and their shapes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _GLASS = (rgb("3f6b4f"), rgb("8c4a2f"), rgb("b8c9c4"), rgb("d9b25a"))
 _WOOD = (rgb("b98a54"), rgb("7a5436"), rgb("d2b48c"))
 _PAPER = (rgb("e8e2d4"), rgb("9c4a3c"), rgb("3f5f7f"), rgb("c79a4b"), rgb("55705a"))
 SPINES = (*_PAPER, rgb("6b4a63"), rgb("2f3b4a"), rgb("a9b7a0"))
-"""Colours of books."""
+"""Colours of book spines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Piece:
     size: Vector
     colors: tuple[Color, ...]
     up: float = 0.0
-    """Height of its lower end above the thing's, in metres."""
+    """Height of the shape's lower end above the object's, in metres."""
     turn: float = 0.0
 
 
@@ -90,7 +90,7 @@ THINGS: dict[str, tuple[Piece, ...]] = {
     "vase": (Piece("vase", (0.11, 0.11, 0.2), _GLAZE), Piece("sprigs", (0.22, 0.22, 0.18), (_LEAF,), 0.17),
              Piece("flowers", (0.2, 0.2, 0.1), (rgb("d98b8b"), rgb("e3c15a"), rgb("b59ac9"), WHITE), 0.28)),
 }  # fmt: skip
-"""Pieces of each small thing, with the colours that they come in."""
+"""Shapes of each small object, with their possible colours."""
 
 
 def footprint_m(thing: str) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def placed(
 _THICK_M = (0.026, 0.034, 0.042)
 _HEIGHTS = (0.8, 0.9, 1.0)
 _STEP_M = 0.02
-"""Step between heights of books, in metres: few sizes are few meshes."""
+"""Step between heights of books, in metres: with few sizes there are few meshes."""
 _DEEP_M = 0.12
 
 

@@ -1,1 +1,1 @@
-"""Pictures of a world: the drawn plan, the preview from above, views from inside rooms."""
+"""Pictures of a world: the floor plan drawing, the preview from above, views from inside rooms."""

@@ -28,20 +28,20 @@ AREA_PX = 12
 _HEIGHT_PX = 40
 _PADDING_PX = 8
 _GLYPH_WIDTH = 0.58
-"""Mean width of a letter over the font's size: enough to fit labels without measuring fonts."""
+"""Mean width of a letter as a share of the font size: enough to fit labels without measuring fonts."""
 
 _STEPS = np.array((0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9))
-"""Places tried along each side of the room, the middle first."""
+"""Positions tried for a label along each side of the room, as shares of it, the middle first."""
 
 _NEAREST_FIRST = np.array(
     sorted(product(range(len(_STEPS)), repeat=2), key=lambda at: float(np.sum(np.abs(_STEPS[list(at)] - 0.5))))
 )
-"""Pairs of them, the middle of the room first, shape (81, 2)."""
+"""Index pairs of the label positions, the middle of the room first, shape (81, 2)."""
 
 _ORIGIN_MARK = (-0.3, -0.3, 0.3, 0.3)
 
 Box = tuple[float, float, float, float]
-"""West, south, east, north, in metres."""
+"""Rectangle: west, south, east, north, in metres."""
 
 
 class Label(NamedTuple):
@@ -78,7 +78,7 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 
 
 def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
-    """The middle of the place for a box of this size that covers least, nearest to the room's middle."""
+    """Returns the centre for a label of this size that covers the least furniture, nearest to the room's middle."""
     west, south, east, north = np.array(obstacles).T[:, :, None]
     free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
     columns = room[0] + (room[2] - room[0] - free_x) / 2 + free_x * _STEPS
@@ -91,7 +91,7 @@ def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> P
 
 
 def _bounds(item: Furniture) -> Box:
-    """The box around a piece of furniture."""
+    """Returns the bounding box of a piece of furniture."""
     c, s = abs(cos(item.yaw)), abs(sin(item.yaw))
     half_x = (item.depth_m * c + item.width_m * s) / 2
     half_y = (item.depth_m * s + item.width_m * c) / 2
@@ -157,11 +157,11 @@ stroke:#ffffff;stroke-opacity:.8;stroke-width:3px;stroke-linejoin:round}
 
 
 _MORE_FLOORS = {"Office": ("#e3efdc", "#28352a"), "Storage": ("#ece4da", "#35302a")}
-"""Colours of rooms of further types, in light and dark; plans without such rooms do not say them."""
+"""Colours of further room types for light and dark mode; only plans with such rooms contain them."""
 
 
 def _more_styles(plan: Floorplan) -> str:
-    """Styles of rooms of further types that a plan has."""
+    """Returns the CSS of further room types that a plan has."""
     there = [kind for kind in _MORE_FLOORS if any(room.type == kind for room in plan.rooms)]
     light, dark = ("".join(f".fp-{kind}{{fill:{_MORE_FLOORS[kind][part]}}}" for kind in there) for part in (0, 1))
     return f"{light}@media (prefers-color-scheme:dark){{{dark}}}" if there else ""
@@ -225,7 +225,7 @@ def floorplan_svg(world: World) -> str:
 
 
 def _text(value: str) -> str:
-    """Untrusted text, safe in content and attributes; characters that XML forbids are dropped."""
+    """Escapes an untrusted text for content and attributes; characters that XML forbids are dropped."""
     # Printable characters are all allowed; preparing the expression takes longer than drawing the plan.
     if value.isprintable():
         return escape(value)
@@ -272,7 +272,7 @@ def _floor(room: Room) -> str:
 
 
 def _band(start: Point, end: Point, thickness: float) -> list[Point]:
-    """Corners of the rectangle along a line."""
+    """Returns the corners of the rectangle of some thickness along a line."""
     (x0, y0), (x1, y1) = start, end
     length = hypot(x1 - x0, y1 - y0) or 1.0
     u, v = (y0 - y1) / length * thickness / 2, (x1 - x0) / length * thickness / 2
@@ -280,7 +280,7 @@ def _band(start: Point, end: Point, thickness: float) -> list[Point]:
 
 
 def _wall(wall: Wall) -> str:
-    """A wall where the plan cuts it; a lintel is above and leaves only its shadow."""
+    """Returns the SVG of a wall that the plan's plane cuts; of a lintel above it, only its shadow."""
     kind = "fp-threshold" if wall.lintel else "fp-wall"
     return f'<path class="{kind}" d="{_path(_band(wall.start, wall.end, wall.thickness_m))}"/>'
 
@@ -312,7 +312,7 @@ def _origin_mark() -> str:
 
 
 def _label(room: Room, furniture: list[Furniture], scale: float) -> str:
-    """Name and area, at their size in pixels although the group around them counts in metres."""
+    """Returns the SVG of a room's name and area, at their size in pixels although the group around counts in metres."""
     label = place_label(room, furniture, scale)
     turn = " rotate(-90)" if label.upwards else ""
     place = f"translate({number(label.x)} {number(label.y)}) scale({1 / scale:.6g} {-1 / scale:.6g}){turn}"
@@ -324,7 +324,7 @@ def _label(room: Room, furniture: list[Furniture], scale: float) -> str:
 
 
 def _dimensions(sheet: _Sheet) -> str:
-    """The outer measures: along the top and up the left side."""
+    """Returns the SVG of the building's outer dimensions: along the top and up the left side."""
     (left, top), (right, bottom) = sheet.px((sheet.west, sheet.north)), sheet.px((sheet.east, sheet.south))
     y, x = top - 20, left - 20
     wide, high = f"{sheet.east - sheet.west:.2f} m", f"{sheet.north - sheet.south:.2f} m"
@@ -340,7 +340,7 @@ def _dimensions(sheet: _Sheet) -> str:
 
 
 def _scale_bar(sheet: _Sheet) -> str:
-    """A bar of one-metre fields: as many as fit beside the north arrow, five at most."""
+    """Returns the SVG of a scale bar of one-metre fields: as many as fit beside the north arrow, five at most."""
     fields = max(1, min(5, int((sheet.width - 2 * _MARGIN_PX - 60) / sheet.scale)))
     left, y = sheet.px((sheet.west, 0))[0], sheet.height - _FOOTER_PX
     parts = []
@@ -358,7 +358,7 @@ def _scale_bar(sheet: _Sheet) -> str:
 
 
 def _north_arrow(sheet: _Sheet) -> str:
-    """An arrow along +y, at the lower right."""
+    """Returns the SVG of the north arrow, along +y, at the lower right."""
     x, y = sheet.px((sheet.east, 0))[0] - 10, sheet.height - _FOOTER_PX
     return (
         f'<path class="fp-dark" d="M{number(x)} {number(y - 8)}l7 22l-7 -5z"/>'

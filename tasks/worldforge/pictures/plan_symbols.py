@@ -1,4 +1,4 @@
-"""Furniture and doors as architects draw them: outlines seen from above.
+"""Floor plan symbols of furniture and doors, as architects draw them from above.
 
 Every symbol is SVG in the piece's own frame: metres, the middle of its footprint at (0, 0), its front
 towards +x, so `depth` runs along x and `width` along y. Nothing here depends on the room around it.
@@ -28,7 +28,7 @@ def symbol(model_type: str, depth: float, width: float) -> str:
 
 
 def _box(x: float, y: float, depth: float, width: float, radius: float = 0.0) -> str:
-    """A rectangle around (x, y)."""
+    """Returns the SVG of a rectangle around (x, y)."""
     corner = f' rx="{number(radius)}"' if radius else ""
     return (
         f'<rect x="{number(x - depth / 2)}" y="{number(y - width / 2)}" '
@@ -41,7 +41,7 @@ def _line(x0: float, y0: float, x1: float, y1: float) -> str:
 
 
 def _round(x: float, y: float, along: float, across: float) -> str:
-    """An ellipse around (x, y) with the given half axes."""
+    """Returns the SVG of an ellipse around (x, y) with the given half axes."""
     return f'<ellipse cx="{number(x)}" cy="{number(y)}" rx="{number(along)}" ry="{number(across)}"/>'
 
 
@@ -161,7 +161,7 @@ def _island(depth: float, width: float) -> str:
 
 
 def _cupboard(depth: float, width: float) -> str:
-    """A tall cupboard: cut by the plan's plane, hence the diagonal."""
+    """Returns the symbol of a tall cupboard: the plan's plane cuts it, hence the diagonal."""
     x, y = depth / 2, width / 2
     return _box(0, 0, depth, width) + _line(-x, -y, x, y)
 

@@ -68,7 +68,7 @@ def render_preview(world: World) -> bytes:
 
 
 def _view(world: World) -> View:
-    """The whole building, as large as it fits."""
+    """Returns the camera view that shows the whole building, as large as it fits."""
     x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     unit = View(_AZIMUTH_DEG, _ELEVATION_DEG, 1.0, (0.0, 0.0), (1, 1))
     wall = 0.15
@@ -208,7 +208,7 @@ def _block(solid: Solid) -> Block:
 
 
 def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
-    """Puts the floors' and walls' patterns where these are seen."""
+    """Draws the patterns of floors and walls where these are visible."""
     view = raster.view
     right, away, up, flat = view.axes
     kinds = np.take(palette.patterns(), raster.ids).ravel()
@@ -230,7 +230,7 @@ def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
 
 
 def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
-    """Brightness of every pixel of the finished picture."""
+    """Returns the brightness of every pixel of the finished picture."""
     view = raster.view
     right, away, up, flat = view.axes
     step = _SUPERSAMPLING

@@ -1,4 +1,7 @@
-"""A depth-buffered rasteriser for an oblique parallel view from above, with palette and light, in plain NumPy.
+"""Depth-buffered rasteriser for an oblique parallel view from above, with palette and light, in plain NumPy.
+
+Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on every processor, so
+that equal scenes give equal pictures everywhere.
 
 Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on
 every processor, so that equal scenes give equal pictures everywhere.
@@ -18,12 +21,12 @@ from ..geometry.parts import Axis, Color, Vector, rgb
 from ..materials.textures import mean_color, texture_size_m
 
 LEVELS = 16
-"""Shades of a curved surface: it takes that many colour numbers, darkest first."""
+"""Number of shades (colour numbers) of a curved surface, darkest first."""
 
 _STRIP_ROWS = 48
 _LARGE = 12_000
 _SMALLEST = 1.5
-"""Faces of fewer square pixels are left out."""
+"""Area in square pixels below which a face is not drawn."""
 
 Image = NDArray[np.floating[Any]]
 
@@ -41,13 +44,13 @@ class View:
     """Direction and scale of the parallel-projection camera for a preview, and the picture's pixels."""
 
     azimuth_deg: float
-    """Turn of the camera about the vertical, from looking north."""
+    """Rotation of the camera about the vertical, in degrees, from looking north."""
     elevation_deg: float
-    """Height of the camera above the horizon."""
+    """Angle of the camera above the horizon, in degrees."""
     scale: float
     """Pixels per metre."""
     offset: tuple[float, float]
-    """Pixel of the world's origin."""
+    """Pixel position of the world's origin."""
     size: tuple[int, int]
     """Width and height in pixels."""
 
@@ -160,7 +163,7 @@ class Raster:
             self._draw(rows, columns, rest > 0, z + near, colors + level)
 
     def _windows(self, corners: list[tuple[float, float]]) -> list[tuple[slice, slice]]:
-        """Blocks of pixels that cover a convex face; a large face is cut into strips that hug it."""
+        """Returns blocks of pixels that cover a convex face; a large face is cut into strips that follow it closely."""
         width, height = self.view.size
         x_low, x_high = min(x for x, _ in corners), max(x for x, _ in corners)
         y_low, y_high = min(y for _, y in corners), max(y for _, y in corners)
@@ -195,7 +198,7 @@ def _twice(vector: Vector) -> Vector:
 
 
 def _crossing(edge: tuple[tuple[float, float], tuple[float, float]], top: float, bottom: float) -> list[float]:
-    """Columns at which an edge enters and leaves a strip of rows; empty if it does not meet the strip."""
+    """Returns the columns at which an edge enters and leaves a strip of rows; empty if it does not meet the strip."""
     (x0, y0), (x1, y1) = edge if edge[0][1] <= edge[1][1] else (edge[1], edge[0])
     if y1 < top or y0 > bottom:
         return []
@@ -206,17 +209,17 @@ def _crossing(edge: tuple[tuple[float, float], tuple[float, float]], top: float,
 
 
 LIGHT: Vector = (-0.45, 0.35, 0.82)
-"""Towards the light."""
+"""Unit-length direction towards the light."""
 
 
 def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
-    """Shade numbers for unit normals."""
+    """Returns the shade numbers of unit normals."""
     facing = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
     return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)
 
 
 GROUND = rgb("eeece6")[:3]
-"""Colour number 0: what lies around the building."""
+"""Colour of the ground around the building (colour number 0)."""
 
 
 class Palette:
@@ -299,7 +302,7 @@ _CELL_M = 0.03
 _MARGIN_M = 1.5
 
 Block = tuple[float, float, float, float, float]
-"""West, south, east, north, height."""
+"""Box on the ground: west, south, east, north, height, in metres."""
 
 
 @dataclass(frozen=True)
@@ -308,9 +311,9 @@ class LightMap:
 
     origin: tuple[float, float]
     shade: Image
-    """Everything below this height lies in the sun's shadow, metres."""
+    """Height up to which each ground cell is in the sun's shadow, in metres."""
     crowd: Image
-    """Mean height of the surroundings, metres."""
+    """Mean height of the surroundings of each ground cell, in metres."""
 
     @classmethod
     def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
@@ -339,7 +342,7 @@ class LightMap:
 
 
 def _cast(heights: Image) -> Image:
-    """Height of the shadow over every cell: the highest block towards the light, less the light's slope."""
+    """Computes the shadow's height over every cell: the highest block towards the light, less the light's slope."""
     reach = sqrt(LIGHT[0] ** 2 + LIGHT[1] ** 2)
     drop = LIGHT[2] / reach * _CELL_M
     shade = np.zeros_like(heights)

@@ -1,4 +1,8 @@
-"""Lit pictures of a compiled world, traced with MuJoCo's own rays: no graphics driver, no display.
+"""Ray-traced pictures of a compiled world with MuJoCo's own rays: no graphics driver, no display.
+
+Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from many small lamps;
+every pixel samples some of them and shares the result with its neighbours, so that shadows are soft and corners dark
+without tracing every lamp from everywhere.
 
 Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from
 many small lamps; every pixel looks at some of them and shares what it saw with its neighbours, so that
@@ -24,9 +28,9 @@ Ids = NDArray[np.int32]
 
 _GAMMA = 2.2
 _SLOTS = 4
-"""Neighbouring pixels look at different lamps in squares of this side."""
+"""Side of the pixel squares within which neighbouring pixels sample different lamps."""
 _STEP = 3
-"""Light is found for one pixel in so many, each way."""
+"""Light is computed for one pixel in this many, along each axis."""
 _CUTOFF_M = 60.0
 _GLASS_GROUP = 5
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
@@ -38,13 +42,13 @@ class Camera:
     """Position, direction and field of view of a camera."""
 
     place: Vector
-    """Metres."""
+    """Position in metres."""
     yaw: float
-    """Direction of view: 0 is east, pi/2 north, radians."""
+    """Direction of view in radians: 0 is east, pi/2 north."""
     pitch: float
-    """Above the horizon, radians."""
+    """Angle above the horizon, in radians."""
     fov_deg: float
-    """Angle of view from left to right."""
+    """Horizontal field of view, in degrees."""
 
     def rays(self, width: int, height: int, columns: Array, rows: Array) -> Array:
         """Returns unit direction vectors through pixel positions, shape (n, 3)."""
@@ -70,7 +74,7 @@ class Lamp:
     """Brightness of a white wall one metre away from it."""
     color: Vector = (1.0, 1.0, 1.0)
     facing: Vector | None = None
-    """Direction in which it shines; absent: everywhere alike."""
+    """Direction in which it shines; `None`: everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,7 @@ class Hits:
     """Points where rays hit geoms, with geom ids and normals."""
 
     geoms: Ids
-    """-1: nothing."""
+    """Geom id that each ray hit; -1: none."""
     places: Array
     normals: Array
 
@@ -87,7 +91,10 @@ class Hits:
 
 
 Look = Callable[[Hits], Array]
-"""Colours of what was met, as eyes see them, 0 to 1, shape (n, 3); negative: it shines by itself."""
+"""Function that returns the colours at ray hits, 0 to 1 in sRGB, shape (n, 3).
+
+Negative values: the surface shines by itself.
+"""
 
 
 class RayPicture:
@@ -180,7 +187,7 @@ class RayPicture:
         return np.rint(total.reshape(height, width, 3) * (255 / len(_SUB_PIXELS))).astype(np.uint8)
 
     def _hits(self, camera: Camera, rays: Array) -> tuple[Hits, Array]:
-        """Hits of rays, and how much glass the rays go through: 0 or 1."""
+        """Returns the hits of a camera's rays, and whether each ray passes through glass (0 or 1)."""
         if len(rays) == 0:
             return Hits(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0)
         geoms, distances, normals = self.trace(camera.place, rays)
@@ -193,7 +200,7 @@ class RayPicture:
         return Hits(geoms, np.array(camera.place) + rays * np.maximum(distances, 0)[:, None], normals), glass
 
     def _finished(self, hits: Hits, light: Array, glass: Array) -> Array:
-        """Colours as eyes see them."""
+        """Converts light at hits to final sRGB colours."""
         colors = self._look(hits)
         shining = colors[:, :1] < 0
         bright = np.abs(colors) ** _GAMMA
@@ -206,11 +213,11 @@ class RayPicture:
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """Light at a grid of pixels."""
+    """Light at a coarse grid of pixels."""
 
     hits: Hits
     light: Array
-    """Shape (rows, columns, 3)."""
+    """Light colours, shape (rows, columns, 3)."""
     shape: tuple[int, int]
 
     @classmethod
@@ -243,7 +250,7 @@ class _Light:
 
 
 def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
-    """1 for places on one plane, 0 for places on different ones."""
+    """Returns 1 for points in the same plane, 0 for others."""
     normals, places = others.normals[index], others.places[index]
     turned = np.clip(np.einsum("ij,ij->i", hits.normals, normals), 0, 1)
     apart = np.abs(np.einsum("ij,ij->i", hits.normals, hits.places - places))
@@ -251,7 +258,7 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
 
 
 def _shine(picture: RayPicture, lamp: Lamp, hits: Hits) -> Array:
-    """Light of one lamp at places."""
+    """Computes the light of one lamp at ray hits."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
     distances = np.linalg.norm(ways, axis=1)
     ways = ways / np.maximum(distances, 1e-6)[:, None]
@@ -267,7 +274,7 @@ def _shine(picture: RayPicture, lamp: Lamp, hits: Hits) -> Array:
 
 
 def _shared(light: Array, hits: Hits, shape: tuple[int, ...]) -> Array:
-    """Evens light out among the pixels of one surface that looked at different lamps."""
+    """Averages light among neighbouring pixels of one surface that sampled different lamps."""
     height, width = shape
     index = np.arange(height * width).reshape(shape)
     total, weight = np.zeros_like(light), np.zeros(len(light))
@@ -284,7 +291,7 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, ...]) -> Array:
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
-    """Points at which other rays meet the planes that were hit."""
+    """Returns the points where other rays meet the planes that were hit."""
     reach = np.sum((hits.places - np.array(camera.place)) * hits.normals, axis=1)
     slope = np.sum(rays * hits.normals, axis=1)
     return np.array(camera.place) + rays * (reach / np.where(np.abs(slope) < 1e-4, 1e-4, slope))[:, None]

@@ -20,10 +20,10 @@ from ..model.mjcf import WINDOW_HEAD_M, WINDOW_SILL_M, world_mjcf
 from .ray_picture import Camera, Hits, Lamp, RayPicture
 
 EYE_M = 1.6
-"""Height of the eyes above the floor."""
+"""Height of the camera above the floor, in metres: of a person's eyes."""
 
 FOV_DEG = 88.0
-"""Angle of view from left to right."""
+"""Horizontal field of view, in degrees."""
 
 _PITCH = -0.2
 _FROM_WALL_M = 0.28
@@ -99,7 +99,7 @@ def _middle(room: Room) -> tuple[float, float]:
 
 
 def _inward(window: Window, room: Room) -> tuple[float, float]:
-    """Unit vector from a window into its room."""
+    """Returns the unit vector from a window into its room."""
     x, y = (window.start[0] + window.end[0]) / 2, (window.start[1] + window.end[1]) / 2
     if abs(window.end[0] - window.start[0]) > abs(window.end[1] - window.start[1]):
         return (0.0, 1.0) if contains(room.polygon, x, y + 0.3) else (0.0, -1.0)
@@ -137,7 +137,7 @@ def _lamps(world: World, room: Room) -> list[list[Lamp]]:
 
 
 def _size(room: Room) -> float:
-    """Larger rooms have brighter lamps."""
+    """Returns the factor for a room's lamps: larger rooms have brighter ones."""
     return 0.45 + 0.045 * room.area_m2
 
 
@@ -181,7 +181,7 @@ class _Looks:
         return colors
 
     def _sky(self, places: Array) -> Array:
-        """The view from a window: sky, and far trees at its foot, behind a crossbar."""
+        """Returns the colours of the view from a window: sky, and far trees at its foot, behind a crossbar."""
         up = np.clip((places[:, 2:] - WINDOW_SILL_M) / (self._head - WINDOW_SILL_M), 0, 1)
         along = places[:, :1] + places[:, 1:2]
         sky = np.array([0.93, 0.96, 0.97]) * (1 - up) + np.array([0.7, 0.83, 0.94]) * up
@@ -191,7 +191,7 @@ class _Looks:
 
 
 def _surface_colors(name: str, hits: Hits) -> Array:
-    """Colours of places on a floor or a wall, with a skirting board at the foot of most walls."""
+    """Returns the colours at points of a floor or a wall, with a skirting board at the foot of most walls."""
     x, y, z = hits.places.T
     if name.startswith("floor_"):
         return sample(name, x, y) / 255.0

@@ -1,1 +1,1 @@
-"""Guarantees of every world: measurements, limits, and the words for both."""
+"""Guarantees of every world: measurements, limits, and their wording."""

@@ -41,13 +41,13 @@ class Site:
 
     scan: Scan
     first: OccupancyGrid
-    """Map as all stands at first."""
+    """Map with everything in its initial state."""
     opened: OccupancyGrid
-    """Map with the doors as far open as they go, since a robot can push them; the very same if they are so at first."""
+    """Map with the doors fully open, since a robot can push them; the same object if they are so initially."""
     origin_clear: bool
-    """Whether the start is free."""
+    """Whether the robot's start is free."""
     is_planned: bool
-    """Whether the world has a plan of rooms and ways; imported ones have none."""
+    """Whether the world has a floor plan of rooms and doors; imported worlds have none."""
 
 
 def planned_site(world: World, model: mujoco.MjModel) -> Site:
@@ -65,7 +65,11 @@ def planned_site(world: World, model: mujoco.MjModel) -> Site:
 
 
 def awake_scan(world: World, model: mujoco.MjModel) -> Scan:
-    """Returns the solid parts of a model, whose loose objects are awake from now on.
+    """Returns the solid parts of a model, with all its loose objects awake.
+
+    Args:
+        world: the world.
+        model: its model, which is changed.
 
     Args:
         world: the world.
@@ -153,7 +157,7 @@ def _overlapping(world: World, scan: Scan, deep: Sequence[Overlap]) -> Iterator[
 
 
 def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> Iterator[Fault]:
-    """Bodies that move by themselves, those that move furthest first."""
+    """Yields the bodies that move by themselves, those that move furthest first."""
     if drift is None:
         return
     for joint in np.argsort(-drift)[:MOST_TOLD].tolist():
@@ -165,7 +169,7 @@ def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> It
 
 
 class _Reach(NamedTuple):
-    """Cells that a disc reaches from the origin."""
+    """Cells that a disc-shaped robot reaches from the origin."""
 
     grid: OccupancyGrid
     fits: NDArray[np.bool_]
@@ -193,13 +197,13 @@ def goals_of(world: World) -> list[tuple[str, Point]]:
 
 
 def _matters(model: mujoco.MjModel, overlap: Overlap) -> bool:
-    """Whether one of two parts can move, and they collide."""
+    """Whether an overlap of two parts counts: one of them can move, and they collide."""
     bodies = model.geom_bodyid[[*overlap.geoms]]
     return meet(model, *overlap.geoms) and bool(np.isin(bodies, model.jnt_bodyid).any())
 
 
 def _closed_off(site: Site, cells: Mapping[str, NDArray[np.bool_]], radius_m: float) -> list[str]:
-    """Rooms that a robot reaches only when it pushes a door."""
+    """Returns the rooms that a robot reaches only if it pushes a door open."""
     if site.opened is site.first:
         return []
     reached = reachable(site.first, _ORIGIN, radius_m)
@@ -229,7 +233,7 @@ def _preferences(world: World) -> PreferenceCount:
 
 
 def _origin_clear(grid: OccupancyGrid) -> bool:
-    """Whether no occupied cell reaches into the disc at the origin."""
+    """Whether no occupied map cell is in the disc around the origin."""
     row, column = grid.cell(_ORIGIN)
     reach = round(ORIGIN_RADIUS_M / grid.resolution_m) + 2
     south, west = max(0, row - reach), max(0, column - reach)

@@ -1,5 +1,7 @@
 """Guarantees of every world: the limits, which of them a world breaks, and their wording.
 
+It needs only the measurements that `world.json` holds; `checks` takes them.
+
 Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 """
 
@@ -15,13 +17,13 @@ MAX_DRIFT_M = 0.01
 ORIGIN_RADIUS_M = 0.5
 SETTLE_S = 2.0
 REST_S = 10.0
-"""Simulated seconds for which bodies of imported worlds have to stay."""
+"""Simulated time for which bodies of imported worlds have to stay where they are, in seconds."""
 MAX_MOVED_M = 0.02
-"""After a push."""
+"""Limit of a loose object's movement after a push, in metres."""
 MAX_SUNK_M = 0.01
-"""After a push."""
+"""Limit of a loose object's sinking after a push, in metres."""
 MOST_TOLD = 10
-"""Overlaps that are named."""
+"""Limit of the overlaps that are named in a message."""
 
 Verdict = Literal["holds", "broken", "not measured", ""]
 
@@ -32,7 +34,7 @@ class ProofLine(NamedTuple):
     name: str
     value: str
     verdict: Verdict
-    """Whether the guarantee holds; empty where a number tells something and guarantees nothing."""
+    """Whether the guarantee holds; empty for a number that guarantees nothing."""
 
 
 def violations(checks: WorldChecks) -> list[str]:
@@ -159,7 +161,10 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
 
 
 def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
-    """Number of geoms that collide; a proof counts them, and stored worlds have what their generator counted."""
+    """Returns the line with the number of geoms that collide.
+
+    The reason: counted now or, for stored worlds, by their generator.
+    """
     major = world.generator_version.partition(".")[0]
     counted_all = checks.faults is None and major.isdecimal() and int(major) < _COUNTS_COLLIDING
     more = ", those for the eye among them, which an earlier generator counted as well" if counted_all else ""
@@ -167,7 +172,7 @@ def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
 
 
 _COUNTS_COLLIDING = 3
-"""First generator whose worlds say how many geoms collide, and not how many there are."""
+"""First generator version whose worlds store the number of colliding geoms, and not of all geoms."""
 
 _COMPARED: dict[Guarantee, tuple[str, str]] = {
     "parts": ("Model and world.json", "the same floors, walls and pieces"),
@@ -177,12 +182,12 @@ _COMPARED: dict[Guarantee, tuple[str, str]] = {
     "description": ("world_description.json", "as world.json"),
     "files": ("Files and manifest", "as they were stored"),
 }
-"""Names of the guarantees that files agree, and the words for that."""
+"""Guarantees that files agree with each other: their name, and the text if they do."""
 _IMPORTED = "the same pieces; floors, walls and other parts are not compared"
 
 
 def _file_lines(world: World, checks: WorldChecks) -> Iterator[ProofLine]:
-    """Guarantees that the model and the files of a bundle agree; only `robomaker world prove` looks."""
+    """Yields lines about the agreement of model and bundle files; only `robomaker world prove` compares them."""
     if checks.faults is None:
         return
     for guarantee, (name, agrees) in _COMPARED.items():

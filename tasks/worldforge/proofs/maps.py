@@ -1,4 +1,4 @@
-"""Holds a world's map against its model: cell by cell, and by the rays of a lidar."""
+"""Compares a world's map with its model: cell by cell, and with simulated lidar rays."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -18,9 +18,9 @@ from .parts import room_at
 from .scan import GRACE_M, Scan, lidar_scan
 
 _OUTLINE_M = 0.02
-"""Largest reach of a piece's outline, as its map has it, over its parts."""
+"""Largest distance by which a piece's outline on the map may extend beyond its parts, in metres."""
 _MOST_PLACES = 3
-"""Places that are told of each kind of difference; the number of all cells is told with them."""
+"""Limit of the places named for each kind of difference; the number of all cells is given with them."""
 
 Cells = NDArray[np.bool_]
 
@@ -30,7 +30,7 @@ class _Expected(NamedTuple):
 
     must_occupy: Cells
     may_occupy: Cells
-    """Cells that may show something: outlines of furniture, for one, are filled."""
+    """Cells that may be occupied, such as the inside of furniture's outlines."""
     must_know: Cells
     may_know: Cells
 
@@ -55,7 +55,7 @@ class _Expected(NamedTuple):
 
 
 def _footprint(item: Furniture, scan: Scan) -> list[Point] | None:
-    """The rectangle around all parts of a piece in its own frame; `None` if a robot passes over or under it."""
+    """Returns the rectangle around all parts of a piece in its own frame; `None` if a robot passes over or under it."""
     geoms = scan.parts_of.get(item.id)
     if not geoms or scan.low[geoms, 2].min() >= ROBOT_HIGH_M or scan.high[geoms, 2].max() <= ROBOT_LOW_M:
         return None
@@ -104,7 +104,7 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
 
 def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
-    """The largest groups of cells, with a cell of each."""
+    """Yields the largest groups of cells: their size, and the position of one cell."""
     if not cells.any():
         return
     found, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
@@ -121,7 +121,7 @@ def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
 
 
 def _there(scan: Scan, place: Point) -> str:
-    """The name of the part at a place."""
+    """Returns the name of the part at a position."""
     for geom, outline in scan.slices:
         xs, ys = zip(*outline, strict=True)
         if min(xs) - 0.05 < place[0] < max(xs) + 0.05 and min(ys) - 0.05 < place[1] < max(ys) + 0.05:

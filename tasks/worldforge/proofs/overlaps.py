@@ -1,4 +1,4 @@
-"""Overlaps of solid parts, also of those that never move, and how far loose objects move before they rest."""
+"""Overlaps of solid parts (also fixed ones), and how far loose objects move before they rest."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -19,11 +19,11 @@ class Overlap(NamedTuple):
     """Two solid parts of a world that overlap, and how deep."""
 
     depth_m: float
-    """Distance that one of them would have to be moved."""
+    """Distance by which one of the parts would have to be moved to separate them, in metres."""
     parts: tuple[str, str]
-    """Names of the geoms; empty of those that have none."""
+    """Names of the two geoms; empty for geoms without name."""
     geoms: tuple[int, int]
-    """Their numbers."""
+    """Ids of the two geoms."""
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
@@ -58,7 +58,7 @@ def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
 
 
 def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Pairs of places in `geoms` whose bounding boxes overlap: all that can, in a tenth of a millisecond."""
+    """Returns pairs of indices in `geoms` whose bounding boxes overlap, in a tenth of a millisecond."""
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     half = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
@@ -72,7 +72,7 @@ def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -
 
 
 def _pieces(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The number of the piece that each geom is part of."""
+    """Returns the number of the piece that each geom is part of."""
     numbers: dict[tuple[int, str], int] = {}
     found: list[int] = []
     for geom, body in zip(geoms.tolist(), model.geom_bodyid[geoms].tolist(), strict=True):
@@ -92,32 +92,41 @@ def _name(model: mujoco.MjModel, geom: int) -> str:
 PUSHES = 8
 PUSHED_S = 30.0
 PUSH_MPS = 0.05
-"""Typical speed of a push; two thirds of pushes along an axis are weaker."""
+"""Typical speed of a test push, in m/s; two thirds of pushes along an axis are weaker."""
 
 THROWN_M = 1e6
-"""Way of a body that flew away: a number, as JSON has no infinite ones."""
+"""Distance reported for a body that flew away, in metres: finite, as JSON has no infinity."""
 
 _WATCHED_S = 0.2
-"""Seconds at the begin in which nothing falls asleep, so that what tips over slowly has begun to. What is balanced on
-an edge to the micrometre has after 0.1 s, as contacts are soft. Steps awake are most of settling."""
+"""Time at the beginning during which no body may fall asleep, in seconds.
+
+So bodies that tip over slowly have begun to. A body balanced on an edge to the micrometre has after 0.1 s, as contacts
+are soft. Steps with bodies awake take most of the time.
+"""
 
 _WATCHED_AFTER_PUSH_S = 0.5
-"""Longer, as what rocks is slow where it turns back."""
+"""Time after a push during which no body may fall asleep, in seconds.
+
+Longer, as rocking bodies are slow where they turn back.
+"""
 
 _SLEEP_TOLERANCE = 5e-4
-"""From then on, what is slower than this may fall asleep: cylinders on tables tremble at a third of it for ever. In the
-rest of two seconds a body that slow moves less than a millimetre."""
+"""Speed below which bodies may fall asleep after that time (MuJoCo's sleep tolerance).
+
+Cylinders on tables tremble at a third of it for ever. In the rest of two seconds a body that slow moves less than a
+millimetre.
+"""
 
 _STRIDE = 25
-"""Steps after which it is seen whether anything is awake: most of what loose objects do is over in twice as many."""
+"""Number of steps after which it is checked whether any body is awake: most motion is over in twice as many."""
 
 _DOFS = 6
 _SHARES = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
-"""Factors of a push's speed per degree of freedom: x and y, upwards half as fast, then turns in radians a second."""
+"""Factors of the push speed per degree of freedom: x, y and z in m/s, then rotations in rad/s."""
 
 
 def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
-    """Simulates, and returns how far each movable body moves by itself, in metres."""
+    """Simulates a world; returns how far each movable body moves by itself, in metres."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = np.asarray(model.jnt_bodyid)
@@ -129,7 +138,7 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
 
 
 def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> int:
-    """Returns the body that was so fast that MuJoCo reset the simulation, which voids distances; -1: no body was."""
+    """Returns the body that was so fast that MuJoCo reset the simulation, which makes distances invalid; -1: none."""
     for kind, joints in (
         (mujoco.mjtWarning.mjWARN_BADQPOS, model.jnt_qposadr),
         (mujoco.mjtWarning.mjWARN_BADQVEL, model.jnt_dofadr),
@@ -204,6 +213,9 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
 
 def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s: float) -> None:
     """Simulates with every body awake at first; bodies at rest fall asleep later, which saves time.
+
+    Bodies that are asleep from the beginning would have no contacts and never move: a floating or half-sunk book would
+    pass.
 
     Asleep from the begin, bodies would have no contacts and never move: a floating or half-sunk book would pass.
     """

@@ -1,4 +1,6 @@
-"""Holds the model of a world against its description, piece by piece: floors, walls, doors, furniture.
+"""Compares the model of a world with its description, piece by piece: floors, walls, doors, furniture.
+
+A model must have all that is described, at its place and in its size, and no other colliding geoms.
 
 A model has all that is described, in its place and as large, and nothing that collides besides.
 """
@@ -33,18 +35,21 @@ from ..seeds import GENERATOR_VERSION
 from .scan import Scan, names_of
 
 _SAME_M = 1e-3
-"""Five times the rounding of MJCF to a tenth of a millimetre, which moves both faces of a box."""
+"""Largest difference of positions and sizes, in metres.
+
+Five times MJCF's rounding to a tenth of a millimetre, which moves both faces of a box.
+"""
 _OUTLINE_M = 0.03
-"""Largest reach of a piece's parts over its described extents: handles of doors have one."""
+"""Largest distance by which a piece's parts may extend beyond its described size, in metres, such as door handles."""
 _SAME_RAD = 1e-3
 _SAME_VOLUME = 5e-3
-"""Share of a wall's volume or a floor's area by which halves of it may miss, of rounding."""
+"""Largest rounding difference of a wall's volume or a floor's area that consists of parts, as a share."""
 _SAME_RESISTANCE = 0.01
-"""Share by which a door's resistance may miss, of rounding."""
+"""Largest rounding difference of a door's resistance, as a share."""
 _MOST_TIMES = 5.0
-"""Largest ratio between the resistance of earlier generators' doors and that of this one's."""
+"""Largest ratio between the resistance of earlier generators' doors and that of current ones."""
 _LEAST_FELT = 0.5
-"""Resistance in N m and the like that a robot overcomes in any case."""
+"""Door resistance (in N m and the like) that a robot overcomes in any case."""
 
 _SHAPES = {
     "box": {int(mujoco.mjtGeom.mjGEOM_BOX)},
@@ -56,24 +61,24 @@ Corner = tuple[float, float, float]
 
 
 class Extent(NamedTuple):
-    """Bounding box in metres; plain numbers, as arrays of three take ten times as long."""
+    """Axis-aligned bounding box in metres, as plain numbers: arrays of three take ten times as long."""
 
     low: Corner
     high: Corner
 
     @property
     def middle(self) -> Corner:
-        """Middle of the box."""
+        """Returns the centre of the box."""
         (x0, y0, z0), (x1, y1, z1) = self
         return (x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2
 
     @property
     def volume_m3(self) -> float:
-        """Volume of the box, in cubic metres."""
+        """Returns the volume of the box, in cubic metres."""
         return prod(high - low for low, high in zip(self.low, self.high, strict=True))
 
     def away_m(self, other: "Extent") -> float:
-        """Returns how far a face of it is from the other's."""
+        """Returns the largest distance between a face of the box and the same face of another."""
         pairs = (*zip(self.low, other.low, strict=True), *zip(self.high, other.high, strict=True))
         return max(abs(one - other) for one, other in pairs)
 
@@ -161,7 +166,7 @@ class _Comparison:
             yield self._fault("parts", geoms, f"the wall {name} is not as world.json has it{_by(off_m)}")
 
     def _fills(self, geoms: Sequence[int], volume_m3: float) -> bool:
-        """Whether boxes side by side are as much as one should be."""
+        """Whether boxes side by side fill the volume that one box should have."""
         return abs(sum(self._extent([geom]).volume_m3 for geom in geoms) / volume_m3 - 1) < _SAME_VOLUME
 
     def _furniture(self, item: Furniture) -> Iterator[Fault]:
@@ -187,7 +192,7 @@ class _Comparison:
             yield self._fault("parts", geoms, f"{item.id} is not as world.json has it{_by(away_m)}")
 
     def _solids(self, piece: str, solids: Iterable[Solid], guarantee: Guarantee = "parts") -> Iterator[Fault]:
-        """Holds the colliding parts of a piece against those that its description stands for."""
+        """Yields differences between the colliding parts of a piece and those expected from its description."""
         wanted = {solid.name: solid for solid in solids if solid.solid}
         found = {self._scan.names[geom]: geom for geom in self._solid.get(piece, [])}
         for name in sorted(found.keys() - wanted.keys()):
@@ -264,7 +269,10 @@ def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
 
 
 def _resisting(model: mujoco.MjModel, joint: int, door: Door, *, exactly: bool) -> str:
-    """Describes how much harder than described a door is to turn, as earlier generators' may be; empty: it is not."""
+    """Describes how much harder a door is to turn than described, as earlier generators' doors may be.
+
+    Empty if it is not.
+    """
     dof = int(model.jnt_dofadr[joint])
     found = {
         "damping": model.dof_damping[dof],
@@ -293,7 +301,7 @@ def _box_of(item: Furniture) -> Extent:
 
 
 def _turned(middle: Corner, size: Corner, yaw: float) -> Extent:
-    """The box around a box that is turned about z."""
+    """Returns the bounding box of a box that is rotated about z."""
     (x, y, z), (along, across, up) = middle, (extent / 2 for extent in size)
     if yaw:
         c, s = abs(cos(yaw)), abs(sin(yaw))

@@ -1,4 +1,4 @@
-"""Reach of a robot in a compiled world: the cells that it gets to, and how wide the ways between rooms are."""
+"""Cells that a robot reaches in a compiled world, and the widths of the passages between rooms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,13 +13,20 @@ from .parts import room_at
 from .scan import GRACE_M, Outlines, Scan
 
 _JUNCTION_M = 0.051
-"""Half an inner wall, where a wall across ends when the wall it meets has been taken away for an opening."""
+"""Half the thickness of an inner wall, in metres: where a wall was replaced by an opening, walls across end there."""
 _BESIDE_M = 0.5
-"""Largest excess of a passage's width over its described sides."""
+"""Distance beyond a passage's described sides to which its clear width is measured, in metres."""
 
 
 def ground_of(world: World, scan: Scan) -> OccupancyGrid:
-    """Computes the map of a generated world for its reach, without the leaves of its doors.
+    """Computes the map on which a robot's reach is measured, without door leaves.
+
+    A robot that follows the world's map does not drive under tables, so the described outlines of furniture are
+    obstacles, too; floors and everything that collides are the model's.
+
+    Args:
+        world: the world.
+        scan: its model.
 
     A robot that follows the world's map does not drive under tables, so the described outlines of furniture are in the
     way as well; floors and everything that collides are the model's.
@@ -111,7 +118,7 @@ def _clear(passage: Passage, scan: Scan, boxes: NDArray[np.float64]) -> tuple[fl
 
 
 def _span(outline: Sequence[Point], along: int, low: float, high: float) -> tuple[float, float] | None:
-    """Extent along one axis of the part of a convex outline that is between two lines; `None` if it is elsewhere."""
+    """Returns the extent along one axis of the part of a convex outline between two lines; `None` if there is none."""
     across = [point[1 - along] for point in outline]
     found = [point[along] for point, side in zip(outline, across, strict=True) if low <= side <= high]
     found += _cuts(outline, along, (low, high))
@@ -119,7 +126,7 @@ def _span(outline: Sequence[Point], along: int, low: float, high: float) -> tupl
 
 
 def _cuts(outline: Sequence[Point], along: int, levels: tuple[float, float]) -> Iterator[float]:
-    """Places along an axis at which the edges of an outline cross two lines."""
+    """Yields the coordinates along an axis at which the edges of an outline cross two lines."""
     for index, end in enumerate(outline):
         begin = outline[index - 1]
         for level in levels:
@@ -129,6 +136,6 @@ def _cuts(outline: Sequence[Point], along: int, levels: tuple[float, float]) -> 
 
 
 def share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    """Returns the share of cells that is reached, 0 to 1, to four digits."""
+    """Returns the share of cells that are reached, 0 to 1, to four digits."""
     count = int(np.count_nonzero(whole))
     return round(int(np.count_nonzero(part)) / count, 4) if count else 0.0

@@ -1,4 +1,4 @@
-"""Solid parts of a compiled world as a robot meets them: their outlines, floors, pieces, and what a lidar meets."""
+"""Solid parts of a compiled world at a robot's height: outlines, floors, pieces, and simulated lidar rays."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -16,16 +16,22 @@ from ..geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, OccupancyGrid, fill
 from ..geometry.slices import extents, solid_outlines
 
 GRACE_M = 1e-3
-"""Depth below which a part only touches a cell: numbers of MJCF are rounded to a tenth of a millimetre."""
+"""Depth up to which a part only touches a map cell, in metres.
+
+MJCF's numbers are rounded to a tenth of a millimetre.
+"""
 
 _TOUCHING_M = 1e-4
-"""Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
+"""Height up to which a part only touches the robot's space, in metres: many beds begin at exactly 10 cm."""
 
 _FLOOR_BAND_M = (-0.05, -0.001)
-"""Heights that a floor is looked for in: its top is at 0, walls begin there, and the plane below is deeper."""
+"""Range of heights in which a floor's top is searched, in metres.
+
+The top is at 0, walls begin there, and the plane below is deeper.
+"""
 
 _HALF_CELL = 0.5 + 1e-3
-"""Share of a cell that a floor covers where it has the cell's middle."""
+"""Share of a cell that a floor must cover to contain the cell's centre."""
 
 Points = NDArray[np.float64]
 Outlines = list[tuple[int, list[Point]]]
@@ -33,25 +39,25 @@ Outlines = list[tuple[int, list[Point]]]
 
 @dataclass(frozen=True)
 class Scan:
-    """A compiled world at time 0, and with the doors as far open as they go."""
+    """Compiled world in its initial state, and with the doors fully open."""
 
     model: mujoco.MjModel
     doors: Collection[str]
-    """Bodies that are doors, which a robot pushes open."""
+    """Names of the bodies that are doors, which a robot pushes open."""
 
     data: mujoco.MjData = field(init=False)
     names: list[str] = field(init=False)
     """Name of each geom."""
     pieces: list[str] = field(init=False)
-    """Name of what each geom is a part of: a body, a piece of furniture, a wall with its two halves, a room's floor."""
+    """Name of the piece that each geom is part of: a body, a piece of furniture, a wall, a room's floor."""
     solid: NDArray[np.bool_] = field(init=False)
-    """Whether each geom collides with a robot, whose own parts have MuJoCo's usual bits."""
+    """Whether each geom collides with a robot whose geoms have MuJoCo's default contact bits."""
     low: Points = field(init=False)
     high: Points = field(init=False)
-    """Corners of the box around each geom."""
+    """Upper corner of the box around each geom."""
 
     def __post_init__(self) -> None:
-        """Computes where everything is."""
+        """Computes the poses and outlines of all geoms."""
         model, data = self.model, mujoco.MjData(self.model)
         mujoco.mj_kinematics(model, data)
         names = names_of(model, model.name_geomadr)
@@ -81,12 +87,12 @@ class Scan:
 
     @cached_property
     def slices(self) -> Outlines:
-        """Outlines of the solid parts at the height of a robot, as all stands at first."""
+        """Outlines of the solid parts at the height of a robot, in the initial state."""
         return self._outlines(self.data, self.solid)
 
     @cached_property
     def leaves(self) -> Outlines:
-        """The leaves of doors among them."""
+        """Outlines of the door leaves, in the initial state."""
         return [(geom, outline) for geom, outline in self.slices if self.pieces[geom] in self.doors]
 
     @cached_property
@@ -96,7 +102,7 @@ class Scan:
 
     @cached_property
     def open_leaves(self) -> Outlines:
-        """Outlines of the leaves of doors as far open as they go; the very same if they are so at first."""
+        """Outlines of the door leaves when fully open; the same object if they are so initially."""
         model, data = self.model, mujoco.MjData(self.model)
         for joint in self._door_joints():
             data.qpos[model.jnt_qposadr[joint]] = model.jnt_range[joint, 1]
@@ -151,7 +157,7 @@ def names_of(model: mujoco.MjModel, begins: NDArray[np.int32]) -> list[str]:
 
 
 def _piece(name: str) -> str:
-    """The piece that a geom of the world body is a part of, by its name."""
+    """Returns the piece that a geom of the world body is part of, from its name."""
     piece, dot, _ = name.partition(".")
     if dot:
         return piece
@@ -161,21 +167,23 @@ def _piece(name: str) -> str:
 
 
 _LIDAR_M = 0.2
-"""Height of the rays: lidars of robots for rooms are at 10 to 35 cm."""
+"""Height of the simulated lidar rays, in metres: lidars of indoor robots are at 10 to 35 cm."""
 _RAYS = 120
 _SOLID_GROUPS = np.array([1, 1, 0, 1, 0, 0], np.uint8)
-"""Groups of geoms that stand for solid things; those of 2 and 4 are for the eye only, and simulated lidars leave them
-out."""
+"""Geom groups that stand for solid objects.
+
+Groups 2 and 4 are only drawn, and simulated lidars ignore them.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarScan:
-    """A lidar's rays around a place, and where they end."""
+    """Simulated lidar rays around a point, and where they end."""
 
     ends: Points
-    """One for each ray, on the surface that it meets; not a number where it meets nothing."""
+    """End point of each ray on the surface that it hits; NaN if it hits nothing."""
     geoms: NDArray[np.int32]
-    """The geom that each meets; -1: none."""
+    """Geom id that each ray hits; -1: none."""
 
 
 def lidar_scan(scan: Scan, place: Point) -> LidarScan:

@@ -1,1 +1,1 @@
-"""Pages and sheets that show worlds: the 3-D page, contact sheets, catalogue sheets."""
+"""Pages and pictures that show worlds: the 3-D page, contact sheets, catalogue sheets."""

@@ -1,4 +1,4 @@
-"""A sheet with every kind of furniture in all its styles, lit and to look at."""
+"""Picture with every kind of furniture in all its styles, ray-traced."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -19,7 +19,7 @@ from ..model.mjcf import piece_geoms
 from ..pictures.ray_picture import Camera, Hits, Lamp, RayPicture
 
 CELL_WIDTH, CELL_HEIGHT = 150, 140
-"""Size of one piece's picture in pixels."""
+"""Width and height of one piece's picture, in pixels."""
 
 _PER_ROW = 10
 _LABEL = 18

@@ -1,4 +1,4 @@
-"""The contact sheet of a generation job: all its worlds at a glance, those with problems first."""
+"""Contact sheet of a generation job: a page with all its worlds, those with problems first."""
 
 import base64
 import hashlib
@@ -115,14 +115,14 @@ class SheetWorld:
     arn: str
     verdict: Verdict
     rooms: tuple[str, ...] = ()
-    """Names, as the template has them."""
+    """Names of the rooms, as in the template."""
     area_m2: float = 0.0
     pieces: int = 0
     missed_preferences: int = 0
     plan: str = ""
-    """Key of its plan; empty if it cannot be read."""
+    """Key of the world's floor plan signature; empty if the world cannot be read."""
     problems: tuple[str, ...] = ()
-    """Broken guarantees, or why it cannot be read."""
+    """Broken guarantees, or the reason why the world cannot be read."""
     preview: bytes | None = None
     """A picture from above, PNG."""
 
@@ -261,7 +261,7 @@ def _verdict_line(world: SheetWorld) -> str:
 
 
 def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px: int, ink: str, room_px: int) -> None:
-    """Writes one line, cut off where there is no more room."""
+    """Writes one line of text into the picture, cut off at the given width."""
     font = ImageFont.load_default(size_px)
     text = " ".join(text.split())
     if draw.textlength(text, font=font) > room_px:
@@ -272,7 +272,7 @@ def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px
 
 
 def _inline(preview: bytes | None) -> str | None:
-    """A picture as an address that holds it: JPEG, a tenth of the PNG."""
+    """Encodes a preview as a data URL: JPEG, a tenth of the PNG's size."""
     if preview is None:
         return None
     buffer = io.BytesIO()

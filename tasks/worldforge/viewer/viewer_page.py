@@ -1,4 +1,6 @@
-"""A world as an HTML page that shows it in three dimensions, in any browser, without a network.
+"""HTML page that shows a world in three dimensions, in any browser, without a network.
+
+Everything is in the page: the GLB, three.js, which draws it, and the controls (`viewer*.js`).
 
 Everything is in the page: the GLB, three.js, which draws it, and what people steer it with (`viewer*.js`).
 """
@@ -25,7 +27,7 @@ from .contact_sheet import json_island, page
 
 _SCRIPTS = ("viewer_gl.js", "viewer.js")
 _BEFORE, _AFTER = "<script>", "var camera,controls,scene,renderer"
-"""Text before and after three.js and its GLTFLoader in trimesh's own page."""
+"""Texts before and after three.js with its GLTFLoader in trimesh's own page."""
 
 
 def viewer_page(bundle: Path, title: str) -> str:
@@ -101,7 +103,10 @@ def _room(room: Room) -> dict[str, Any]:
 
 
 def _bounds(world: World) -> tuple[list[float], list[float]]:
-    """West, floor, north and east, ceiling, south as the page has them: y up, z south."""
+    """Returns the building's bounds as the page has them (y up, z south).
+
+    West, floor, north, and east, ceiling, south.
+    """
     west, south, east, north = bounds(world.floorplan.footprint)
     wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2
     low = [west - wall, 0.0, -north - wall]
