@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
+from ..runs.known_failures import KnownFailure
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
@@ -132,6 +133,9 @@ class JobRecord(Model):
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
+    known: str = Field(
+        default="", description="Who mends its failure, until when and why, if the failure is known; else empty."
+    )
     remarks: list[str] = Field(
         default=[],
         description="Requested outputs that could not be produced, such as a video; the run continued without them.",
@@ -191,6 +195,12 @@ class RunRecord(Model):
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
     source: SourceCommit | None = optional("Git commit of the folder of the specification; absent: it was in none.")
+    known: list[KnownFailure] = Field(
+        default=[], description="Known failures of the specification, which do not make the run red."
+    )
+    known_notes: list[str] = Field(
+        default=[], description="Known failures that did not occur, or whose day is over, in words."
+    )
     report_path: Path | None = optional("The HTML report; absent when it could not be written.")
     rerun_of: RerunOf | None = optional("Run that it has run again; absent: it is no rerun.")
     forecast: ForecastCheck | None = optional(

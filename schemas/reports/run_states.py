@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
+from ..runs.known_failures import idle_failures, known_failure
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words
@@ -69,6 +70,35 @@ def meaning_of(record: RunRecord) -> str:
     return record.challenge.headline if is_whole else f"{meaning}: {record.challenge.headline}"
 
 
+def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRecord], list[str]]:
+    """Marks jobs whose failure is known.
+
+    Only a FAIL can be known: of an ERROR nothing was judged. The jobs of a challenge fail on purpose.
+
+    Args:
+        record: the run, with its known failures.
+        jobs: its jobs.
+
+    Returns:
+        The jobs, and a sentence for each known failure that did not occur or whose day is over.
+    """
+    if not record.known or record.challenge is not None:
+        return list(jobs), []
+    day = record.started_at.date()
+    judged = {index: _missed(job) for index, job in enumerate(jobs) if _outcome_of(job) in ("passed", "failed")}
+    names = [job.test or job.label for job in jobs]
+    known = {index: known_failure(names[index], missed, record.known, day) for index, missed in judged.items()}
+    marked = [
+        job.model_copy(update={"known": str(found) if (found := known.get(index)) else ""})
+        for index, job in enumerate(jobs)
+    ]
+    return marked, idle_failures([(names[index], missed) for index, missed in judged.items()], record.known, day)
+
+
+def _missed(job: JobRecord) -> list[str]:
+    return [item.name for item in job.requirements if item.counts and not item.satisfied]
+
+
 def is_bad(status: str) -> bool:
     """Whether a status of a step or job means that it did not succeed."""
     return status in _STATES
@@ -106,7 +136,7 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
         outcome = _outcome_of(job)
         if job.failure_code == "BatchTimedOut":
             states.add("timed out")
-        elif outcome in ("broken", "failed"):
+        elif outcome in ("broken", "failed") and not job.known:
             states.add(outcome)
     worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
     # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
@@ -160,12 +190,15 @@ def counts_in_words(jobs: Sequence[JobRecord]) -> str:
     passed = counts.get("passed", 0)
     judged = passed + counts.get("failed", 0)
     told = [f"{passed} of {judged} verdicts pass"] if judged else []
+    if known := sum(bool(job.known) for job in jobs):
+        told.append(f"{known} {'failure' if known == 1 else 'failures'} known")
     told += [f"{counts[outcome]} {words}" for outcome, words in _OTHER_ENDS.items() if counts.get(outcome)]
     return ", ".join(told)
 
 
 def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:
-    found = [job for job in jobs if _outcome_of(job) in ("broken", "failed")]
+    """Returns the jobs that broke, then those that failed for a reason that is not known."""
+    found = [job for job in jobs if _outcome_of(job) in ("broken", "failed") and not job.known]
     return sorted(found, key=lambda job: _outcome_of(job) != "broken")
 
 

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
+from ..runs.known_failures import KnownFailure
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
@@ -36,7 +37,7 @@ from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain,
 _SURELY_MEANT = 0.9
 """Likeness of names of operations from which on the input is checked as that of the other one: many differ by a word.
 """
-_HEAD = ("version", "name", "description", PARAMETERS)
+_HEAD = ("version", "name", "description", "known", PARAMETERS)
 
 
 def load_spec(
@@ -212,7 +213,13 @@ class _Check:
             missing=self._settled.missing,
             notes=notes,
             sabotages=sabotages,
+            known=self._known(),
         )
+
+    def _known(self) -> tuple[KnownFailure, ...]:
+        """The known failures of a document that has no problems."""
+        found = self._root.entries.get("known")
+        return tuple(map(KnownFailure.model_validate, plain(found))) if found is not None else ()
 
     def _sabotages(self) -> tuple[Sabotage, ...]:
         """The specification's own sabotages; what is no mapping, the document's check has told."""

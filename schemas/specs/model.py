@@ -24,6 +24,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..operations.registry import STEPS
+from ..runs.known_failures import KnownFailure
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
@@ -88,6 +89,12 @@ class Spec(Model):
         description="Sabotages that `robomaker challenge` tries besides its own, by name: values of axes, "
         "`slippery: {robot_friction: 0.2}`. Runs do without them.",
     )
+    known: list[KnownFailure] = Field(
+        default=[],
+        max_length=100,
+        description="Failures that are known: these jobs are run and judged, and shown apart, but do not make a run "
+        "red until a day.",
+    )
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
     )
@@ -145,6 +152,9 @@ class CheckedSpec:
     """Possible mistakes: names that only the catalog may know."""
     sabotages: tuple[Sabotage, ...] = ()
     """Sabotages of its own, which `robomaker challenge` tries."""
+
+    known: tuple[KnownFailure, ...] = ()
+    """Failures that do not make a run red."""
 
     seed: int | None = None
     """The seed in place of those in the file; `None`: those count."""

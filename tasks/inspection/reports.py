@@ -22,7 +22,7 @@ from ...schemas.reports.run_record import (
     exit_code_of,
     interrupted_in_words,
 )
-from ...schemas.reports.run_states import run_state
+from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
@@ -71,10 +71,15 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
         The record with the run's jobs, its state, and the report's path.
     """
     report, jobs, results = _gathered(record, service)
+    jobs, notes = with_known(record, jobs)
     state = _state_of_challenge(state_of([]), report.challenge) if report.challenge else state_of(jobs)
     code = exit_code_of(state, record.against)
-    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge})
-    report = _with_changes(report.model_copy(update={"state": state}), record)
+    record = record.model_copy(
+        update={
+            "jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge, "known_notes": notes
+        }
+    )  # fmt: skip
+    report = _with_changes(_told_of_known(report, jobs, notes).model_copy(update={"state": state}), record)
     return record.model_copy(
         update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
     )
@@ -98,7 +103,7 @@ def rebuild_report(
         OSError: a file cannot be written.
     """
     report, jobs, results = _gathered(record, service)
-    report = _with_changes(report, record)
+    report = _with_changes(_told_of_known(report, *with_known(record, jobs)), record)
     pages = pages_elsewhere(service.settings)
     path = _publish(report, jobs, results, record.run_dir, pages)
     summary = summarize(report, results, pages.url)
@@ -119,6 +124,12 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
         challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
         report = report.model_copy(update={"challenge": challenge})
     return report, jobs, results
+
+
+def _told_of_known(report: Report, jobs: Sequence[JobRecord], notes: list[str]) -> Report:
+    """Returns the report with the marks of known failures that the jobs' records have."""
+    told = [job.model_copy(update={"known": short.known}) for job, short in zip(report.jobs, jobs, strict=True)]
+    return report.model_copy(update={"jobs": told, "known_notes": notes})
 
 
 def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:

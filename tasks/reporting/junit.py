@@ -1,7 +1,8 @@
 """Reports as JUnit XML, for CI servers and other viewers of test results.
 
 A step of the pipeline is a test suite, a job a test case: FAIL is a failure, ERROR an error, a job that was
-cancelled or has no verdict is skipped; one that the timeout of its batch ended, or kept from running, is an error.
+cancelled, has no verdict or fails as is known is skipped; one that the timeout of its batch ended, or kept from
+running, is an error.
 Where no job and no step says why a run did not succeed, a suite of its own has an error: a file without failures and
 errors means that `robomaker run` ended with 0.
 
@@ -20,7 +21,8 @@ from .console_pages import ConsolePages
 # What XML 1.0 has no place for.
 _IMPOSSIBLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _MAX_MESSAGE = 200
-_SKIPPED = ("canceled", "unfinished", "no verdict")
+_KNOWN = "known"
+_SKIPPED = ("canceled", "unfinished", "no verdict", _KNOWN)
 _TIMED_OUT = "BatchTimedOut"
 _BAD = ("failures", "errors")
 
@@ -64,7 +66,7 @@ def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
         failed = _told("error", step.status, step.error)
         cases.insert(0, _element("testcase", failed, name=step.operation, classname=name, time=_seconds(0.0)))
     properties = [_element("property", name=key, value=value) for key, value in _properties(step, summary)]
-    outcomes = ["broken" if _is_error(job) else job.outcome for job in step.jobs]
+    outcomes = ["broken" if _is_error(job) else _KNOWN if job.known else job.outcome for job in step.jobs]
     return _element(
         "testsuite",
         _element("properties", *properties),
@@ -98,7 +100,9 @@ def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
 
 def _case(job: JobCase, suite: str, pages: ConsolePages) -> ElementTree.Element:
     case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
-    if job.outcome == "failed":
+    if job.known:
+        case.append(_element("skipped", message=_clean(f"known, {job.known}")))
+    elif job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
     elif _is_error(job):
         why = job.reason or ("the timeout of its batch was over" if job.failure_code == _TIMED_OUT else "")

@@ -117,7 +117,8 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
         name = f"[{_code(job.test)}]({page})" if page else _code(job.test)
         again = _code(f"robomaker repro {job.name}") if job.arn else ""
         why = _code(job.reason or job.failure_code or "")
-        yield f"| {name} | {job.outcome} | {why} | {again} |"
+        known = f" (known, {_code(job.known)})" if job.known else ""
+        yield f"| {name} | {job.outcome}{known} | {why} | {again} |"
     if len(bad) > _MOST_JOBS:
         yield f"| and {len(bad) - _MOST_JOBS} more | | | |"
     yield ""

@@ -77,6 +77,8 @@ def headline(report: Report) -> str:
     total = len(report.jobs)
     sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"
     others = [f"{count} {outcome.value}" for outcome, count in counts.items() if outcome is not Outcome.PASSED]
+    if known := sum(bool(job.known) for job in report.jobs):
+        others.append(f"{known} of the failures {'is' if known == 1 else 'are'} known")
     return f"{sentence}; {', '.join(others)}" if others else sentence
 
 

@@ -124,6 +124,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
         arn=job.arn,
         outcome=outcome.value,
         reason="" if outcome is Outcome.PASSED else why_broken(job),
+        known=job.known,
         failure_code=job.failure_code,
         time_s=job.duration_s or 0.0,
         waited_s=job.waited_s,

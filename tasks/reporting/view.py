@@ -112,8 +112,13 @@ class Page:
 
     @property
     def failures(self) -> list[JobView]:
-        """Jobs that failed their requirements, in request order."""
-        return [job for job in self.jobs if job.outcome is Outcome.FAILED]
+        """Jobs that failed their requirements for reasons that are not known, in request order."""
+        return [job for job in self.jobs if job.outcome is Outcome.FAILED and not job.job.known]
+
+    @property
+    def known(self) -> list[JobView]:
+        """Jobs whose failure is known, in request order."""
+        return [job for job in self.jobs if job.job.known]
 
     @property
     def errors(self) -> list[JobView]:
