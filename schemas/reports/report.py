@@ -78,7 +78,7 @@ class ReportedJob(Model):
     upload_s: float | None = optional("How long its outputs were stored.")
     inputs: JobInputs | None = optional("Inputs that decide its result; absent: not known.")
     known: str = Field(
-        default="", description="Who mends its failure, until when and why, if the failure is known; else empty."
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )
     reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
     carried_out_by: JobOwner | None = optional(
@@ -149,7 +149,7 @@ class JobCase(Model):
     outcome: CaseOutcome = Field(description="Outcome of the job: FAIL is `failed`, ERROR is `broken`.")
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
     known: str = Field(
-        default="", description="Who mends its failure, until when and why, if the failure is known; else empty."
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )
     failure_code: str | None = optional("The service's failure code.")
     time_s: float = Field(description="Wall-clock time.")

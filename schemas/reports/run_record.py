@@ -134,7 +134,7 @@ class JobRecord(Model):
     duration_s: float | None = optional("Wall-clock time of the run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
     known: str = Field(
-        default="", description="Who mends its failure, until when and why, if the failure is known; else empty."
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )
     remarks: list[str] = Field(
         default=[],

@@ -79,7 +79,7 @@ def known_failure(job: str, missed: Collection[str], known: Sequence[KnownFailur
         day: the day on which the run began, UTC.
 
     Returns:
-        The one that ends first of those that are needed; None: a requirement was missed that nobody knew of, or whose
+        The one that ends first of those that are needed; None: a requirement was missed that is not known, or whose
         day is over.
     """
     explained = [
