@@ -1,4 +1,8 @@
-"""Signed `.swu` files, and their key, for robots with third-party updaters: each wraps an archive of the application.
+"""Signed `.swu` installation files for robots with third-party updaters (SWUpdate), and the key that signs them.
+
+Each contains an application's archive. A file is made once for an archive, version, key and folder on the robot. In the
+object store, `robots/` has the files under their hashes, and a record under the hash of those four, as JSON, that names
+the file.
 
 A file is made once for an archive, a version, a key and a folder on the robot. In the object store, `robots/` has the
 files under their hashes, and under the hash of all that, as JSON, which file it is.
@@ -32,7 +36,10 @@ from .application_archives import FileHashes, fetch_source, place_of, sources_by
 from .swu import Release, SigningKey, load_signing_key, new_signing_key, wrap
 
 VALID_DAYS = 20 * 365
-"""Robots refuse all that an expired certificate signed, and nothing tells them of the next one."""
+"""Validity of the signing certificate, in days.
+
+Robots refuse everything that an expired certificate signed, and nothing tells them of the next one.
+"""
 
 _CERTIFICATE = b"-----BEGIN CERTIFICATE-----"
 

@@ -1,4 +1,4 @@
-"""Rollouts of deployment jobs: how each stands, the numbers of orders, and what has happened but is not part of it yet.
+"""Database tables of rollouts: their states, the numbers of orders to robots, and events that are not applied yet.
 
 ```
   add_event ──> rollout_events ──> read, applied, replace_rollout (one transaction) ──> rollouts

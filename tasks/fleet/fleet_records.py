@@ -51,7 +51,7 @@ DEPLOYMENT = "deployment-job"
 
 _NOT_BEGUN = ("Pending", "Preparing")
 PATIENCE_S = 10.0
-"""Longest wait of a change of a fleet for other changes."""
+"""Longest time that a change of a fleet waits for other changes, in seconds."""
 
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
@@ -173,7 +173,7 @@ def is_meant(robot: Resource, deployment: Resource) -> bool:
 
 
 def _status(robot: Resource, fleet: Resource, deployment: Resource | None, rollout: Rollout | None) -> str:
-    """The status of a robot that is in a fleet, or about to be."""
+    """Returns the status of a robot that is in a fleet, or is being added to one."""
     if deployment is None:
         return "Registered"
     state = None if rollout is None else rollout.robots.get(robot.arn)

@@ -1,4 +1,6 @@
-"""Messages between the agent and the server: polls, steps and ends of orders; and silence while the server is away.
+"""Messages between the robot agent and the server: polls, progress and results of orders; retries while it is away.
+
+A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
 
 A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
 """
@@ -14,7 +16,10 @@ from .server import Poll, Refused
 from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
 
 _MISSED = 3
-"""Polls without the open order, before it counts as withdrawn: a server that starts may not know it yet."""
+"""Number of polls without the open order after which it counts as withdrawn.
+
+A server that has just started may not know the order yet.
+"""
 
 
 class Wire(Protocol):
@@ -79,7 +84,7 @@ class Polls:
         """Time of the next poll, by the monotonic clock."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
-        """Polls the server once; returns what it wants."""
+        """Polls the server once; returns new orders, cancellations and withdrawals as events."""
         try:
             self.tell_step(state, percent)
             found = self._server.poll()
@@ -127,14 +132,17 @@ class Polls:
         self._told, self._retries = told, 0
 
     def later(self, reason: str) -> float:
-        """Returns when to retry after the server could not be reached, by the monotonic clock."""
+        """Returns when to retry after the server could not be reached, by the monotonic clock in seconds."""
         self._retries += 1
         if self._retries == 1:
             self._say(f"the download has to wait: {reason}")
         return self._monotonic() + self._pause_s(self._retries)
 
     def _tell_attributes(self, state: State, *, is_asked: bool) -> None:
-        """Reports the attributes when the server asks, and new ones until it has taken them: it does not ask again.
+        """Reports the robot's attributes when the server asks, and changed ones until the server has accepted them.
+
+        The server does not ask again. The result of a deployment stays whatever its application does later; the
+        attributes say which version runs, and its problems.
 
         How a deployment ended stays, whatever its application does later; attributes say what runs, and its trouble.
         """

@@ -1,4 +1,6 @@
-"""The server as a robot sees it: hawkBit's Direct Device Integration by the standard library's HTTP client.
+"""HTTP client of the update server for robots: hawkBit's Direct Device Integration, with the standard library only.
+
+Each request has a connection of its own: servers drop idle ones long before the next poll.
 
 Each request has a connection of its own: servers drop idle ones long before the next poll.
 """

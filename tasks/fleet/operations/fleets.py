@@ -1,4 +1,4 @@
-"""Fleets: groups of robots that applications are deployed to."""
+"""Handlers of operations on fleets, the groups of robots to which applications are deployed."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -53,6 +53,8 @@ def list_fleets(request: ListFleetsRequest, service: Service) -> Answer:
 def delete_fleet(request: DeleteFleetRequest, service: Service) -> Answer:
     """Handles `DeleteFleet`: deletes a fleet, deregisters its robots, and fails an unfinished deployment.
 
+    Deleting a fleet that does not exist is no error.
+
     A fleet that is not there is gone already.
     """
     arn = _checked(request.fleet)
@@ -95,7 +97,7 @@ def _empty(fleet: Resource, service: Service) -> None:
 
 
 def _summaries(fleets: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
-    """The entries of fleets in a list, in the same order."""
+    """Returns the list entries of fleets, in the same order."""
     last = {fleet.arn: FleetDocument.of(fleet).last_deployment_job or "" for fleet in fleets}
     jobs = service.catalog.get_many(filter(None, last.values()))
     return [_summary(fleet, jobs.get(last[fleet.arn])) for fleet in fleets]

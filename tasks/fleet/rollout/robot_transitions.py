@@ -1,4 +1,4 @@
-"""State transitions of one robot's deployment, and how far its download is; pure functions."""
+"""State transitions of one robot's deployment, and estimates of its remaining download time; pure functions."""
 
 import math
 from typing import Any
@@ -13,6 +13,8 @@ _DOWNLOAD = "DownloadingExtracting"
 
 def with_progress(state: State, event: Progressed, now_s: float) -> State:
     """Returns a robot's rollout state after a progress report.
+
+    The speed of a download that begins, or begins again after a loss of power, is measured from that report on.
 
     A download that begins, or begins again after a loss of power, is measured from there.
     """
@@ -156,7 +158,7 @@ def _failed(state: State, code: DeploymentJobErrorCode, reason: str | None, now_
 
 
 def _begun(state: State, now_s: float, timeout_s: float) -> State:
-    """The robot that has shown that it has its order."""
+    """Returns the state of a robot that has shown that it has its order."""
     if state.started_s is not None:
         return changed(state, heard_s=now_s)
     state = changed(state, started_s=now_s, heard_s=now_s)

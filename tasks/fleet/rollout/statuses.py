@@ -1,4 +1,7 @@
-"""A rollout as DescribeDeploymentJob shows it: status, progress and failure of each robot, counts, waits."""
+"""State of a rollout as `DescribeDeploymentJob` returns it.
+
+Status, progress and failure of each robot, counts, waits.
+"""
 
 from collections import Counter
 from collections.abc import Sequence

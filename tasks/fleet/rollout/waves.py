@@ -1,4 +1,4 @@
-"""The waves of a rollout: groups of robots that get their turn one after the other, and the thresholds that end it."""
+"""Waves of a rollout: groups of robots that get their orders one after the other, and the failure thresholds."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,7 @@
-"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions of them and the time.
+"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions.
+
+Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
+Several that overlap, or follow one another without a gap, are one.
 
 Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
 Several that overlap, or follow one another without a gap, are one.
@@ -29,6 +32,8 @@ def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
 
 def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float | None:
     """Returns until when `is_open` keeps its value, in seconds since the epoch; `None` means forever.
+
+    Usually the value changes then; if it does not for a week, it is only a time to ask again.
 
     Usually it changes then; where it does not for a week, this is a moment to ask again. Nothing: it never changes.
     """
@@ -70,7 +75,7 @@ def _is_in(spans: Iterator[tuple[float, float]] | Sequence[tuple[float, float]],
 
 
 def _spans(windows: Sequence[MaintenanceWindow], now_s: float) -> Iterator[tuple[float, float]]:
-    """The beginnings and ends of the windows around a time."""
+    """Yields the beginnings and ends of the maintenance windows around a time, in seconds since the epoch."""
     for window in windows:
         zone = ZoneInfo(window.timeZone or "UTC")
         today = datetime.fromtimestamp(now_s, UTC).astimezone(zone).date()
@@ -86,7 +91,7 @@ def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
 
 
 MOST_PAUSES = 100
-"""Earlier ones are forgotten."""
+"""Limit of the stored pauses; earlier ones are deleted."""
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
@@ -109,6 +114,9 @@ class Deadlines:
 
     def __init__(self, robots: Mapping[str, RobotDeploymentState]) -> None:
         """Reads the deadlines of robots.
+
+        Args:
+            robots: state of each robot, in the plan's order; read whenever deadlines are needed.
 
         Args:
             robots: how each stands, in the plan's order; read whenever deadlines are asked for.

@@ -1,5 +1,8 @@
 # pyright: reportPrivateImportUsage=false
-"""Key ceremonies: root keys that are made for other places, and roots that several holders sign one after the other."""
+"""Key ceremonies of the TUF repository.
+
+Creating root keys for storage elsewhere, and signing roots by several holders.
+"""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -33,13 +36,13 @@ class AttestedChange(NamedTuple):
     """Changes that a new TUF root makes to the attestation rules: valid keys, applications that need them."""
 
     keys: Sequence[Key] = ()
-    """Those that agents believe from now on; none: the same as before."""
+    """Public keys whose attestations agents accept from now on; empty: the same as before."""
 
     add: Sequence[str] = ()
     """Applications that need an attestation from now on."""
 
     remove: Sequence[str] = ()
-    """Those that do not any more."""
+    """Applications that no longer need an attestation."""
 
 
 NO_CHANGE = AttestedChange()

@@ -1,4 +1,7 @@
-"""Private keys of the repository, and other files of one machine: ed25519, each in a file that only its user reads.
+"""Private keys of the TUF repository, and other files of one machine: ed25519, each in a file only its user can read.
+
+A file is named after its role and its key, so that an old and a new key of one role can both exist while one replaces
+the other.
 
 A file is named after its role and its key, so that an old and a new key of one role can lie beside each other while
 one takes the other's place.
@@ -28,7 +31,7 @@ from ..artifacts import written
 from .metadata import to_metadata
 
 RandomBytes = Callable[[int], bytes]
-"""Gives that many bytes that others cannot guess."""
+"""Function that returns that many unpredictable bytes."""
 
 _SEED_BYTES = 32
 _SHOWN = 16
@@ -78,7 +81,7 @@ class KeyFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        """The folder."""
+        """Path of the folder."""
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -151,7 +154,7 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.keys = KeyFolder(folder)
-        """The keys."""
+        """Signing keys in the folder."""
 
     @property
     def folder(self) -> Path:

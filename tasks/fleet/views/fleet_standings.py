@@ -176,7 +176,7 @@ def _only_one(service: Service) -> Resource:
 
 
 LOOK_S = 1.0
-"""Seconds between two snapshots."""
+"""Interval between two snapshots of a deployment, in seconds."""
 
 
 @dataclass(frozen=True)

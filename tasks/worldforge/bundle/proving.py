@@ -36,7 +36,7 @@ _NOT_OF_THE_WORLD = {PREVIEW_FILE, "manifest.json"}
 _UNCOMPARED = {"contentHash", "proofs"}
 """Members of a world's description file that are not compared with `world.json`.
 
-The reason: they say nothing about the world itself.
+They say nothing about the world itself.
 """
 
 _LESS_COMPARED: dict[Guarantee, str] = {

@@ -1,4 +1,4 @@
-"""Work that runs while the agent polls: the child, a script, or the watch over a new version."""
+"""Work that runs while the agent polls the server: child process, script, or health check of a new version."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class ChildWork:
         self._has_answered = False
         self._is_over = False
         self.percent: int | None = None
-        """Percentage that is done."""
+        """Percentage of the phase that is done; `None`: unknown."""
 
         self.later: str | None = None
-        """Reason why it has to be tried again later."""
+        """Reason why the phase must be tried again later; `None`: there is none."""
 
     @property
     def pipe(self) -> int | None:
-        """Pipe with the child's messages; `None` once the child has ended."""
+        """Returns the pipe with the child's messages; `None` once the child has ended."""
         return None if self._is_over else self._child.pipe
 
     def poll(self) -> list[Event]:
