@@ -1,4 +1,8 @@
-"""Prefect events about what flow runs made: worlds and reports.
+"""Prefect events that report created worlds and reports.
+
+Prefect's page *Event Feed* shows them with their flow runs, and automations can wait for them. Events only inform:
+nothing is decided from them, and outside a flow run none is sent. Prefect is imported only when an event is sent,
+because `robomaker plan --reuse` imports world generation, and must answer at once.
 
 Prefect's page *Event Feed* shows them, each with its flow run, and automations can wait for them. Events only inform:
 nothing is decided from them, and outside a flow run none is sent. Prefect is imported when there is something to tell:

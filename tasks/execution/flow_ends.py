@@ -1,4 +1,4 @@
-"""Turns the end of a run into the state of its flow run in Prefect, and that state into an answer again.
+"""Converts the result of a run to the state of its flow run in Prefect, and that state back to a response.
 
 | the run | Prefect's state |
 | --- | --- |
@@ -29,7 +29,7 @@ from ...schemas.reports.run_states import FlowResult
 from ...schemas.wire.errors import RobomakerError
 
 RESULT = "result"
-"""Member of a job flow's answer that has its `FlowResult`, beside those of the job's description."""
+"""Key in a job flow's response under which its `FlowResult` is, beside the members of the job's description."""
 
 _logger = logging.getLogger(__name__)
 
@@ -53,7 +53,10 @@ class RunNotSucceeded(RobomakerError):
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """Leaves in a log of an error that has a message for users that message, without a traceback.
+    """Log filter: removes the traceback of errors that have a message for users.
+
+    A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
+    night in a worker's log would hide those that are.
 
     A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
     night in a worker's log would hide those that are.
@@ -124,6 +127,8 @@ def ends_as_cancelled() -> Generator[None]:
 
 def started_by_worker() -> bool:
     """Whether a Prefect worker, or `serve` of a flow, started this process for one flow run.
+
+    Child processes inherit its variables, so they are told apart by their main module.
 
     What such a process starts inherits its variables, and is told apart by its main module.
     """

@@ -1,4 +1,4 @@
-"""Files of machine slots and of those who wait for them, and the order in which they get one."""
+"""Lock files of machine slots and announcements of waiting processes, and the order in which these get slots."""
 
 import fcntl
 import os
@@ -90,7 +90,10 @@ class SlotFiles:
 
 
 def _holder(text: bytes) -> Holder:
-    """Job in a slot, from the slot's file; no facts for an earlier version, or while the file is being written."""
+    """Reads the job in a slot from the slot's file.
+
+    Without details for an earlier version, or while it is being written.
+    """
     with suppress(ValidationError):
         return Holder.model_validate_json(text)
     return Holder()
@@ -99,7 +102,7 @@ def _holder(text: bytes) -> Holder:
 _COUNTS_S = 3.0
 _REMOVED_S = 60.0
 WRITE_EVERY_S = 0.5
-"""Seconds between two writes of a waiter's file."""
+"""Interval between two writes of a waiting process's file, in seconds."""
 
 
 class WaiterRecord(Model):

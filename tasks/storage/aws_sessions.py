@@ -1,4 +1,4 @@
-"""Sessions of boto3 that read what botocore knows of AWS's services once in a process, not once a session."""
+"""boto3 sessions that share botocore's data loader, so that service models are read once in a process."""
 
 from functools import cache
 

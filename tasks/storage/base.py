@@ -1,4 +1,4 @@
-"""The interface of all object stores, the names of buckets and objects, and calls for many of them in threads."""
+"""Interface of all object stores, valid names of buckets and objects, and concurrent calls in threads."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,14 +14,24 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 WORKERS = 8
-"""Transfers at once, of whatever size."""
+"""Limit of concurrent transfers of files of any size."""
 
 WORKERS_FOR_SMALL = 32
-"""Small files at once: a server that has to wait for the next one spends a third more of its processors on each."""
+"""Limit of concurrent transfers of small files.
+
+A server that has to wait for the next one spends a third more processor time on each.
+"""
 
 
 def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> list[Result]:
     """Calls a function for every item in threads, and returns the results in the items' order.
+
+    After a failure no further calls start; running calls end, then the failure of the earliest item is raised.
+
+    Args:
+        call: the function.
+        items: its arguments.
+        workers: number of threads.
 
     After a failure nothing new is started; what runs is waited for, then the failure of the earliest
     item is raised.
@@ -46,11 +56,11 @@ def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int 
 
 
 Stopped = Callable[[], bool]
-"""Whether a transfer is not wanted any more; asked several times a second, from any thread."""
+"""Function that returns whether a transfer should stop; called several times a second, from any thread."""
 
 
 Tell = Callable[[str], None]
-"""Told of the key of an object that has been stored, from any thread."""
+"""Function that is called with the key of an object that has been stored, from any thread."""
 
 
 def never() -> bool:
@@ -82,7 +92,7 @@ class ObjectInfo:
     etag: str
     """Changes whenever the content changes; without quotes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not known, as of a new object. Equal objects may differ in it."""
+    """Time at which it was stored; `None`: not known, as of a new object. It is ignored when objects are compared."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +259,7 @@ class StoreOver:
         return self.do("write", bucket, [key], lambda: self.behind.put_file(bucket, key, path, stopped=stopped))
 
     def probe(self, bucket: str) -> None:
-        """See `ObjectStore`; everybody may."""
+        """See `ObjectStore`; every role may do this."""
         self.behind.probe(bucket)
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:

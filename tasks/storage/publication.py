@@ -1,4 +1,7 @@
-"""Publishing files as a whole, the manifest last; and removing some so that the rest counts as a whole again."""
+"""Publishes a set of files with a manifest, which is written last.
+
+Deletes part of a set so that the rest stays valid.
+"""
 
 import hashlib
 import os
@@ -41,6 +44,28 @@ def publish(
     tell: Callable[[ManifestFile], None] | None = None,
 ) -> Manifest:
     """Uploads files and then their manifest, which makes them visible as a complete set.
+
+    Publishing the same content with the same `about` again succeeds and returns the existing manifest, so an
+    interrupted or repeated step can simply be run again.
+
+    Args:
+        store: the object store.
+        bucket: name of the bucket, which must exist.
+        prefix: beginning of the files' keys, before a slash; may be empty.
+        files: files to publish, by unique names; no process may write to them any more.
+        about: description of the run or job that the files belong to, for the manifest.
+        created_at: the time of publication, with its time zone, for the manifest.
+        stored: objects that are under the prefix already, and belong to the set.
+        resumes: whether an earlier attempt may have stored a part; objects with the same content are not stored again.
+        stopped: called before the manifest is written; true if the files should not count after all.
+        ended: called often while files are read and stored; true stops that at once; must be quick.
+        tell: called with the key of each stored file, from any thread.
+
+    Raises:
+        TransferStoppedError: `stopped` or `ended` said so.
+        ObjectExistsError: other files are published under this prefix.
+        ChecksumMismatchError: a file changed meanwhile.
+        StorageError: a file cannot be read or stored.
 
     Publishing the same content with the same `about` again succeeds and returns the manifest that is
     there, so an interrupted or repeated step can simply be run again.
@@ -118,7 +143,7 @@ def store_unfinished(
 
 
 def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped, tell: Tell, *, resumes: bool) -> None:
-    """Stores files, of which some may be stored already if this resumes an earlier attempt."""
+    """Uploads files; if this continues an earlier attempt, files that are stored already are skipped."""
     if resumes:
         there, files = split_stored(store, bucket, files, ended)
         for key in there:
@@ -146,7 +171,16 @@ def split_stored(
 
 
 def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Deletes everything under a prefix; the manifest goes first.
+    """Deletes everything under a prefix; the manifest goes first, so that an interruption leaves no valid set.
+
+    Args:
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the deleted keys, before a slash; not empty.
+
+    Raises:
+        BucketNotFoundError: the bucket does not exist.
+        StorageError: an object cannot be deleted.
 
     The manifest is deleted first: an interruption leaves no objects that count.
 
@@ -229,7 +263,7 @@ def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
 
 
 def _same(there: Manifest, ours: Manifest, bucket: str, prefix: str) -> Manifest:
-    """The manifest that is there, if it says the same; the times may differ, of a repeated step they do."""
+    """Returns the stored manifest after checking that it equals the new one; only the times may differ."""
     if (there.files, there.about) != (ours.files, ours.about):
         raise ObjectExistsError(f"something else is already published under {bucket}/{prefix}")
     return there
@@ -255,7 +289,7 @@ def _verify(path: Path, file: ManifestFile, uri: str) -> None:
 
 
 NEXT_NAME = "manifest.next.json"
-"""Name of the future manifest while files are removed."""
+"""Name of the prepared new manifest while files of a set are deleted."""
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
@@ -299,7 +333,7 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Deletes the objects that a manifest does not list, and replaces the manifest by it."""
+    """Deletes the objects that the new manifest does not list, and replaces the old manifest by it."""
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -329,7 +363,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 
 
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
-    """Returns the manifest that an interrupted call prepared, or None."""
+    """Returns the new manifest that an interrupted call of `thin` had prepared, or `None`."""
     try:
         return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:

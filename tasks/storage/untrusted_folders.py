@@ -1,4 +1,4 @@
-"""Files of folders that others may have filled: links are never followed, errors become those of the object store."""
+"""Reads files in folders that others may have filled: links are not followed, errors become `StorageError`."""
 
 import errno
 import os
@@ -63,7 +63,7 @@ _NO_REGULAR_FILE = {errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO}
 
 
 MAX_DEPTH = 100
-"""Folders within each other; far beyond what keys of 1024 bytes are used for."""
+"""Limit of nested folders, far above what keys of 1024 bytes are used for."""
 
 
 @dataclass(frozen=True)

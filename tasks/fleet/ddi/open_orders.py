@@ -1,4 +1,4 @@
-"""In-memory table of robots: hashes of their tokens, and the one update order that each may have open.
+"""Table of robots in memory: hashes of their tokens, and the one update order that each may have open.
 
 ```
             offer                 cancel

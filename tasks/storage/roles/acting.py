@@ -1,4 +1,4 @@
-"""The object store as a role has it, confined to its places where no server does that."""
+"""Object store with the rights of an access role, restricted here where no server does it."""
 
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -62,7 +62,7 @@ class ConfinedStore(StoreOver):
 
 
 def _no_blocks(slug: str, name: str) -> None:
-    """Refuses a block of Prefect, where nothing that knows Prefect has been passed in."""
+    """Raises an error for credentials in a Prefect block, if no function to read blocks was given."""
     raise CredentialsRefusedError(f"the block {slug}/{name} cannot be read here: this process does not use Prefect")
 
 
@@ -79,16 +79,18 @@ class _Opened:
 class Roles:
     """All access roles of a service, with their object stores and credentials, opened on first use.
 
+    The credentials of an opened role are kept until this process ends; those of an assumed role are renewed.
+
     A role that was opened keeps its credentials until this process ends; those of an assumed role are had again.
     """
 
     roles: Sequence[Role]
     own_store: ObjectStore
-    """This process's own store, which the directory of a role is confined in."""
+    """Object store of this process, of which roles on a directory get a restricted view."""
 
     settings: Settings
     environ: Mapping[str, str]
-    """Environment variables: roles are assumed with the credentials that these name."""
+    """Environment variables with the credentials that assume roles."""
 
     read_block: ReadBlock = _no_blocks
     opened: _Opened = field(default_factory=_Opened)
@@ -114,6 +116,9 @@ class Roles:
 
     def keys_of(self, arn: str) -> Keys | None:
         """Returns a role's current credentials; `None` if objects are local files.
+
+        Raises:
+            StorageError: see `store_of`; or the credentials cannot be renewed.
 
         Raises:
             StorageError: see `store_of`; or they cannot be had again.

@@ -1,4 +1,4 @@
-"""Making what roles need on an S3 server: buckets, users with policies, and their keys in the roles file."""
+"""Sets up access roles on an S3 server: buckets, users with policies, and their keys in the roles file."""
 
 import hashlib
 import json
@@ -91,7 +91,7 @@ class MinioUsers:
 
 _POLICY = "robomaker-role"
 _READ_ONLY = "IAM write operations are disabled"
-"""Part of SeaweedFS's refusal, which it gives unless it is started otherwise."""
+"""Part of the error message of a SeaweedFS server that was started without write access to users."""
 
 _HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILINE)
 
@@ -185,7 +185,7 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
 
 
 class _Users(Protocol):
-    """The users of an S3 server."""
+    """Interface for the users of an S3 server."""
 
     def has(self, name: str) -> bool:
         """Whether a user exists."""
@@ -201,7 +201,11 @@ class _Users(Protocol):
 
 
 def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
-    """The users of a server, by the interface that it has for them.
+    """Returns the client for a server's users, depending on the interface that the server has.
+
+    Raises:
+        StorageError: the server does not answer.
+        ConfigurationError: see `MinioUsers`.
 
     Raises:
         StorageError: the server does not answer.
@@ -213,7 +217,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
 
 def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
-    """Name that a server gives itself in the header `Server`, also when it refuses."""
+    """Returns the server's name in the header `Server`, also if it refuses the request."""
     from botocore.exceptions import BotoCoreError, ClientError
 
     from ..s3.failures import from_client_error
@@ -255,15 +259,15 @@ class IamUsers:
         """Calls the server.
 
         Args:
-            doing: What is done, for errors.
-            call: The call.
-            expected: Code of an error that is none.
+            doing: description of the action, for errors.
+            call: the call.
+            expected: error code that is not treated as an error.
 
         Returns:
             The answer; `None` for the expected error.
 
         Raises:
-            StorageError: The server refuses, or does not answer.
+            StorageError: the server refuses, or does not answer.
         """
         from botocore.exceptions import BotoCoreError, ClientError
 

@@ -92,7 +92,7 @@ _NO_CREDENTIALS = (
 # A name that is not known, a connection that is refused, breaks, or brings nothing in time.
 _BROKEN_CONNECTIONS = (HTTPClientError, NoConnectionError, IncompleteReadError)
 _NOT_TRUSTED = (SSLError, ProxyConnectionError)
-"""These are connection errors too, but settings have to change."""
+"""boto3's errors of TLS and proxies, which are connection errors too, but need a change of settings."""
 
 
 @contextmanager

@@ -1,4 +1,8 @@
-"""Objects and parts stored past boto3's client, which takes three times as long for each as to sign and to send it.
+"""Fast uploads of objects and parts: signed requests without boto3's client, which takes three times as long for each.
+
+A request here has the same CRC32, and uses the client's own connections, so that its proxies, certificates and timeouts
+count. If the answer is anything but success, the caller uses the client, which retries, finds regions and explains
+errors.
 
 Only what the client would do first is done here: one signed request, with the same CRC32, over the client's own
 connections, so that its proxies, certificates and timeouts count. Whatever has another answer than that the object is
@@ -24,7 +28,10 @@ _STORED = 200
 _USUAL_PORTS = {"http": 80, "https": 443}
 _ALGORITHM = "AWS4-HMAC-SHA256"
 _PIECE_BYTES = 256 << 10
-"""Bytes of a piece; between two pieces the transfer may be stopped: a slow connection takes seconds for one."""
+"""Size in bytes of the pieces in which data are sent.
+
+Between two pieces the transfer may be stopped; on a slow connection a piece takes seconds.
+"""
 
 
 class Stored(NamedTuple):
@@ -36,7 +43,7 @@ class Stored(NamedTuple):
 
 
 class _Answer(Protocol):
-    """Members used of a response of botocore's HTTP session."""
+    """Members of a response of botocore's HTTP session that are used here."""
 
     @property
     def status_code(self) -> int: ...
