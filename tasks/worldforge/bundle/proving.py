@@ -90,7 +90,7 @@ def _seen_site(world: World, model: mujoco.MjModel) -> Site:
 
 
 def _map_faults(world: World, site: Site, folder: Path, *, as_described: bool) -> Iterator[Fault]:
-    """Differences between map and model, and what a lidar meets besides."""
+    """Yields the differences between a world's stored map and its model, and other obstacles that a lidar would hit."""
     try:
         read = _read_map(folder, site.first)
     except ValueError as error:
@@ -101,7 +101,7 @@ def _map_faults(world: World, site: Site, folder: Path, *, as_described: bool) -
 
 
 def _read_map(folder: Path, wanted: OccupancyGrid) -> OccupancyGrid:
-    """Reads the map of a bundle, which says of itself what ours say."""
+    """Reads the occupancy map of a bundle, and checks its metadata (resolution, origin, thresholds)."""
     said, right = ((_lines(text)) for text in (_text(folder / MAP_FILES[1]), map_files(wanted)[MAP_FILES[1]].decode()))
     for line, better in zip(said, right, strict=False):
         if line != better:
@@ -130,7 +130,10 @@ def _lines(text: str) -> list[str]:
 
 
 def _description_faults(world: World, folder: Path) -> Iterator[Fault]:
-    """Differences between the description for other programs and `world.json`, and a plan of another world."""
+    """Yields the differences between the description for other programs and `world.json`.
+
+    A floor plan picture that shows another world counts, too.
+    """
     is_ours = world.generator_version == GENERATOR_VERSION
     if is_ours and _plan(folder) != floorplan_svg(world):
         yield Fault.placed("description", f"{PLAN_FILE} is not the plan of this world")
@@ -173,7 +176,7 @@ def _difference(said: Any, right: Any, path: str = "") -> str | None:
 
 
 def _file_faults(folder: Path, digests: Mapping[str, str] | None) -> Iterator[Fault]:
-    """Files that are not what the manifest says."""
+    """Yields the files of a bundle that differ from the manifest's SHA-256, and missing or additional files."""
     if digests is None:
         return
     found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}

@@ -80,7 +80,7 @@ def _flat(name: str, box: Box, top: float, color: Color) -> Ornament:
 
 
 def _upper_cabinets(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
-    """Over each counter whose wall has no window there, in the colour of the room's counters."""
+    """Yields wall cabinets above each kitchen counter whose wall has no window there, in the counters' colour."""
     kitchens = {room.name for room in world.floorplan.rooms if room.type == "Kitchen"}
     colors = {item.room: _counter_color(item) for item in world.furniture if item.model_type == "Storage"}
     for item in world.furniture:

@@ -49,7 +49,7 @@ _TOPS = ("top", "hob", "ledge")
 _TRIES = 14
 _EDGE_M = 0.015
 _LEAST_SHARE, _FULL_SHARE = 0.4, 0.3
-"""Rooms that furniture covers as much as this have everything, emptier ones less."""
+"""Least share of its small things that a room gets, and share of floor under furniture from which it gets all."""
 
 
 def things_on_tops(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornament]:

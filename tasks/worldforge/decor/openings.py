@@ -22,7 +22,7 @@ from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, join
 from .faces import Face, covered, free_height, wall_span, window_heights, windows_in
 
 Rectangle = tuple[float, float, float, float]
-"""Low, bottom, high, top: along a wall and upwards."""
+"""Rectangle on a wall, in metres: low end along the wall, bottom height, high end along the wall, top height."""
 
 LAID = "_laid"
 """Suffix of the names of materials for meshes that have texture coordinates of their own."""

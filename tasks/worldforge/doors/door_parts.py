@@ -191,7 +191,7 @@ def open_box(door: Door) -> Box:
 
 
 def _local_box(door: Door, one: Point, other: Point) -> Box:
-    """A box between two points given from the hinge along the closed leaf and into the room."""
+    """Returns the box between two points of the hinge's frame: (along the closed leaf, into the room), in metres."""
     # Walls run along axes.
     along = (float(round(cos(door.closed_yaw))), float(round(sin(door.closed_yaw))))
     into = (-door.swing * along[1], door.swing * along[0])

@@ -223,7 +223,10 @@ def _corner_m(hanging: Hanging, walls: Sequence[Box]) -> float:
 
 
 def _choose(options: dict[int, list[Hanging]]) -> dict[int, Hanging]:
-    """One way for each door, no two of which sweep the same place; as few left out and as cheap as found."""
+    """Chooses one way to hang each door so that no two doors sweep the same area.
+
+    Of the choices found, it takes one with the fewest doors left out, then the lowest cost.
+    """
     order = sorted(options, key=lambda index: len(options[index]))
     outlines: dict[int, list[Point]] = {}
 

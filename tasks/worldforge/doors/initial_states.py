@@ -1,4 +1,4 @@
-"""Looks and initial opening of each door, and the outcome of the template's preferences about doors."""
+"""Sets the finish and initial opening of each door, and reports the template's preferences about doors."""
 
 from collections.abc import Sequence
 

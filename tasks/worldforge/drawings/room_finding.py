@@ -193,7 +193,7 @@ def _scaled(point: Point, scale: float) -> Point:
 
 
 def _left_out(shapes: Sequence[Shape], labels: Sequence[Label], used: Sequence[Shape]) -> list[str]:
-    """Shapes and texts that are no part of the plan, counted by sort, with the first names that they have."""
+    """Lists shapes and texts of a drawing that are no part of the plan, counted by kind, with the first names."""
     sorts: dict[str, list[str]] = {}
     for shape in shapes:
         sorts.setdefault(shape.sort or shape.place, []).append(shape.name)

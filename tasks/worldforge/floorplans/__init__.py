@@ -1,1 +1,1 @@
-"""Floor plans: rooms in a rectangle or set back from it, walls, ways between rooms, account of the preferences."""
+"""Floor plans of worlds: rooms, walls, doorways and windows, and the outcome of the template's preferences."""

@@ -1,4 +1,4 @@
-"""The brief of a floor plan: the template's preferences and targets in numbers, and rooms that suit as neighbours."""
+"""A world template's preferences for its floor plan, as numbers, and which room types suit as neighbours."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -11,14 +11,14 @@ from .partition import UNITS_PER_M, Contact, Partition, contacts, extent
 
 INTERIOR_WALL = 2
 EXTERIOR_WALL = 4
-"""Thickness of walls, in units; both even, so that faces fall on units."""
+"""Thickness of exterior walls, in grid units. It is even, as that of inner walls, so that faces are on grid lines."""
 
 DOOR_WIDTH = 18
 DOOR_CLEARANCE = 6
-"""Between a doorway's jamb and the next corner or doorway, in units."""
+"""Smallest distance between a doorway's side and the next corner or doorway, in grid units."""
 
 OPENING_WIDTH = 20
-"""Clear width below which an opening is not worth the name, in units."""
+"""Smallest clear width of an opening between two rooms (a doorway without door), in grid units."""
 
 MIN_SIDES_M: dict[RoomType, float] = {
     "Bathroom": 1.8,
@@ -31,37 +31,43 @@ MIN_SIDES_M: dict[RoomType, float] = {
     "Office": 2.0,
     "Storage": 1.2,
 }
-"""Least width of a room between the centre lines of its walls."""
+"""Smallest width of a room by type, in metres, between the centre lines of its walls."""
 
 HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Living", "Office"})
-"""Types of rooms that want daylight."""
+"""Room types that should have a window."""
 
 PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
-"""Types of rooms that others may be reached through."""
+"""Room types through which other rooms may be reached."""
 
 RATIO_TOLERANCE = log(1.15)
-"""Logarithmic deviation of an aspect ratio that still satisfies the preference."""
+"""Deviation of an aspect ratio's logarithm up to which the preference counts as satisfied, as in the report."""
 
 # What faults cost, in all searches. Costs of a plan are summed; a deviation of a ratio is the absolute logarithm
 # of actual over desired, and costs itself. A fault that makes a plan useless (9.0) outweighs everything that a
 # plan may miss otherwise.
 MISSED_PREFERENCE = 0.6
-"""Added to a deviation above the tolerance, which is that of the report."""
+"""Cost that is added for a deviation above the report's tolerance, as the preference is then missed."""
 
 OUTLIER = 1.5
-"""Factor of a deviation's square, so that one bad room costs more than two that are a little off."""
+"""Factor of the square of a room's deviation in the cost.
+
+So one bad room costs more than two that are slightly bad.
+"""
 
 FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""Weight of the footprint's ratio by number of rooms, 3 and more alike: with one room, its own preference wins."""
+"""Weight of the footprint's ratio in the cost by number of rooms (3 and more are equal).
+
+With one room, the room's own preference wins.
+"""
 
 TOO_NARROW = 9.0
 NOT_CONNECTED = 9.0
 MISSED_CONNECTION = 2.5
 STRANGE_NEIGHBOURS = 0.8
-"""Most that a room between others that it does not belong to costs."""
+"""Largest cost of a room whose neighbours do not suit its type."""
 
 LIT_WALL = 44
-"""Length of outer wall that a window needs, in units."""
+"""Length of outer wall that a room needs for a window, in grid units."""
 
 THROUGHNESS: dict[RoomType, float] = {
     "Bathroom": 0.1,
@@ -87,7 +93,7 @@ _AFFINITY: dict[RoomType, tuple[float, ...]] = {
     "Office": (0.1, 0.35, 0.3, 0.4, 1.0, 0.15, 0.8, 0.3),
     "Storage": (0.2, 0.15, 0.1, 0.3, 0.9, 0.9, 0.35, 0.3, 0.05),
 }
-"""Sense of a door to a room of each type above and of the same type, in this order."""
+"""Suitability of a door between two room types, 0 to 1, by type and the types listed above it and itself, in order."""
 
 
 def affinity(one: RoomType, other: RoomType) -> float:
@@ -103,13 +109,13 @@ class Brief(NamedTuple):
     types: tuple[RoomType, ...]
     areas_m2: tuple[float, ...]
     ratios: tuple[float, ...]
-    """Length over width, at least 1: a room may be turned."""
+    """Preferred length over width of each room, at least 1, as rooms may be turned."""
     footprint_ratio: float
-    """Extent along x over extent along y."""
+    """Preferred extent of the footprint along x over its extent along y."""
     requests: tuple[tuple[tuple[int, int], PassageKind, int], ...]
-    """Pairs of rooms, lower number first, what should join them, and how many."""
+    """Requested connections: pair of rooms (lower number first), doorway or opening, and how many."""
     diverse: bool = True
-    """Whether a plan may miss a ratio that the best plan grants, so that plans differ."""
+    """Whether plans of a template must differ, even if a plan then misses a ratio that the best plan has."""
 
     @property
     def min_sides(self) -> list[int]:
@@ -167,7 +173,7 @@ def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
 
 
 def _has_room(plan: Partition, x: float, y: float) -> bool:
-    """Whether a place is inside of a room; of a plan of rectangles."""
+    """Whether a point is inside a room of a plan that has rectangular rooms."""
     return any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for box in map(extent, plan.rooms))
 
 
@@ -219,7 +225,7 @@ class TargetedSet(Protocol):
 
     @property
     def Name(self) -> str:  # noqa: N802 (the service's name)
-        """Name of the set."""
+        """Name of the set in the template."""
         ...
 
     @property
@@ -232,7 +238,7 @@ Set = TypeVar("Set", bound=TargetedSet)
 
 
 def _for_room(target: RoomTarget, room: Room) -> int | None:
-    """Way in which a target means a room: 0 by name, 1 by type, 2 with all others; None: it does not."""
+    """Returns how specifically a target names a room: 0 by name, 1 by type, 2 as any room; `None` if it does not."""
     if isinstance(target, str):
         return 2
     if room.name in (target.RoomNames or []):
@@ -246,7 +252,10 @@ def targeted(one_set: TargetedSet, rooms: Sequence[Room]) -> list[Room]:
 
 
 def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
-    """Determines which set each room gets, as index by room name.
+    """Chooses which material or furniture set of the template each room gets, as index by room name.
+
+    A set that names a room wins over one that names its type, and that wins over one for all rooms; among equals the
+    first in the template wins.
 
     A set that names a room beats one that names its type, and that beats one for all rooms; among equals
     the first in the template wins.

@@ -1,4 +1,4 @@
-"""Floors, and ways between rooms: the requested ones as far as possible, and more until every room is connected."""
+"""Doorways and openings between rooms: the requested ones if possible, and more until every room is connected."""
 
 from random import Random
 from typing import NamedTuple
@@ -21,10 +21,13 @@ from .partition import Contact, Corners, Partition, area, contacts, extent, slen
 _MAX_WAYS_PER_ROOM = 4
 _OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
 _OPEN_PLAN_SHARE = 0.35
-"""Share of openings among the ways between rooms of these types that the template does not ask for."""
+"""Share of openings (instead of doorways) among connections that the template does not request, between these types."""
 
 _LONGEST_HALLWAY_OPENING = 52
-"""A hallway is open towards a room at its end, not along its side, unless that is preferred; in units."""
+"""Longest wall of a hallway that may become an opening, in grid units.
+
+So a hallway is open towards a room at its end and not along its side, unless the template prefers that.
+"""
 
 _NEAR_CORNER_SHARE = 0.75
 _NEAR_CORNER = 6
@@ -80,7 +83,7 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
 
 
 def _may_be_open(brief: Brief, pair: Pair, shared: list[Contact]) -> bool:
-    """Whether no wall between two rooms is a good idea."""
+    """Whether the wall between two rooms may be left out, judged by the rooms' types."""
     types = {brief.types[room] for room in pair}
     along = shared[0].end - shared[0].start
     return types <= _OPEN_PLAN and ("Hallway" not in types or along <= _LONGEST_HALLWAY_OPENING)
@@ -91,7 +94,7 @@ def _most_public(plan: Partition, brief: Brief) -> int:
 
 
 def _grown(rooms: set[int], ways: list[Way]) -> set[int]:
-    """All rooms that the ways lead to from the given ones."""
+    """Returns all rooms that can be reached from the given ones through the connections."""
     grown = set(rooms)
     while True:
         found = {room for way in ways if grown.intersection(way.pair) for room in way.pair}
@@ -103,7 +106,7 @@ def _grown(rooms: set[int], ways: list[Way]) -> set[int]:
 def _next_pair(
     plan: Partition, brief: Brief, walls: dict[Pair, list[Contact]], ways: list[Way], main: set[int], dice: Random
 ) -> Pair:
-    """The most sensible pair that joins a new room to the connected ones."""
+    """Returns the best pair of rooms to connect next: one room is connected already, the other is not."""
     degrees = [sum(room in way.pair for way in ways) for room in range(len(plan.rooms))]
 
     def sense(pair: Pair) -> float:
@@ -125,7 +128,10 @@ def _next_pair(
 
 
 def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: bool) -> list[Way]:
-    """Takes away the longest shared wall, from corner to corner; nothing if it is too short."""
+    """Replaces the longest shared wall of two rooms by an opening, from corner to corner.
+
+    Nothing if it is too short.
+    """
     if not shared or not opening_fits(shared[0], plan):
         return []
     return [Way(pair, shared[0], "Opening", *clear_span(shared[0], plan), requested)]
@@ -150,7 +156,9 @@ def _doorways(
 
 
 def _shifts(number: int, free: int, dice: Random) -> list[int]:
-    """Chooses how far each doorway is shifted along its wall, given `free` units of slack.
+    """Chooses how far each doorway is shifted along its wall, given `free` grid units of slack.
+
+    A single doorway is mostly near one end of the wall, which leaves the rest of the wall to furniture.
 
     A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
     """
@@ -161,7 +169,7 @@ def _shifts(number: int, free: int, dice: Random) -> list[int]:
 
 
 AREA_TOLERANCE = 0.05
-"""Share of the desired area by which a floor may be off."""
+"""Share of the preferred floor area by which a room's area may differ and still satisfy the preference."""
 
 
 def inside_walls(plan: Partition) -> Partition:
@@ -188,7 +196,10 @@ def floor_ratios(plan: Partition) -> list[float]:
 
 
 def _inset(plan: Partition, corners: Corners) -> Corners:
-    """Corners moved into the room, which lies to the left of every edge, by half the walls there."""
+    """Moves a room's corners inwards by half the thickness of the walls there.
+
+    The room is to the left of every edge.
+    """
     moved: list[tuple[int, int]] = []
     for index, (x, y) in enumerate(corners):
         before, after = corners[index - 1], corners[(index + 1) % len(corners)]
@@ -206,7 +217,7 @@ def _half_wall(at: int, limit: int) -> int:
 
 
 def _arm(corners: Corners) -> int:
-    """Narrowest width of a rectangle, or of an L."""
+    """Returns the narrowest width of a rectangular or L-shaped room."""
     box = extent(corners)
     if len(corners) == 4:
         return min(box.x1 - box.x0, box.y1 - box.y0)

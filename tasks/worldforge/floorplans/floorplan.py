@@ -1,4 +1,4 @@
-"""Makes a floor plan from a template: rooms, walls, ways, windows, and the outcome of its preferences."""
+"""Generates a floor plan from a world template: rooms, walls, doorways, windows, and the outcome of preferences."""
 
 from collections.abc import Sequence
 from random import Random
@@ -19,10 +19,10 @@ from .preferences import preference_report
 from .walls import Pane, Piece, build_walls, floor_shapes, place_windows
 
 LINTEL_M = 2.1
-"""Height of doorways."""
+"""Height of doorways in metres, below the lintel."""
 
 _ORIGIN_CLEARANCE = 20
-"""Distance of the origin from walls where there is room for it, in units."""
+"""Preferred distance of the world's origin from walls, in grid units."""
 
 _LATTICE = 10
 

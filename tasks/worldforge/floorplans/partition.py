@@ -1,4 +1,7 @@
-"""Rectangles cut into rooms: the geometry below the floor plan, in whole grid units.
+"""Rectangles that are divided into rooms: the geometry of floor plans, in whole grid units.
+
+A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a room, a negative
+number an operator that joins the two trees before it.
 
 A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a
 room, a negative number an operator that joins the two trees before it.
@@ -23,16 +26,16 @@ UNITS_PER_M = 20
 SIDE_BY_SIDE = -1
 STACKED = -2
 POCKETS = (-3, -4, -5, -6)
-"""The corner the pocket lies in: south-west, south-east, north-west, north-east."""
+"""Corner of the box in which the pocket room is: south-west, south-east, north-west, north-east."""
 
 _CORRIDOR_SHARE = 0.4
-"""A pocket that takes more than this of its box turns the host into a corridor."""
+"""Largest share of the box's area for a pocket room; a larger pocket turns the room around it into a corridor."""
 
 _POCKET_SPAN = 0.75
-"""Most of a side that a smaller pocket takes."""
+"""Largest share of the box's side that a pocket room may take."""
 
 Corners = tuple[tuple[int, int], ...]
-"""A room's corners, counter-clockwise, in units."""
+"""Corners of a room, counter-clockwise, in grid units."""
 
 
 class Box(NamedTuple):
@@ -62,11 +65,11 @@ class Partition(NamedTuple):
     height: int
     rooms: tuple[Corners, ...]
     arms: tuple[int, ...]
-    """Narrowest width of each room."""
+    """Narrowest width of each room, in grid units."""
 
     @property
     def is_full(self) -> bool:
-        """Whether the rooms fill the rectangle; they are rectangles themselves where they do not."""
+        """Whether the rooms fill the whole rectangle; otherwise all rooms are rectangles."""
         return sum(area(corners) for corners in self.rooms) == self.width * self.height
 
 
@@ -113,7 +116,7 @@ def partition(
 
 
 def _sizes(expression: Sequence[int], areas: Sequence[float]) -> tuple[list[float], list[int]]:
-    """For every token the area of its tree, and for operators where their first operand ends."""
+    """Returns for every token of a slicing tree its subtree's area, and for operators where the first operand ends."""
     sizes: list[float] = []
     firsts: list[int] = []
     roots: list[int] = []

@@ -225,7 +225,10 @@ def _only_room(brief: Brief, dice: Random) -> Partition:
 
 
 def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Partition:
-    """A plan with its sides a little longer and shorter, if that breaks no preference and leaves its form."""
+    """Varies the side lengths of a plan slightly at random.
+
+    The plan is unchanged if that would break a preference or change its form.
+    """
     best, number = lists[place[0]], place[1]
     columns = np.full(_DRAWS + 1, number)
     cuts, nature = best.plans.take(columns).varied(dice).judged(best.evaluator)

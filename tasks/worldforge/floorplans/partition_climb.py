@@ -1,4 +1,6 @@
-"""The search for partitions with L-shaped rooms: random slicing trees, improved step by step.
+"""Hill-climbing search for floor plans with L-shaped rooms: random slicing trees, improved by small changes.
+
+It is used where rectangular rooms do badly: a closet in the corner of a hall is better than one along its whole side.
 
 It is called where rectangles do badly: a closet in the corner of a hall is better than one along its whole side.
 """
@@ -32,20 +34,20 @@ from .connections import AREA_TOLERANCE, floor_areas, inside_walls
 from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, area, extent, partition, slenderness
 
 MAX_CLIMBS = 40
-"""Hill climbs before giving up; the first few nearly always succeed."""
+"""Limit of hill climbs before giving up; the first few nearly always succeed."""
 
 _CLIMBS = 5
 _TOP = 4
-"""Partitions of a climb that are looked at, the best ones."""
+"""Number of the best partitions of a hill climb that are examined further."""
 
 _STEPS_PER_SQUARE = 3
-"""Steps of a climb over the square of the number of rooms."""
+"""Steps of a hill climb, as a multiple of the square of the number of rooms."""
 
 _LEAST_STEPS = 20
 _DARK = 0.6
 
 _BENT: dict[RoomType, float] = {"Hallway": 0.1, "Living": 0.5, "Dining": 0.8, "Kitchen": 0.8, "Bedroom": 0.8}
-"""Cost of an L-shape by type of room; a bent bath or closet is worse than most alternatives."""
+"""Cost of an L-shaped room by room type; an L-shaped bath or closet is worse than most alternatives."""
 
 _BENT_OTHERWISE = 1.5
 _TEMPERATURE = 1.0
@@ -55,7 +57,7 @@ _PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
 _AREA_WEIGHT = 0.25
 _SETTLINGS = 3
-"""Number of times that a plan is cut again after measuring the area that walls take."""
+"""Number of times that a plan is divided again after the area that walls take was measured."""
 
 
 class Draft(NamedTuple):
@@ -63,9 +65,9 @@ class Draft(NamedTuple):
 
     expression: tuple[int, ...]
     ratio: float
-    """Extent along x over extent along y."""
+    """Extent of the footprint along x over its extent along y."""
     areas: tuple[float, ...]
-    """Square metres of each room between the centre lines of its walls."""
+    """Area of each room in square metres, between the centre lines of its walls."""
 
 
 class PlanEvaluator:
@@ -119,7 +121,7 @@ class PlanEvaluator:
         return cost
 
     def _off_shape(self, inside: Partition, room: int) -> float:
-        """Cost of a floor's deviation from its preferred ratio and area."""
+        """Returns the cost of a room's deviation from its preferred aspect ratio and area."""
         off = log(slenderness(inside, room)) - self.log_ratios[room]
         if self.brief.types[room] == "Hallway" and off > 0:
             off /= 2  # a hallway that is longer than preferred is still a good hallway
@@ -170,7 +172,7 @@ class PlanEvaluator:
 
 
 def _reached_from_first(ways: Sequence[int]) -> int:
-    """Bit set of the rooms that can be reached from room 0."""
+    """Returns a bit set of the rooms that can be reached from room 0."""
     reached, fresh = 1, 1
     while fresh:
         found = 0
@@ -251,7 +253,10 @@ def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> di
 
 
 def _settled(evaluator: PlanEvaluator, draft: Draft) -> tuple[Partition, float]:
-    """The partition of a draft, its floors as near to the preferred areas as they get, and its cost."""
+    """Divides a draft into rooms repeatedly until the floor areas are near the preferred ones.
+
+    Returns plan and cost.
+    """
     plan = _cut(evaluator, draft)
     best = plan, evaluator.cost(plan)
     for _ in range(_SETTLINGS):
@@ -262,7 +267,7 @@ def _settled(evaluator: PlanEvaluator, draft: Draft) -> tuple[Partition, float]:
 
 
 def _with_walls(evaluator: PlanEvaluator, draft: Draft, plan: Partition) -> tuple[float, ...]:
-    """The areas to cut with next, if the floors of a draft's plan were too small or too large."""
+    """Returns corrected room areas for dividing a draft again, if the floors of its plan are too small or too large."""
     return tuple(
         between * min(max(preferred * UNITS_PER_M**2 / max(floor, 1.0), 0.5), 2.0)
         for between, preferred, floor in zip(draft.areas, evaluator.brief.areas_m2, floor_areas(plan), strict=True)
@@ -270,7 +275,7 @@ def _with_walls(evaluator: PlanEvaluator, draft: Draft, plan: Partition) -> tupl
 
 
 def _footprint_ratios(evaluator: PlanEvaluator) -> list[float]:
-    """Outlines to try when the desired one does not suit the rooms."""
+    """Returns footprint ratios to try when the preferred ratio does not suit the rooms."""
     desired = evaluator.brief.footprint_ratio
     if len(evaluator.possible_ratios) == 1:
         ratio = evaluator.possible_ratios[0]
@@ -298,7 +303,10 @@ def _random_operator(dice: Random) -> int:
 
 
 def _changed(expression: list[int], dice: Random) -> list[int]:
-    """A copy with two rooms swapped, an operator replaced, or a part rebuilt."""
+    """Returns a copy of a slicing tree with one random change.
+
+    Two rooms swapped, an operator replaced, or a part rebuilt.
+    """
     changed = expression.copy()
     chance = dice.random()
     if chance < 0.5:
@@ -316,7 +324,7 @@ def _changed(expression: list[int], dice: Random) -> list[int]:
 
 
 def _first_token(expression: Sequence[int], root: int) -> int:
-    """Index at which the tree that ends at `root` begins."""
+    """Returns the index in the postfix expression at which the subtree that ends at `root` begins."""
     open_trees, index = 1, root
     while True:
         open_trees += -1 if expression[index] >= 0 else 1

@@ -1,4 +1,6 @@
-"""Many plans at a time, in arrays: all slicing trees, plans cut by them, and their costs.
+"""Evaluates many candidate floor plans at a time with NumPy arrays: slicing trees, room rectangles, and costs.
+
+Arrays of plans have one column per plan. Costs are sums of deviations from the template's preferences; 0 is perfect.
 
 Arrays of plans have one column per plan. Costs are sums of deviations; 0 is perfect.
 """
@@ -37,7 +39,10 @@ from .partition import UNITS_PER_M, Partition
 
 _SIX_ROOMS = 6
 _SIX_ROOMS_STRIDE = 5
-"""Stride through the orders of six rooms: each shape takes every fifth one, five times as fast and hardly worse."""
+"""Stride through the orders of six rooms.
+
+Each tree shape takes every fifth order, which is five times as fast and hardly worse.
+"""
 
 Node = int | tuple[bool, "Node", "Node"]
 """Node of a slicing tree: the number of a room's place, or (is side by side, first child, second child)."""
@@ -47,11 +52,11 @@ class Trees(NamedTuple):
     """Slicing trees of many candidate floor plans, as arrays: how each is cut into rooms."""
 
     first: NDArray[np.intp]
-    """The node that each cut puts to the left or below: one row per cut, one column per tree."""
+    """Number of the node that each cut puts to the left or below; one row per cut, one column per tree."""
     second: NDArray[np.intp]
-    """The node on the other side."""
+    """Number of the node that each cut puts to the right or above, shaped as `first`."""
     sideways: NDArray[np.bool_]
-    """Whether the two lie side by side; otherwise the second lies above the first."""
+    """Whether the two nodes of each cut are side by side; otherwise the second is above the first."""
 
     @property
     def plans(self) -> int:
@@ -100,7 +105,9 @@ def all_trees(rooms: int) -> Trees:
 
 
 def _nodes(start: int, end: int, without: bool | None = None) -> Iterator[Node]:
-    """All trees over the places from `start` to `end`, each plan once, whose top cut is not `without`.
+    """Yields all slicing trees for the rooms from `start` to `end` whose top cut is not `without`; each plan once.
+
+    Three rooms in a row are one plan, whichever cut comes first, so the second part never begins with the same cut.
 
     Three rooms in a row are one plan, whichever cut comes first: the second part never begins with the same cut.
     """
@@ -117,7 +124,7 @@ def _nodes(start: int, end: int, without: bool | None = None) -> Iterator[Node]:
 
 
 def _number(node: Node, cuts: list[tuple[bool, Node, Node]]) -> None:
-    """Gathers the cuts, each after the one that makes its rectangle."""
+    """Collects the cuts of a tree in an order in which each comes after the cut that makes its rectangle."""
     if not isinstance(node, int):
         cuts.append(node)
         _number(node[1], cuts)
@@ -129,7 +136,7 @@ def _places(node: Node) -> list[int]:
 
 
 def _row(node: tuple[bool, Node, Node]) -> list[Node]:
-    """The parts of a node in a row: those that its cut and the same cuts in its first part divide."""
+    """Returns the parts of a node that are in a row, as divided by its cut and by equal cuts in its first part."""
     sideways, first, second = node
     if isinstance(first, int) or first[0] != sideways:
         return [first, second]
@@ -150,7 +157,7 @@ def _is_first_of_its_mirror_images(node: Node, orders: NDArray[np.intp]) -> NDAr
 
 
 def _lowest(node: Node, orders: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The lowest number of a room in a part of the tree, per order."""
+    """Returns the lowest room number in a part of the tree, for each order of rooms."""
     return orders[:, _places(node)].min(axis=1)
 
 
@@ -159,10 +166,10 @@ Flags = NDArray[np.bool_]
 
 _AREA_WEIGHT = 0.25
 _USUAL_WALLS = 2.6
-"""Average units by which a room is wider than its floor: some rooms have outer walls, on some sides."""
+"""Average amount by which a room's side is longer than its floor's, in grid units, as some sides have outer walls."""
 
 _AREA_DOUBT = 0.002
-"""Share by which an area may be off here: corners of walls that are set back are not counted one by one."""
+"""Possible error of floor areas computed here, as a share: corners of set-back walls are not counted one by one."""
 
 _DARK = 1.0
 _AWAY_FROM_HALLWAY = 0.35
@@ -174,9 +181,9 @@ class Cuts(NamedTuple):
     """Room rectangles of many candidate floor plans, as arrays."""
 
     low: Floats
-    """Left and lower side: (axis, room, plan), in units."""
+    """Left and lower side of each room, shape (axis, room, plan), in grid units."""
     high: Floats
-    """Right and upper side."""
+    """Right and upper side of each room, shape (axis, room, plan), in grid units."""
 
     def take(self, columns: NDArray[np.intp]) -> "Cuts":
         """Returns the selected plans, in the order given."""
@@ -187,14 +194,14 @@ class Nature(NamedTuple):
     """Cost, validity and missed preferences of many candidate floor plans, as arrays."""
 
     cost: Floats
-    """One number per plan."""
+    """Cost of each plan."""
     valid: Flags
-    """Whether every room is wide enough and a way leads to each."""
+    """Whether every room of a plan is wide enough and can be reached."""
     misses: Flags
     """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
     togetherness: Floats
-    """The part of the cost that comes from dark rooms, and from rooms that lie beside others than they should."""
+    """Part of the cost that comes from rooms without daylight and from unsuitable neighbours, per plan."""
 
 
 def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
@@ -270,7 +277,7 @@ class BatchEvaluator:
         types = brief.types
         self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
         self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
-        """Preferred areas of the floors, in square units."""
+        """Preferred floor areas, in square grid units."""
         self.footprint = log(brief.footprint_ratio)
         self.footprint_weight = FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
@@ -280,7 +287,7 @@ class BatchEvaluator:
         self.ratios = np.minimum(self.preferred, possible)
         shorter = np.sqrt(self.areas / np.exp(self.ratios))
         self.walls = np.log((1 + _USUAL_WALLS / shorter) * (1 + _USUAL_WALLS * shorter / self.areas))
-        """Logarithm of each room's area between centre lines over that of its floor, as it will about be."""
+        """Estimated logarithm of each room's area between wall centre lines over its floor area."""
         self.longer = np.array([0.5 if kind == "Hallway" else 1.0 for kind in types])[:, None]
         self.habitable = np.array([kind in HABITABLE for kind in types])[:, None]
         self.public = np.array([kind in PUBLIC for kind in types])
@@ -320,7 +327,7 @@ class BatchEvaluator:
         return np.maximum(sides - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
 
     def _off_footprint(self, cuts: Cuts) -> Floats:
-        """Deviation of outlines from their ratio."""
+        """Returns the deviation of each plan's footprint from the preferred ratio."""
         width, height = cuts.high.max(axis=1)
         return np.abs(np.log(width / height) - self.footprint)
 
@@ -362,7 +369,7 @@ class BatchEvaluator:
         return Nature(np.round(cost, 6), valid, np.array(misses), np.round(together, 6))
 
     def _spans(self, cuts: Cuts) -> Floats:
-        """For every pair of rooms the clear length of the wall they share, 0 without one: (pair, plan)."""
+        """Returns for every pair of rooms the clear length of their shared wall, 0 without one; shape (pair, plan)."""
         one, other = self.pairs
         start = np.maximum(cuts.low[:, one], cuts.low[:, other])
         end = np.minimum(cuts.high[:, one], cuts.high[:, other])
@@ -375,11 +382,11 @@ class BatchEvaluator:
         return np.where(touching, clear, 0.0).max(axis=0)
 
     def _outer(self, cuts: Cuts) -> Floats:
-        """Length of outer wall on the side of each room that has most of it."""
+        """Returns for each room the length of outer wall on the side that has most of it."""
         return exposed(cuts).max(axis=(0, 1))
 
     def _neighbours(self, ways: Flags) -> Floats:
-        """Cost of rooms that are joined to others than they should be."""
+        """Returns the cost of rooms that can be connected only to unsuitable neighbours."""
         best = (ways * self.affinities).max(axis=2)
         cost = STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
         if self.hallways.any():
@@ -393,7 +400,7 @@ class BatchEvaluator:
 
 
 def _closure(ways: Flags) -> Flags:
-    """Mask of the rooms that can be reached from each room."""
+    """Returns a mask of the rooms that can be reached from each room (transitive closure of the connections)."""
     rooms = ways.shape[1]
     reached = (ways | np.eye(rooms, dtype=bool)).astype(np.float32)
     for _ in range(max(1, (rooms - 1).bit_length())):

@@ -1,4 +1,7 @@
-"""Slicing trees of more than six rooms: too many to try them all, so that the best ones are bred.
+"""Evolutionary search for slicing trees of more than six rooms, which are too many to try them all.
+
+Trees are changed a little, a generation at a time, and those whose plans cost least survive, first one of each form.
+Equal briefs give equal trees: the random generator begins with the same seed each time.
 
 Trees are changed a little, a generation at a time, and those live on whose plans cost least, one of each form first.
 The same brief gives the same trees: the dice begin with the same seed each time.
@@ -14,20 +17,23 @@ from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees,
 from .plan_signature import forms_of
 
 MOST_TRIED = 6
-"""Most rooms of which all trees are tried."""
+"""Largest number of rooms for which all slicing trees are tried."""
 
 _SHAPES, _ORDERS = 120, 10
-"""Random trees to begin with: so many shapes, each with rooms in so many orders."""
+"""Random trees of the first generation: number of shapes, and number of random room orders for each."""
 
 _GENERATIONS = 90
-"""Generations of trees: two seconds for twelve rooms; with half as many the best plan misses one preference more."""
+"""Generations of the search: two seconds for twelve rooms.
+
+With half as many, the best plan misses one preference more.
+"""
 
 _LIVING = 240
-"""Trees that live on; more find hardly better plans in the same time."""
+"""Trees that survive each generation; more survivors find hardly better plans in the same time."""
 _CHILDREN = 3
-"""Changed copies of each; of the first generation it is the random trees themselves."""
+"""Changed copies of each surviving tree per generation; in the first generation, the random trees themselves."""
 _KEPT = 1200
-"""Trees that are handed on, from all generations."""
+"""Trees that the search returns, from all generations."""
 _MOST_CHANGES = 3
 _SEED = 1
 
@@ -65,7 +71,7 @@ def _bred_trees(brief: Brief) -> Trees:
 
 
 def _plans(trees: Trees, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-    """Plans of some trees, with the space that walls take about corrected, and their costs."""
+    """Returns the plans of some trees, corrected approximately for the area of walls, and their costs."""
     ratios = np.full(trees.plans, np.exp(evaluator.footprint))
     walls = np.repeat(evaluator.walls, trees.plans, axis=1)
     rough = cut(trees, evaluator.areas * np.exp(walls), ratios)
@@ -76,7 +82,7 @@ def _plans(trees: Trees, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
 
 
 def _cheapest_of_each(costs: Floats, forms: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The cheapest plan of each form, cheapest first."""
+    """Returns the indices of the cheapest plan of each form, cheapest first."""
     order = np.argsort(costs, kind="stable")
     _, first = np.unique(forms[order], return_index=True)
     return order[np.sort(first)]
@@ -87,7 +93,7 @@ def _joined(some: list[Trees]) -> Trees:
 
 
 def _random_trees(rooms: int, dice: np.random.Generator) -> Trees:
-    """Trees of random shapes, with rooms in random orders and cuts in random directions."""
+    """Makes slicing trees of random shapes, with rooms in random orders and cuts in random directions."""
     firsts: list[NDArray[np.intp]] = []
     seconds: list[NDArray[np.intp]] = []
     for _ in range(_SHAPES):
@@ -101,7 +107,7 @@ def _random_trees(rooms: int, dice: np.random.Generator) -> Trees:
 
 
 def _random_shape(rooms: int, dice: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The children of the cuts of a random tree, each cut after the one that makes its rectangle."""
+    """Returns the children of the cuts of a random tree; each cut comes after the one that makes its rectangle."""
     first, second = np.zeros((2, rooms - 1), np.intp)
     cuts = 0
 
@@ -119,7 +125,7 @@ def _random_shape(rooms: int, dice: np.random.Generator) -> tuple[NDArray[np.int
 
 
 def _changed(trees: Trees, chosen: Flags, dice: np.random.Generator) -> Trees:
-    """The trees, of which the chosen ones are changed in one way, by chance."""
+    """Returns the trees with one random change in each of the chosen ones."""
     kind = dice.integers(0, 4, trees.plans)
     trees = _with_swapped_rooms(trees, chosen & (kind == 0), dice)
     trees = _with_turned_cut(trees, chosen & (kind == 1), dice)
@@ -139,7 +145,7 @@ def _with_swapped_rooms(trees: Trees, chosen: Flags, dice: np.random.Generator) 
 
 
 def _some_cut(trees: Trees, chosen: Flags, dice: np.random.Generator) -> Flags:
-    """Mask of one cut of each chosen tree: (cut, tree)."""
+    """Returns a mask of one random cut of each chosen tree, shape (cut, tree)."""
     cuts = len(trees.first)
     return (np.arange(cuts)[:, None] == dice.integers(0, cuts, trees.plans)) & chosen
 
@@ -156,7 +162,10 @@ def _with_mirrored_cut(trees: Trees, chosen: Flags, dice: np.random.Generator) -
 
 
 def _with_rotation(trees: Trees, chosen: Flags, dice: np.random.Generator) -> Trees:
-    """The trees, of which the chosen ones have (a, b), c become a, (b, c) at a cut, where the order of cuts allows."""
+    """Returns the trees with a rotation at one cut of each chosen tree.
+
+    ((a, b), c) becomes (a, (b, c)) where the order of cuts allows.
+    """
     rooms, columns = trees.leaves, np.arange(trees.plans)
     upper = dice.integers(0, rooms - 1, trees.plans)
     lower, beside = trees.first[upper, columns], trees.second[upper, columns]

@@ -1,4 +1,6 @@
-"""Plans whose outline is a clean L, T or U: a rectangle cut into the rooms and one or two notches, which no room has.
+"""Floor plans whose outline is a clean L, T or U: a rectangle divided into rooms and one or two empty notches.
+
+Notches allow room shapes that a full rectangle does not, and the outline is still one that people build.
 
 Notches make room shapes possible that no rectangle has, and the outline stays one that people build.
 """
@@ -15,16 +17,16 @@ from .partition_shortlist import Shortlist, Variants, best_first, most_different
 from .plan_signature import is_plain
 
 _TREES = 24_000
-"""About how many trees with a notch are cut: with more, a search takes notably longer."""
+"""Approximate number of trees with a notch that are evaluated; with more, a search takes notably longer."""
 
 _BRED = 300
-"""Trees of many rooms that get notches, the best ones."""
+"""Number of the best trees of many rooms that get notches."""
 
 _SETTLED, _REFINED = 960, 240
-"""Plans whose walls are taken into account, and of these, plans that are refined; the best ones."""
+"""Numbers of best plans: those whose walls are taken into account, and of these, those that are refined."""
 
 _SHARES = (-0.5, 0.5)
-"""Logarithms of a notch's area over the usual one to begin with."""
+"""Initial sizes of a notch, as logarithms of its area over the usual one."""
 
 
 @lru_cache(maxsize=64)
@@ -50,7 +52,7 @@ def notched_shortlists(brief: Brief) -> list[Shortlist]:
 
 
 def _best_begun(evaluator: BatchEvaluator, plain: Variants) -> Variants:
-    """The best plans whose last notch is rather small, or rather large."""
+    """Returns the best plans, each with its last notch either rather small or rather large."""
     plans = plain.trees.plans
     twice = plain.take(np.tile(np.arange(plans), len(_SHARES)))
     notch = np.repeat(_SHARES, plans)[None]
@@ -71,7 +73,7 @@ def _different(evaluator: BatchEvaluator, some: Variants) -> Variants:
 
 @cache
 def notched_trees(rooms: int) -> Trees:
-    """Enumerates trees with a notch as the last leaf; of many rooms, so many that they are quickly cut.
+    """Enumerates slicing trees whose last leaf is a notch; for many rooms, a random part that can be evaluated quickly.
 
     Args:
         rooms: how many rooms there are, two to six.
@@ -85,7 +87,7 @@ def _with_notches(trees: Trees) -> Trees:
 
 
 def with_notch(trees: Trees, notch: int | None = None) -> tuple[Trees, NDArray[np.intp]]:
-    """Puts a notch into each tree in all ways: at a corner of the rectangle, or in the midst of a side.
+    """Adds a notch to each tree in all ways: at a corner of the rectangle, or in the middle of a side.
 
     Args:
         trees: the trees.
@@ -106,7 +108,10 @@ def with_notch(trees: Trees, notch: int | None = None) -> tuple[Trees, NDArray[n
 
 
 def _touched(trees: Trees) -> Flags:
-    """Mask of the sides of the whole that a node reaches: (node, west-east-south-north, tree)."""
+    """Returns a mask of the sides of the whole rectangle that each node touches.
+
+    (node, west-east-south-north, tree).
+    """
     found = np.zeros((2 * trees.leaves - 1, 4, trees.plans), bool)
     found[trees.leaves] = True
     columns = np.arange(trees.plans)
@@ -121,12 +126,12 @@ def _touched(trees: Trees) -> Flags:
 
 
 def _with_notch(trees: Trees, node: int, side: int) -> Trees:
-    """The trees with a node cut in two, of which one part is the notch, on one side: west, east, south or north."""
+    """Splits one node of the trees in two, of which the part on one side (west, east, south or north) is the notch."""
     leaves = trees.leaves
     at = node - leaves if node >= leaves else leaves - 1
 
     def moved(nodes: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Numbers of nodes once there is one leaf more, and one cut more at `at`."""
+        """Returns the new numbers of nodes after one leaf was added, and one cut at position `at`."""
         return np.where(nodes < leaves, nodes, nodes + 1 + (nodes - leaves >= at))
 
     first, second = (np.where(part == node, leaves + 1 + at, moved(part)) for part in (trees.first, trees.second))

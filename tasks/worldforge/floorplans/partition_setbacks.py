@@ -23,7 +23,7 @@ from .partition_shortlist import (
 )
 
 RATIO_MARGIN = 0.9 * RATIO_TOLERANCE
-"""Largest deviation of the logarithm of a ratio that is tried; rounding to units comes on top."""
+"""Largest deviation of an aspect ratio's logarithm that is tried; rounding to grid units is added to it."""
 
 _BENT_AREA = 0.015
 _BENT_RATIO = 0.03
@@ -32,15 +32,21 @@ _SET_BACK = 0.3
 _EMPTY_SHARE = 1.5
 _EXTRA_OUTLINE = 2.0
 _ENCLOSED = 20.0
-"""Cost of an outline that is no rectangle, of its empty share, of outer walls beyond those of the rectangle, and of a
-yard that has no open side."""
+"""Costs of outlines that are no rectangle.
+
+They are: the cost of not being a rectangle, per empty share, per outer wall beyond those of the rectangle, and of a
+yard without an open side.
+"""
 
 _JUDGED = 4800
 _REFINED = 240
 _STEPS = (0.08, 0.04, 0.02)
 _USUAL_WALLS = 2.6
 _BEGINNINGS = 40_000
-"""About how many trees are put together: with rooms turned in all ways, or each tree in others than its neighbours."""
+"""Approximate number of candidates to begin with.
+
+Trees with rooms turned in all ways, or in other ways than in the trees before.
+"""
 
 _LEAST_TURNS = 3
 
@@ -50,13 +56,13 @@ class Setbacks(NamedTuple):
 
     trees: Trees
     lying: Flags
-    """Whether a room's longer side lies along x: (room, plan)."""
+    """Whether a room's longer side is along x, shape (room, plan)."""
     areas: Floats
-    """Logarithm of each floor's area over its preferred area."""
+    """Logarithm of each room's floor area over its preferred area."""
     ratios: Floats
-    """Logarithm of each floor's ratio over the one it may have."""
+    """Logarithm of each room's aspect ratio over the preferred one."""
     walls: Floats
-    """Length that walls add to the sides of floors, in units: (axis, room, plan)."""
+    """Length that walls add to the sides of floors, shape (axis, room, plan), in grid units."""
 
     def take(self, columns: NDArray[np.intp]) -> "Setbacks":
         """Returns the selected candidates, in the order given."""
@@ -169,7 +175,7 @@ def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
 
 
 def _shared(cuts: Cuts) -> Floats:
-    """Length of all borders that two rooms share, per plan."""
+    """Returns the total length of borders that two rooms share, per plan."""
     rooms = cuts.low.shape[1]
     one, other = np.triu_indices(rooms, 1)
     overlap = np.minimum(cuts.high[:, one], cuts.high[:, other]) - np.maximum(cuts.low[:, one], cuts.low[:, other])
@@ -192,7 +198,7 @@ def setback_shortlist(brief: Brief) -> Shortlist:
 
 
 def _beginnings(trees: Trees) -> Setbacks:
-    """All trees with rooms turned either way."""
+    """Returns the candidates to begin with: all trees, with rooms turned either way."""
     rooms = trees.leaves
     turns = np.array([*product((False, True), repeat=rooms)])
     each = min(len(turns), max(_LEAST_TURNS, _BEGINNINGS // trees.plans))
@@ -205,7 +211,7 @@ def _beginnings(trees: Trees) -> Setbacks:
 
 
 def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
-    """Bends ratios and areas, within their margins, one at a time, as long as it makes the shapes better."""
+    """Changes ratios and areas within their margins, one at a time, as long as the cost of shapes falls."""
     found = start
     for step in _STEPS:
         cost = found.rough_cost(evaluator)
@@ -222,7 +228,7 @@ def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
 
 
 def _better(evaluator: BatchEvaluator, found: Setbacks, cost: Floats, tried: Setbacks) -> tuple[Setbacks, Floats]:
-    """Keeps the cheaper of the plans found and tried, column by column, with its cost."""
+    """Returns the cheaper of two plans, column by column, and its cost."""
     costs = tried.rough_cost(evaluator)
     # Rounded: another machine's last digit has to make no difference.
     better = np.round(costs - cost, 6) < 0

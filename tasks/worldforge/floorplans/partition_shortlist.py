@@ -1,4 +1,6 @@
-"""The best plans of rooms that fill a rectangle: all slicing trees are cut, the best ones refined and judged.
+"""Shortlist of the best floor plans that fill a rectangle: all slicing trees are evaluated, the best ones refined.
+
+Nothing here is random, so a process computes it once per brief, however many worlds it makes.
 
 Nothing here is left to chance, so a process works it out once per brief, however many worlds it makes.
 """
@@ -16,21 +18,21 @@ from .partition_evolution import trees_of
 from .plan_signature import forms_of, has_small_steps, is_plain
 
 AREA_MARGIN = 0.03
-"""Largest deviation of the logarithm of a floor's area from its preference; rounding to units comes on top."""
+"""Largest deviation of a floor area's logarithm from its preference; rounding to grid units is added to it."""
 
 _REFINED = 240
-"""Trees that are refined, the best ones as first cut."""
+"""Number of the best trees that are refined, by their cost when first divided."""
 
 _STEPS = (0.12, 0.06, 0.03)
 _NOTCH_STEPS = 4
-"""Factor of the steps of a notch's area, which may become anything."""
+"""Factor of the step size for a notch's area, as a notch may have any size."""
 
 _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
-"""Further outlines to begin with (logarithm of the ratio over the preferred one) where there are few rooms."""
+"""Further footprints to begin with for few rooms, as logarithm of the ratio over the preferred one."""
 
 _FEW_ROOMS = 5
 SETTLINGS = 2
-"""Number of times that a plan is cut again after measuring the area that walls take."""
+"""Number of times that a plan is divided again after the area that walls take was measured."""
 
 _BENT_AREA = 0.015
 _BENT_FOOTPRINT = 0.03
@@ -53,23 +55,26 @@ class Plans(Protocol):
 
 
 LEAST_EDGE = 16
-"""Shortest edge of an outline, in units."""
+"""Shortest allowed edge of a building's outline, in grid units."""
 
 NOTCH_SHARE = 0.12
-"""Usual area of a notch over that of all floors."""
+"""Usual area of a notch, as a share of all floor areas."""
 
 
 class Variants(NamedTuple):
     """Candidate floor plans that fill a rectangle, or one with notches: slicing trees with room areas and ratios."""
 
     trees: Trees
-    """The cuts; notches are the leaves after the rooms."""
+    """Slicing trees; notches are the leaves after the rooms."""
     areas: Floats
-    """Logarithm of each floor's area over its preferred area, and of a notch's over the usual one: (leaf, plan)."""
+    """Logarithm of each floor area over its preferred area, and of a notch's area over the usual one.
+
+    Shape (leaf, plan).
+    """
     footprint: Floats
-    """Logarithm of the extent along x over that along y."""
+    """Logarithm of the footprint's extent along x over that along y."""
     walls: Floats
-    """Logarithm of each leaf's area between the centre lines of its walls over that of its floor."""
+    """Logarithm of each leaf's area between wall centre lines over its floor area."""
 
     def take(self, columns: NDArray[np.intp]) -> "Variants":
         """Returns the selected candidates, in the order given."""
@@ -119,15 +124,15 @@ class Shortlist(NamedTuple):
     """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
     tried: int
-    """Number of compared plans."""
+    """Number of plans that were compared."""
     forms: NDArray[np.int64]
-    """Numbers of the plans' forms; see `plan_signature`."""
+    """Number of each plan's form (who touches whom); see `plan_signature`."""
     plain: Flags
-    """Whether the outline is a rectangle or a clean L, T or U."""
+    """Whether each plan's outline is a rectangle or a clean L, T or U."""
     off: Floats
-    """Largest deviation of the logarithm of a room's ratio from the preferred one."""
+    """Largest deviation of a room's aspect ratio (as logarithm) from the preferred one, per plan."""
     togetherness: Floats
-    """Cost of dark rooms, and of rooms that lie beside others than they should."""
+    """Cost of rooms without daylight and of unsuitable neighbours, per plan."""
 
 
 def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
@@ -146,7 +151,7 @@ def shortlist(brief: Brief) -> Shortlist:
 
 
 def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist:
-    """Returns the valid ones of some candidate plans, cheapest first."""
+    """Returns a shortlist of the valid plans among some candidates, cheapest first."""
     cuts, nature = plans.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
@@ -191,7 +196,7 @@ def most_different(cuts: Cuts, cost: Floats, most: int) -> NDArray[np.intp]:
 
 
 def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:
-    """The most promising trees with the preferred areas."""
+    """Returns the most promising slicing trees, with the preferred areas."""
     footprints = evaluator.footprint + np.array([0.0, *(_OTHER_FOOTPRINTS if few else ())])
     columns = np.tile(np.arange(trees.plans), len(footprints))
     every = Variants(
@@ -210,7 +215,7 @@ def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Varian
 
 
 def refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
-    """Bends areas, within their margin, and outlines, one at a time, as long as it makes the shapes better."""
+    """Changes room areas (within their margin) and footprints, one at a time, as long as the cost of shapes falls."""
     leaves, plans = start.areas.shape
     rooms = len(evaluator.areas)
     both = np.tile(np.arange(plans), 2)

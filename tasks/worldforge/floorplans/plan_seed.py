@@ -1,28 +1,30 @@
-"""The seed of a floor plan: one whole number that says which plan of which order it is."""
+"""Seed of a floor plan: a whole number that says which plan it is, in which random order of a template's plans."""
 
 from typing import NamedTuple
 
 _PLANS_PER_ORDER = 2**12
-"""Seeds of floor plans that share an order; a job has 50 floor plans at most, unless it is allowed more."""
+"""Number of seeds for one random order of plans; a job has 50 floor plans at most, unless it is allowed more."""
 
 _FROM_BEST = 2**45
-"""Seeds from here on mean the best plan. Those below hold an order (32 bits) and a plan's number (12 bits); the last
-order may run on."""
+"""Smallest seed that means the best plan.
+
+Seeds below it consist of an order (32 bits) and a plan's number in it (12 bits); the last order may have more numbers.
+"""
 
 
 class PlanSeed(NamedTuple):
     """Meaning of the seed of a floor plan: which plan of which order, or the best one."""
 
     order: int
-    """Seed of an order of all plans that a template has."""
+    """Seed of the random order of all plans that a template has."""
     rank: int
-    """Number of plans that come before it, from 0."""
+    """Position of the plan in that order, from 0."""
     diverse: bool
-    """Whether plans differ; otherwise each is the best one, with sizes of its own."""
+    """Whether plans differ; otherwise each is the best one with other sizes."""
 
     @classmethod
     def of(cls, seed: int) -> "PlanSeed":
-        """Reads a seed, which is any whole number from 0."""
+        """Converts a seed (any whole number from 0) to an order and a plan's position in it."""
         return cls(*divmod(seed % _FROM_BEST, _PLANS_PER_ORDER), diverse=seed < _FROM_BEST)
 
     @property

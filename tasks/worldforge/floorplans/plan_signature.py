@@ -1,4 +1,4 @@
-"""Signatures of plans: two plans are the same if they have the same one, however they are turned and mirrored.
+"""Signatures of floor plans: two plans with equal signatures count as the same, even if turned or mirrored.
 
 A signature says which rooms touch on which sides, which pairs of rooms have doors or openings, and how many corners the
 outline has. Sizes are no part of it. The form of a plan is its signature without the doors, which are chosen last.
@@ -20,11 +20,11 @@ from .partition import UNITS_PER_M, Corners, contacts
 from .partition_costs import Cuts, Flags, Floats
 
 _KEY_CHARACTERS = 12
-"""Hexadecimal digits of a key: two of a million plans share one with a chance of one in five hundred."""
+"""Hexadecimal digits of a signature's key: two of a million plans share a key with a chance of one in five hundred."""
 
 
 _MOST_PAIRS = 21
-"""Pairs of rooms, those of seven rooms, whose sides fit into a whole number of 64 bits, with the outline's corners."""
+"""Limit of the pairs of rooms (of seven rooms) whose sides, with the number of corners, fit into a 64-bit integer."""
 _WEIGHTS_SEED = 1
 
 
@@ -47,22 +47,22 @@ _TURNS = (
     (0, 3, 4, 2, 1),
     (0, 4, 3, 2, 1),
 )
-"""The eight ways to turn and mirror a plan, each as what becomes of no side, east, west, north and south."""
+"""The eight rotations and reflections of a plan: the new side for no side, east, west, north and south."""
 
 
 class PlanSignature(NamedTuple):
     """Everything that has to be equal in two plans that count as the same."""
 
     touches: tuple[tuple[int, int, int], ...]
-    """Pairs of rooms by number, the lower first, with the side of the first on which the second touches it."""
+    """Pairs of rooms by number, lower first, and the side of the first room on which the second touches it."""
     doors: tuple[tuple[int, int], ...]
-    """Pairs of rooms that a doorway or an opening joins."""
+    """Pairs of rooms that a doorway or an opening connects."""
     corners: int
-    """Corners of the outline."""
+    """Number of corners of the outline."""
 
     @property
     def key(self) -> str:
-        """A short text that is the same for equal signatures only, in hexadecimal digits."""
+        """Returns a short hexadecimal text that is equal for equal signatures, and practically never for others."""
         return hashlib.sha256(json.dumps(self).encode()).hexdigest()[:_KEY_CHARACTERS]
 
 

@@ -1,4 +1,4 @@
-"""Outcome of every preference about the floor plan: satisfied, missed or contradictory, with numbers."""
+"""Report of the floor plan preferences of a template: satisfied, missed or contradictory, with numbers."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -31,9 +31,11 @@ _FORBIDDEN = (
     "ad ae af bd be bf cd ce cf",
     "ac ad ae af bc bd be bf ce cf de df",
 )
-"""The smallest sets of rooms and walls between them that no rectangle cut into rectangles has: four that all
-touch each other; two that touch, with three more that touch both; three that each touch three others; and six that
-each touch all but one."""
+"""Smallest sets of connections that no division of a rectangle into rectangles has.
+
+They are: four rooms that all touch each other; two that touch, with three more that touch both; three that each touch
+three others; and six that each touch all but one.
+"""
 
 
 def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
@@ -55,7 +57,15 @@ def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
 def _placed(
     walls: Sequence[str], rooms: Sequence[int], requests: Collection[Pair], before: dict[str, int]
 ) -> Iterator[dict[str, int]]:
-    """Rooms in place of the letters of some walls, so that each wall is requested; rooms of low numbers come first.
+    """Yields assignments of rooms to the letters of a forbidden pattern such that each of its walls is requested.
+
+    Rooms of low numbers come first.
+
+    Args:
+        walls: pairs of letters.
+        rooms: numbers of rooms.
+        requests: pairs of rooms, lower number first.
+        before: rooms that are assigned to the first letters already.
 
     Args:
         walls: pairs of letters.
@@ -121,11 +131,11 @@ def way_of(brief: Brief, pair: Pair) -> int:
 
 
 FOOTPRINT = 0
-"""The number of the footprint's ratio among the preferences."""
+"""Number of the preferred footprint ratio among all preferences."""
 
 
 def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
-    """Mask of the preferences of shape that the plan itself misses; requested ways count as satisfied."""
+    """Returns a mask of the shape preferences that a plan misses; requested connections count as satisfied."""
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     rooms = len(brief.ratios)
@@ -137,7 +147,7 @@ def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
 
 
 def _names(brief: Brief) -> list[str]:
-    """The preferences in the order of the search, in words."""
+    """Returns the descriptions of all preferences of the floor plan, in the order in which they are numbered."""
     ratios = [f"the aspect ratio {ratio:.2f} of {name}" for name, ratio in zip(brief.names, brief.ratios, strict=True)]
     areas = [f"the area of {name}" for name in brief.names]
     pairs = [f"the way between {brief.names[low]} and {brief.names[high]}" for (low, high), _, _ in brief.requests]

@@ -1,4 +1,4 @@
-"""Walls around and between rooms of any rectilinear shapes, cut at passages, and windows in them.
+"""Computes walls around and between rooms of any rectilinear shape, cut at doorways, and windows in them.
 
 Every wall is the box from its start to its end, `thickness_m` wide; nothing is added at the ends. The boxes meet at
 corners without overlap and without gap: at each junction the thickest wall owns the square, then one that passes
@@ -71,6 +71,14 @@ class Walls:
         rooms: corners of the rooms.
 
     Attributes:
+        contacts: shared walls of two rooms.
+        sides: walls to the outside.
+        around: walls to the outside from corner to corner, each with its room to the left.
+
+    Args:
+        rooms: corners of the rooms.
+
+    Attributes:
         contacts: what two rooms share.
         sides: what faces the outside.
         around: the same from end to end, each with its room to the left.
@@ -114,7 +122,10 @@ class Walls:
             yield Piece(run.horizontal, run.at, start, end, run.thickness, run.rooms, False)
 
     def _inset(self, run: Run, at: int, *, ahead: bool) -> int:
-        """Length by which a run ends before the junction at one of its ends, in units; negative: after it."""
+        """Returns the length by which a wall ends before the junction at one of its ends, in grid units.
+
+        Negative: after it.
+        """
         arms = self._arms[run.node(at)]
         along = {each: arms.get((run.horizontal, each), 0) for each in (True, False)}
         across = [arms.get((not run.horizontal, each), 0) for each in (True, False)]
@@ -128,7 +139,10 @@ class Walls:
 
 
 def _owns(horizontal: bool, along: Sequence[int], across: Sequence[int]) -> bool:
-    """Whether the walls along an axis own a junction: the thickest, then those that pass, then the level ones."""
+    """Whether walls along one axis fill a junction's square.
+
+    The thickest do, then those that pass through, then horizontal ones.
+    """
     mine, others = (
         (max(arms), min(arms) == max(arms), level) for arms, level in ((along, horizontal), (across, not horizontal))
     )
@@ -149,9 +163,9 @@ class FloorShape(NamedTuple):
     """Size and shape of a room's floor, inside the walls."""
 
     area: float
-    """Square grid units."""
+    """Floor area in square grid units."""
     ratio: float
-    """Length over width."""
+    """Length over width of the floor."""
 
 
 @lru_cache(maxsize=16)
@@ -167,7 +181,9 @@ def floor_shapes(plan: Partition) -> tuple[FloorShape, ...]:
 
 
 def _floor_sides(plan: Partition) -> list[tuple[float, float]]:
-    """Extents of the floors of rectangular rooms along x and y, in grid units.
+    """Returns the extents of the floors of rectangular rooms along x and y, in grid units.
+
+    A side that is partly an outer wall counts as shorter by the floor area lost there, as in the search for plans.
 
     A side of which a part is an outer wall counts as much less as the floor loses there, as in the search.
     """

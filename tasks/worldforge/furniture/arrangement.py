@@ -54,7 +54,7 @@ _LARGE: dict[RoomType, tuple[tuple[float, tuple[str, ...]], ...]] = {
     "Living": ((30.0, ("Desks", "DeskChairs", "Bookcases")), (45.0, _DINING)),
     "Kitchen": ((20.0, _DINING),),
 }
-"""Smallest floor area, in square metres, of a room with a corner to work and read in, or to dine in."""
+"""Smallest floor area (m2) from which a room also gets a work corner, a reading corner or a dining table."""
 
 _DINES_FROM_M2 = 16.0
 """Smallest floor area of a living room with a dining table beside sofa and television, in square metres."""

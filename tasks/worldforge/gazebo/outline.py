@@ -183,7 +183,10 @@ def _squared(polygon: Sequence[Point]) -> list[Point]:
 
 
 def _goal(grid: OccupancyGrid, inside: NDArray[np.bool_], middle: Point) -> Point:
-    """A spot near the middle that a disc of 30 cm reaches, else one of 20 cm, else the middle."""
+    """Chooses a goal near the middle of a room that a robot of 30 cm radius reaches.
+
+    Otherwise it is a point that a robot of 20 cm radius reaches, otherwise the middle.
+    """
     for radius_m in (0.3, ROBOT_RADIUS_M):
         reached, _ = reached_cells(grid, radius_m)
         if (spot := nearest_cell(reached & inside, grid, middle)) is not None:

@@ -388,9 +388,9 @@ class RoomFurnishing:
             yield Group(self._alone(kind, rule, style))
 
     def _free_partners(self, kind: str, rule: Rule, partners: list[Furniture]) -> list[Furniture]:
-        """Returns the furnishings without such a companion: no sofa gets two lamps while another has none.
+        """Returns the pieces that still have no companion of this kind.
 
-        Tables come with those first that have the fewest chairs.
+        So no sofa gets two lamps while another has none. Tables with the fewest chairs come first.
         """
         there = self.placed(kind)
         if rule.relation == "around":

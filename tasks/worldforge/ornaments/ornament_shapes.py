@@ -62,7 +62,7 @@ def bevelled(size: Vector, radius: float) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _rounded() -> tuple[Floats, Floats, Ints]:
-    """The octant of each point of a rounded box, the direction in which its edge bulges there, and the triangles."""
+    """Returns for each vertex of a rounded box its octant and its bulge direction, and the triangles."""
     # The second and third of four rows are where the rounding begins.
     points, triangles = _cube(np.array([-1.0, -0.5, 0.5, 1.0]))
     signs = np.sign(points)
