@@ -6,13 +6,6 @@ task runs in them: `sweep` does. A process that only slept, or was stopped, sets
 
 Silence is no proof: a process may have ended while the server was away. So `tell_ends` looks up how runs ended, and
 sets that state; `close_unheard` looks it up before it closes one.
-
-A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server; `close_unheard`
-closes those that the automation missed, as one that died before its first sign had arrived. Nothing in Prefect closes
-what ran in them: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
-
-Silence is no proof: a process may have come to its end while the server was away. So `tell_ends` asks those who know
-how runs ended, and gives them that state; `close_unheard` asks before it closes one.
 """
 
 import logging

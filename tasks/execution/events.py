@@ -3,10 +3,6 @@
 Prefect's page *Event Feed* shows them with their flow runs, and automations can wait for them. Events only inform:
 nothing is decided from them, and outside a flow run none is sent. Prefect is imported only when an event is sent,
 because `robomaker plan --reuse` imports world generation, and must answer at once.
-
-Prefect's page *Event Feed* shows them, each with its flow run, and automations can wait for them. Events only inform:
-nothing is decided from them, and outside a flow run none is sent. Prefect is imported when there is something to tell:
-`robomaker plan --reuse` imports what generates worlds, and has to answer at once.
 """
 
 from collections.abc import Mapping

@@ -57,9 +57,6 @@ def _in_one_line(record: logging.LogRecord) -> bool:
 
     A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
     night in a worker's log would hide those that are.
-
-    A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
-    night in a worker's log would hide those that are.
     """
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, RobomakerError):
@@ -129,8 +126,6 @@ def started_by_worker() -> bool:
     """Whether a Prefect worker, or `serve` of a flow, started this process for one flow run.
 
     Child processes inherit its variables, so they are told apart by their main module.
-
-    What such a process starts inherits its variables, and is told apart by its main module.
     """
     main = getattr(sys.modules["__main__"], "__spec__", None)
     return "PREFECT__FLOW_RUN_ID" in os.environ and main is not None and main.name.startswith("prefect.")

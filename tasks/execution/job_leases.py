@@ -304,15 +304,6 @@ def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) ->
     Raises:
         ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
             accepts no change.
-
-    Args:
-        work: runs the job from its current state to a terminal state.
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
-
-    Raises:
-        ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
-            takes no change.
     """
     wait = CatalogWait.of(lease, service)
     while not is_terminal(lease.job.kind, lease.job.status):

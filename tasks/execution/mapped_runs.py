@@ -259,10 +259,6 @@ class _MapRun:
     Args:
         items: the calls, at least one.
         summary: makes the text of its final state.
-
-    Args:
-        items: at least one.
-        summary: what its state says.
     """
 
     def __init__(self, items: Sequence[Item], summary: Summary) -> None:

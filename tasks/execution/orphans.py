@@ -4,10 +4,6 @@ A process whose Prefect worker was killed lives on, and cannot be cancelled any 
 job, as leases in the catalog say which process runs a job. So the orphan releases its leases, and ends as if it had
 been killed; simulations and world builders die with it. The same is done in a job worker's process that is cancelled or
 told to end.
-
-One whose Prefect worker was killed lives on, and cannot be cancelled any more. The death of its worker frees no job:
-leases in the catalog say whose a job is. So the orphan releases its leases, and ends as if it had been killed;
-simulations and world builders die with it. So does a job worker's process that is cancelled or told to end.
 """
 
 import logging
@@ -82,9 +78,6 @@ def wait_if_ending() -> None:
 
     A run whose leases were released fails or is interrupted in its own thread, while Prefect is informed for some
     seconds. The run itself has not ended, as another process finishes it, so nothing may be recorded.
-
-    A run whose leases were given back fails or is interrupted in its own thread, while Prefect is told of the end for
-    seconds. That is no end of the run, which another process finishes: nothing of it may be written down.
     """
     if _ending.is_set():
         threading.Event().wait()

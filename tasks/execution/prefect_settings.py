@@ -1,8 +1,6 @@
 """Gives new threads the Prefect settings of the process, and not those of the flow that starts them.
 
 A copy of the flow's whole context would not work: the client in it belongs to the flow, and ends with it.
-
-A flow's whole context would not do: the client in it belongs to the flow, and ends with it.
 """
 
 from collections.abc import Callable, Generator

@@ -4,11 +4,6 @@ Prefect's own heartbeats make every flow wait a second at its end, and come ever
 have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) ignores flows of others. A run
 that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and stops it. A process
 that slept, or was stopped, for so long that its runs were closed as dead sets them back to running.
-
-Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. Ours cost nothing, and
-have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) leaves the flows of others
-alone. A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and
-passes it on. A process that slept, or was stopped, for so long that its runs were closed as dead takes them back.
 """
 
 import logging
@@ -180,9 +175,6 @@ class RunWatch:
 
         Only leases decide which process does the work: a run whose job another worker has taken meanwhile stays closed.
         So does one that has ended since `runs` was looked up: it sets its own end state.
-
-        Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed. So
-        does one that has come to its end since `runs` was looked up: it says so itself.
         """
         for run, watched in runs.items():
             closed = closed_as_dead(client, {run, *watched.parts})

@@ -7,14 +7,6 @@ skipped.
 
 Prefect gives a free slot to whichever waiting run asks first, so that a later night might begin before an earlier one.
 So a run that began before an earlier one gives its slot back and waits again.
-
-One run of a deployment at a time: a night that is due while the last one runs waits for it. A night that begins too
-late, since it waited so long or the machine slept, is skipped, so that several missed nights are made up for by one.
-Prefect's other choice, to cancel what is due while another runs, would lose nights that were missed together: the
-oldest would take the slot only to be skipped.
-
-Prefect gives a free place to whichever waiting run asks first, so that a later night might begin before an earlier one.
-A run that began before one that was due earlier therefore gives its place back and waits again.
 """
 
 import logging
@@ -51,8 +43,6 @@ _GONE_AFTER = timedelta(seconds=90)
 
 A worker tries within 15 s, on a busy machine later. A run that is not tried for longer has no worker, or its queue is
 paused; other runs do not wait for it.
-
-A run that is not tried for longer has no worker, or its queue is paused: it holds no other run.
 """
 
 _AFTER_IT = timedelta(seconds=30)

@@ -3,9 +3,6 @@
 Each contains an application's archive. A file is made once for an archive, version, key and folder on the robot. In the
 object store, `robots/` has the files under their hashes, and a record under the hash of those four, as JSON, that names
 the file.
-
-A file is made once for an archive, a version, a key and a folder on the robot. In the object store, `robots/` has the
-files under their hashes, and under the hash of all that, as JSON, which file it is.
 """
 
 import hashlib

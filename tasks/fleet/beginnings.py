@@ -2,9 +2,6 @@
 
 A robot with an order that it has not answered first gets the cancellation of that order. The new rollout waits for the
 answer, and the earlier one no longer does.
-
-A robot with an order that it has not answered gets that one's cancellation first. The rollout that begins waits for the
-answer; the earlier one has nothing to wait for then.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -99,11 +99,6 @@ class DeploymentRun:
         lease: the right to change the job.
         service: the service, with its catalog and object store.
         sleep: waits, in seconds.
-
-    Args:
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
-        sleep: waits, in seconds.
     """
 
     def __init__(self, lease: Lease, service: Service, sleep: Callable[[float], None] = time.sleep) -> None:
@@ -162,10 +157,6 @@ class DeploymentRun:
         """Waits until the simulation batch that the job requires has passed, and signs the attestation.
 
         Returns if canceled.
-
-        Raises:
-            DeploymentError: the batch has not passed, and cannot pass any more.
-            StateConflictError: the lease was lost, or the job was ended.
 
         Raises:
             DeploymentError: the batch has not passed, and cannot pass any more.

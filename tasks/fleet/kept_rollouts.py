@@ -3,10 +3,6 @@
 Any process may do this, several at once: a rollout is stored only if no other changed it meanwhile, and applied events
 are removed with it. Normally the run of the deployment job does it; calls that stop a deployment do it at once, and
 after the job's end, robots' reports cause it.
-
-Any process may do this, several at once: a rollout is stored only if no other changed it meanwhile, and events that
-count are removed with it. Normally the run of the deployment job does it; calls that stop a deployment do it at once,
-and once the job has ended, what a robot reports does it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -240,8 +236,6 @@ def has_orders(rollout: Rollout) -> bool:
     """Whether robots of the rollout have orders, may still get some, or have to be rolled back.
 
     Robots that were deleted do not count, as they answer nothing.
-
-    A robot that was deleted answers none.
     """
     return (
         rollout.status == "InProgress"
@@ -295,8 +289,6 @@ def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = 
     """Returns the open rollouts, after applying late reports about deployments that have ended.
 
     No run applies these reports any more. All are applied together, since each time the whole rollout is read.
-
-    No run takes that in any more. It is done for all reports together, since each time the whole rollout is read.
     """
     catalog = service.catalog
     for job in catalog.get_many(Rollouts(catalog).jobs_with_events()).values():

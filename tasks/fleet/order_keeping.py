@@ -4,11 +4,6 @@ A robot has one order at a time, and the oldest comes first: a cancelled order i
 answered, also when another rollout has an order for it. An order that the robot closed does not come back while the
 catalog is a moment behind. An order that is held back, since its rollout is paused or no maintenance window is open, is
 not in the table until it is released, unless the robot has read it.
-
-A robot has one order at a time, and the oldest comes first: an order that is to be given up is there until the robot
-has answered, also when another rollout has one for it. What the robot closed in the table does not come back while the
-catalog is a moment behind. An order that is held back, since its rollout is paused or no maintenance window is open, is
-not there until it is let go, unless the robot has read it.
 """
 
 import threading

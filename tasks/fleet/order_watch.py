@@ -1,8 +1,6 @@
 """Thread that polls the catalog, so that robots and orders in memory match the stored ones.
 
 It also completes the rollouts of ended jobs, as no run does.
-
-It tends the rollouts of ended jobs besides: no run does.
 """
 
 import logging

@@ -47,14 +47,6 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
 
     Returns:
         The deleted files as one item, and notes about files that could not be judged.
-
-    Args:
-        policy: says how many of the newest deployments of each fleet keep their files.
-        service: the service, with its catalog and object store.
-        act: whether they are removed; otherwise it is only said what would be.
-
-    Returns:
-        What goes, as one item, and what else is to be known.
     """
     keep = policy.keep_deployments
     if keep is None:

@@ -147,8 +147,6 @@ class BatchRun:
         """Ends a batch that has to stop, and those of its jobs that no job worker holds.
 
         Jobs that other workers run are cancelled; the batch is then left to the next job worker.
-
-        Jobs that others perform are cancelled; the batch is then left to the next job worker.
         """
         self._note_stop()
         if self._stop_remaining_jobs():
@@ -237,9 +235,6 @@ class BatchRun:
 
         It creates some more jobs than may run, so that a worker that has ended one finds the next; and as many jobs may
         finish (draw and upload) as may run.
-
-        Some more are made than may run, so that a worker that has ended one finds the next; beside as many as may run,
-        as many finish.
         """
         awaited, broken = AwaitedJobs(self._service.catalog, self._arn), threading.Event()
         wait = WorkerWait()
@@ -297,9 +292,6 @@ class BatchRun:
 
         The slots are released when the job's programs have ended, so drawing and storing delay no other job. At most as
         many jobs as there are slots finish at once; further ones keep their slots until they have ended.
-
-        The slots are given back when the job's programs have ended: drawing and storing hold up no other job. At most
-        as many jobs as there are slots finish so at once; further ones keep their slots until they have ended.
         """
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"

@@ -69,12 +69,6 @@ def remove_abandoned_containers(service: Service) -> None:
 
     Args:
         service: the service, with its catalog and object store.
-
-    Of the former the folders go too, which were kept because a container could not be removed. What does not work is
-    logged, and tried again by the next.
-
-    Args:
-        service: the service, with its catalog and object store.
     """
     try:
         for run, job in abandoned_runs(service):

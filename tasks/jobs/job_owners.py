@@ -123,8 +123,6 @@ def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
     """Returns the folders of PYTHONPATH, absolute, without the temporary folder that Prefect adds.
 
     No other run has that folder. A package that a run imported from it is compared by its digest instead.
-
-    No other run has that folder. What a run imported from it is a package, and missed as such.
     """
     folders = (Path(path).absolute() for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
     return tuple(str(folder) for folder in folders if not _OF_PREFECT_RUN.fullmatch(folder.name))
@@ -261,8 +259,6 @@ class OwnOrder:
 
         A job that an equal earlier call had stored may belong to another process; running it here then waits for its
         lease.
-
-        A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
         """
         if self._service.catalog.lease_of(arn)[0] != self._owner:
             return

@@ -367,8 +367,6 @@ class JobRun:
         """Frees the job's machine slot, because the simulation has ended and only videos and outputs remain.
 
         From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do.
-
-        From here on the batch's timeout ends the job no more; the job's own end still does what it did.
         """
         status, reason = self._asked()
         self._finishes = reason is None and not self._is_to_restart(status)
@@ -455,8 +453,6 @@ class JobRun:
         """Ends the job; files of a run that could not be started are uploaded without a manifest.
 
         Such files are its log, and the files of earlier attempts if the run was to continue from a checkpoint.
-
-        Such as its log, and all that the attempts before wrote, of a run that was to continue from a checkpoint.
         """
         output = self._folder(of_run) / "output" if of_run else None
         has_left = output is not None and output.is_dir() and any(output.iterdir())
@@ -486,11 +482,6 @@ class JobRun:
 
         Args:
             run_id: the run.
-            outcome: how it ended.
-            resumes: whether a job worker that died may have stored a part of them.
-
-        Args:
-            run_id: the run that left them.
             outcome: how it ended.
             resumes: whether a job worker that died may have stored a part of them.
         """

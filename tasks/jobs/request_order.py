@@ -19,15 +19,6 @@ def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
 
     Returns:
         Indices of all requests; the first one becomes a job first.
-
-    The requests of one world stay together where there are enough worlds to compare whole ones: such a world counts
-    when the last of its jobs has ended.
-
-    Args:
-        requests: requests for simulation jobs on the wire.
-
-    Returns:
-        The places of all requests, the first one to become a job first.
     """
     worlds = [world_arn(request) or "" for request in requests]
     first: dict[str, int] = {}

@@ -56,9 +56,6 @@ def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, i
 
     A failed run stays failed. The end of a batch does not affect a job whose run was over, unless its outputs could not
     be stored completely because of that.
-
-    One that failed stays failed, and the end of a batch takes nothing from a job whose run was over, unless its outputs
-    were not stored as a whole for that.
     """
     if stopped_because is StopReason.BATCH_CANCELED and is_whole:
         return False
@@ -136,11 +133,6 @@ class EarlierRuns:
 
         Args:
             why: reason why the run was not finished, for readers of its outputs.
-
-        Whether it had ended cannot be known any more, so it gets no manifest.
-
-        Args:
-            why: reason why the run was not finished, for readers of its outputs.
         """
         job, document = self._lease.job, self._document
         run_id = document.run_id
@@ -161,9 +153,6 @@ class EarlierRuns:
 
         Returns:
             Whether it is lost: its outputs are neither on this machine nor stored. False if the store does not answer.
-
-        Returns:
-            Whether it is: its outputs are neither on this machine nor stored. A store that does not answer cannot tell.
         """
         document = self._document
         run_id, outcome = document.run_id, document.outcome
@@ -195,8 +184,6 @@ class EarlierRuns:
         """Uploads the outputs of a run that is not the job's last one, and records in the job where they are.
 
         If the job has to end while the store does not answer, this run's outputs become those of the job.
-
-        One that has to end while the store does not answer has no other: this run's outputs become those of the job.
         """
         outputs = self._outputs_of(run_id)
         place, not_stored = None, None

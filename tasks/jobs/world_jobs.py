@@ -109,8 +109,6 @@ def run_generation(lease: Lease, service: Service) -> None:
     """Runs a world generation job to its end; a job that asks for too many worlds fails.
 
     AWS RoboMaker did the same: the call accepted any number, and the job then failed.
-
-    So it was with the service: the call took any number, and the job said that it was too many.
     """
     count = WorldGenerationJobDocument.of(lease.job).request.world_count
     most = service.settings.max_worlds_per_job
@@ -326,9 +324,6 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
 
 def _acting(job: Resource, service: Service) -> Service:
     """Returns the service with the object store access of the job's role.
-
-    Raises:
-        StorageError: the job's role does not exist, or its credentials are refused.
 
     Raises:
         StorageError: the job's role does not exist, or its credentials are refused.

@@ -32,14 +32,6 @@ def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int 
         call: the function.
         items: its arguments.
         workers: number of threads.
-
-    After a failure nothing new is started; what runs is waited for, then the failure of the earliest
-    item is raised.
-
-    Args:
-        call: what to call.
-        items: for what.
-        workers: how many threads.
     """
     with ThreadPoolExecutor(workers, thread_name_prefix="storage") as pool:
         futures = [pool.submit(call, item) for item in items]

@@ -159,9 +159,6 @@ def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
 
     Each part adds its own CRC32; the CRC32 of the parts before it is shifted by the part's size, which in the
     arithmetic of CRCs is a product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
-
-    What a part adds is its own CRC32; those before it are shifted by its size, which in the arithmetic of CRCs is a
-    product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
     """
     whole = 0
     for crc, size in parts:

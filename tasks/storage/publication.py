@@ -66,29 +66,6 @@ def publish(
         ObjectExistsError: other files are published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
         StorageError: a file cannot be read or stored.
-
-    Publishing the same content with the same `about` again succeeds and returns the manifest that is
-    there, so an interrupted or repeated step can simply be run again.
-
-    Args:
-        store: where to.
-        bucket: where to; it has to exist.
-        prefix: the files' keys start with it, then a slash; may be empty.
-        files: what to publish, under names that differ; no process may write to them any more.
-        about: what the files belong to, for the manifest.
-        created_at: the time of publication, with its time zone, for the manifest.
-        stored: what is under the prefix already, and belongs to it.
-        resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
-            stored again.
-        stopped: asked before the manifest is written, whether these files are not to count after all.
-        ended: asked all the time while files are read and stored, whether to end that at once; quick.
-        tell: called with the key of each stored file, from any thread.
-
-    Raises:
-        TransferStoppedError: `stopped` or `ended` said so.
-        ObjectExistsError: other files are published under this prefix.
-        ChecksumMismatchError: a file changed meanwhile.
-        StorageError: a file cannot be read or stored.
     """
     keys = {file.name: join_key(prefix, file.name) for file in files}
     for key in keys.values():
@@ -177,17 +154,6 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
         store: the object store.
         bucket: name of the bucket.
         prefix: beginning of the deleted keys, before a slash; not empty.
-
-    Raises:
-        BucketNotFoundError: the bucket does not exist.
-        StorageError: an object cannot be deleted.
-
-    The manifest is deleted first: an interruption leaves no objects that count.
-
-    Args:
-        store: where.
-        bucket: where.
-        prefix: the keys of what is removed start with it, then a slash; not empty.
 
     Raises:
         BucketNotFoundError: the bucket does not exist.

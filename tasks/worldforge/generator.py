@@ -1,8 +1,6 @@
 """Generates a checked world from a template and two seeds, and makes variations of a world.
 
 The same template, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
-
-The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
 
 # MuJoCo ships no types for its compiled module.

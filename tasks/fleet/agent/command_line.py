@@ -1,8 +1,6 @@
 """Command line of the robot agent: `robomaker-agent enroll`, `run` and `status`; `robomaker agent` has the same.
 
 Nothing else of the agent is imported before a command runs.
-
-Nothing else of the agent is imported before a command is carried out.
 """
 
 from __future__ import annotations

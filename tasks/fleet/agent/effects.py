@@ -30,8 +30,6 @@ _ROS_HEALTH_S = 10.0
 """Shortest time that a version which ROS launches is watched, in seconds.
 
 A launcher is up for seconds before it says that a package or node is missing.
-
-A launcher is up for seconds before it says that a package or node is not there.
 """
 
 

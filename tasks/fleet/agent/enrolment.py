@@ -1,8 +1,6 @@
 """Enrols a robot at the service: sends a one-time token and a token that the robot made itself, gets the root of trust.
 
 The answer may get lost, so the request is on disk before it is sent, and the same is sent again.
-
-The answer may get lost, so what the robot sends is on disk before it is sent, and the same is sent again.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Main loop of the robot agent: polls the server, carries out the current phase, keeps the application running.
 
 It has one thread, which sleeps until the next poll, or until a child process ends or writes a message.
-
-One thread. It sleeps until the next poll, or until a process of its own ends or says something.
 """
 
 from __future__ import annotations

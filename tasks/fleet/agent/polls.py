@@ -1,8 +1,6 @@
 """Messages between the robot agent and the server: polls, progress and results of orders; retries while it is away.
 
 A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
-
-A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
 """
 
 from __future__ import annotations
@@ -143,8 +141,6 @@ class Polls:
 
         The server does not ask again. The result of a deployment stays whatever its application does later; the
         attributes say which version runs, and its problems.
-
-        How a deployment ended stays, whatever its application does later; attributes say what runs, and its trouble.
         """
         attributes = self._attributes(state)
         if not (is_asked or (attributes and attributes != self._told_attributes)):

@@ -1,8 +1,6 @@
 """HTTP client of the update server for robots: hawkBit's Direct Device Integration, with the standard library only.
 
 Each request has a connection of its own: servers drop idle ones long before the next poll.
-
-Each request has a connection of its own: servers drop idle ones long before the next poll.
 """
 
 from __future__ import annotations

@@ -24,15 +24,11 @@ MAX_RESTARTS = 5
 """Limit of restarts of the agent while it tries a new version, after which it returns to the previous one.
 
 The new version may be the cause of the robot's crashes.
-
-The new version may be what stops the robot.
 """
 
 
 MAX_ENDS = 3
 """Limit of crashes of a new version's application before it was steady once, after which the robot goes back.
-
-One may be chance, and pauses grow: the third comes some seconds after the first.
 
 One may be chance, and pauses grow: the third comes some seconds after the first.
 """

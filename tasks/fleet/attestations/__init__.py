@@ -2,7 +2,4 @@
 
 `statements` judges a batch and describes the tests, `envelopes` signs that description, `required_batches` holds a
 deployment back until it is signed, and verifies it afterwards. Needs the extra `fleet`.
-
-`statements` judges a batch and says what it tested, `envelopes` signs that, `required_batches` holds a deployment back
-until it is there, and verifies it afterwards. Needs the extra `fleet`.
 """

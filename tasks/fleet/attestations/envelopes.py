@@ -2,9 +2,6 @@
 
 Equal statements and keys give equal bytes. Only these bytes are accepted: an envelope with the same content in other
 bytes is refused, so that its hash identifies it.
-
-A statement and a key always give the same bytes. Only these bytes are taken: an envelope that says the same in other
-bytes is refused, so that its hash identifies it.
 """
 
 import json

@@ -2,9 +2,6 @@
 
 The envelope of a deployment is stored in the object store as `robots/attestations/<id of the job>.json`. Only the
 batch, the version and the key determine it, so a run that begins again makes the same bytes.
-
-The envelope of a deployment lies in the object store as `robots/attestations/<id of the job>.json`. It is made of
-nothing but the batch, the version and the key, so a run that begins anew makes the same bytes.
 """
 
 import hashlib

@@ -2,9 +2,6 @@
 
 The subjects are the archives of a version. Each says whether it ran in the simulations, as simulations run only the
 archive for their own machine.
-
-The subjects are the archives of a version. Which of them ran in the simulations stands beside each: simulations run
-the one for their own machine.
 """
 
 import hashlib

@@ -2,9 +2,6 @@
 
 Any process may make a decision while another runs the job: it is stored in the catalog when the call returns. A
 deployment that has not begun keeps it as an event, and applies it when it begins.
-
-Any process may say it while another runs the job: the catalog has the rollout, and what was said holds when the call
-returns. A deployment that has not begun keeps it as an event, and takes it in when it begins.
 """
 
 from collections.abc import Sequence

@@ -3,10 +3,6 @@
 A deployment job has one version, so robots that had different ones get several jobs, one after the other. Each job is
 created once, whichever process does it and wherever one dies: its client token is made from the failed job and the
 earlier version.
-
-A deployment job has one version, so robots that had different ones come back in several jobs, one after the other.
-Each is made once, whichever process does it and wherever one dies: its client token tells the job that failed and the
-earlier version.
 """
 
 import hashlib

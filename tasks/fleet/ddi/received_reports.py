@@ -1,8 +1,6 @@
 """Reports of robots that the server has received, for the rollout and the catalog.
 
 A report may come twice, when a robot did not see the answer, so it must be possible to apply it repeatedly.
-
-A report may come twice, when a robot did not see the answer: what takes reports has to take them repeatedly.
 """
 
 import json

@@ -1,8 +1,6 @@
 """Handlers of operations on deployment jobs, which install an application on the robots of a fleet.
 
 A job is stored as `Pending`; `tasks/fleet/deployment_runs.py` runs it.
-
-A job is stored as `Pending`; `tasks/fleet/deployment_runs.py` carries it to its end.
 """
 
 from collections.abc import Mapping

@@ -54,8 +54,6 @@ def delete_fleet(request: DeleteFleetRequest, service: Service) -> Answer:
     """Handles `DeleteFleet`: deletes a fleet, deregisters its robots, and fails an unfinished deployment.
 
     Deleting a fleet that does not exist is no error.
-
-    A fleet that is not there is gone already.
     """
     arn = _checked(request.fleet)
     with suppress(ResourceNotFoundException), fleet_held(arn, service) as fleet:

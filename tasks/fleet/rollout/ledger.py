@@ -153,10 +153,6 @@ class Ledger:
         """Returns when to check again, in seconds since the epoch: at the next time-out or maintenance window.
 
         `None`: only events change the rollout.
-
-        `None`: only events change the rollout.
-
-        Nothing: only events change the rollout.
         """
         return self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None
 

@@ -15,8 +15,6 @@ def with_progress(state: State, event: Progressed, now_s: float) -> State:
     """Returns a robot's rollout state after a progress report.
 
     The speed of a download that begins, or begins again after a loss of power, is measured from that report on.
-
-    A download that begins, or begins again after a loss of power, is measured from there.
     """
     step = event.step or state.step
     times = state.step_times

@@ -2,9 +2,6 @@
 
 Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
 Several that overlap, or follow one another without a gap, are one.
-
-Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
-Several that overlap, or follow one another without a gap, are one.
 """
 
 import heapq
@@ -34,8 +31,6 @@ def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float |
     """Returns until when `is_open` keeps its value, in seconds since the epoch; `None` means forever.
 
     Usually the value changes then; if it does not for a week, it is only a time to ask again.
-
-    Usually it changes then; where it does not for a week, this is a moment to ask again. Nothing: it never changes.
     """
     if not windows:
         return None
@@ -117,9 +112,6 @@ class Deadlines:
 
         Args:
             robots: state of each robot, in the plan's order; read whenever deadlines are needed.
-
-        Args:
-            robots: how each stands, in the plan's order; read whenever deadlines are asked for.
         """
         self._robots = robots
         self._place = {robot: place for place, robot in enumerate(robots)}

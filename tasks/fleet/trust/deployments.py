@@ -253,8 +253,6 @@ def _check_attested(
 
     Where no attestation is needed, robots may return to a version whose attestation has a key that is no longer
     accepted.
-
-    Robots may go back to a version whose attestation has a key that agents no longer believe, where they need none.
     """
     attested = Attested.of(publisher.root().signed)
     if not attestations and attested.demands(application):

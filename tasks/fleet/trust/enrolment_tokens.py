@@ -2,9 +2,6 @@
 
 The one-time token is 40 characters, a dash, and the SHA-256 of the TUF root that the robot is to trust. So the robot
 knows whom to trust before its first request, and the server stores only a hash of the robot's own token.
-
-The one-time token is 40 characters, a dash, and the SHA-256 of the root that the robot is to trust. So the robot knows
-whom to trust before it has asked anything, and the server never sees the robot's own token.
 """
 
 import hashlib

@@ -2,9 +2,6 @@
 
 A file is named after its role and its key, so that an old and a new key of one role can both exist while one replaces
 the other.
-
-A file is named after its role and its key, so that an old and a new key of one role can lie beside each other while
-one takes the other's place.
 """
 
 # pyright: reportPrivateImportUsage=false

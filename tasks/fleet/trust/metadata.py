@@ -1,8 +1,6 @@
 """Computes the next TUF metadata as a pure function of the current metadata, the changes, the keys and the time.
 
 A version number that another publisher has used already, and may have died over, is skipped: `taken`.
-
-A version number that another publisher has used already, and may have died over, is passed over: `taken`.
 """
 
 # pyright: reportPrivateImportUsage=false
@@ -295,12 +293,6 @@ def following_root(
         known: the newest root.
         now: the time.
         replaced: new keys of the roles whose keys are replaced.
-        attested: its rules about attestations; absent: the same as before.
-
-    Args:
-        known: the newest.
-        now: the time.
-        replaced: roles whose keys are replaced, and by which.
         attested: its rules about attestations; absent: the same as before.
     """
     root = deepcopy(known.signed)

@@ -3,9 +3,6 @@
 
 Nothing that the store returns is trusted: everything must be signed by the keys of a root that leads back to one that
 this machine knows. Expired metadata may be read here, since it is about to be signed again.
-
-Who reads it trusts nothing that the store gives: everything has to be signed by the keys of a root that leads back to
-one that this machine knows. Expired metadata may be read here, since it is about to be signed again.
 """
 
 from collections.abc import Iterable
@@ -114,8 +111,6 @@ class RepositoryFiles:
         """Makes the stored metadata visible by writing the timestamp; returns false if another publisher was first.
 
         Afterwards it updates the unnumbered copy of the timestamp, for clients that read plain files.
-
-        The copy for those who read plain files is brought up to date after it.
         """
         if not self._create(timestamp_key(number), timestamp):
             return False

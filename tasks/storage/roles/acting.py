@@ -80,8 +80,6 @@ class Roles:
     """All access roles of a service, with their object stores and credentials, opened on first use.
 
     The credentials of an opened role are kept until this process ends; those of an assumed role are renewed.
-
-    A role that was opened keeps its credentials until this process ends; those of an assumed role are had again.
     """
 
     roles: Sequence[Role]
@@ -119,9 +117,6 @@ class Roles:
 
         Raises:
             StorageError: see `store_of`; or the credentials cannot be renewed.
-
-        Raises:
-            StorageError: see `store_of`; or they cannot be had again.
         """
         self.store_of(arn)
         session = self.opened.sessions.get(arn)

@@ -206,10 +206,6 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
     Raises:
         StorageError: the server does not answer.
         ConfigurationError: see `MinioUsers`.
-
-    Raises:
-        StorageError: the server does not answer.
-        ConfigurationError: see `MinioUsers`.
     """
     if not _server_name(endpoint, region, environ).startswith(SERVER):
         return IamUsers(endpoint, region, environ)

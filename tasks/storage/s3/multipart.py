@@ -2,9 +2,6 @@
 
 boto3's own transfers read a file twice where its CRC32 is requested, and send it in pieces of 16 KB; that is two thirds
 of the processor time that an upload takes.
-
-boto3's own transfers read a file twice where its CRC32 is asked for, and send it in pieces of 16 KB; that is two thirds
-of the processor time that an upload takes.
 """
 
 import os

@@ -3,10 +3,6 @@
 A request here has the same CRC32, and uses the client's own connections, so that its proxies, certificates and timeouts
 count. If the answer is anything but success, the caller uses the client, which retries, finds regions and explains
 errors.
-
-Only what the client would do first is done here: one signed request, with the same CRC32, over the client's own
-connections, so that its proxies, certificates and timeouts count. Whatever has another answer than that the object is
-stored is left to the client, which tries again, finds regions and says what is wrong.
 """
 
 import hashlib

@@ -29,8 +29,6 @@ def write_bundle(world: World, folder: Path) -> str:
 
     The preview picture takes longer than all of these together, so it is drawn only when somebody looks at the world.
 
-    A preview takes longer than all of it, and is drawn when somebody looks at the world.
-
     Args:
         world: the world.
         folder: where; must not exist, its parent is made if need be.

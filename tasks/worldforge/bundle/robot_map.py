@@ -1,8 +1,6 @@
 """Occupancy map for a robot of a given height: it shows table legs, and leaves out parts that the robot drives under.
 
 Bundles have a coarser map, in which furniture is as large as its outline.
-
-Bundles have a coarser one, in which furniture is as large as its outline.
 """
 
 # MuJoCo ships no types for its compiled module.

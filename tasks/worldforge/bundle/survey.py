@@ -2,9 +2,6 @@
 
 The map shows the floor cells that are connected to the start without a fixed thing between, and the faces of obstacles
 around them. Doors and loose objects do not separate cells, as robots push these.
-
-Cells of the floor are known that are joined to the start by floor without a fixed thing between, and the faces of what
-is around them. Doors and loose things do not part them, as robots push these.
 """
 
 # MuJoCo ships no types for its compiled module.

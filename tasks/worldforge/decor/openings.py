@@ -2,9 +2,6 @@
 
 The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
 sun out of MuJoCo's pictures.
-
-The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
-sun out of MuJoCo's pictures.
 """
 
 from collections.abc import Iterator, Sequence
@@ -62,8 +59,6 @@ def pierced_wall(
 
     They are meshes because a pattern has to continue from part to part, which boxes with textures of their own do not
     do.
-
-    A pattern has to continue from piece to piece, which boxes with pictures of their own do not do.
     """
     along_x, at, span = wall_span(wall)
     pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))

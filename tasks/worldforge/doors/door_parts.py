@@ -1,8 +1,6 @@
 """Parts of doors as MJCF: leaves with panels, glass or boards and their poses, handles, and frames.
 
 A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
-
-A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 """
 
 from collections.abc import Callable, Iterator

@@ -225,14 +225,6 @@ def read_yaml(path: Path, form: type[Notes]) -> Notes:
     Raises:
         SpecError: with everything that is wrong: file, line, member, value and what would be right.
         ConfigurationError: the file cannot be read.
-
-    Args:
-        path: the file.
-        form: notes of which kind.
-
-    Raises:
-        SpecError: with everything that is wrong: file, line, member, value and what would be right.
-        ConfigurationError: the file cannot be read.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -1,8 +1,6 @@
 """Reads a map of Nav2's map server as a drawing: its free space is split into rooms at narrow places.
 
 A map has no names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
-
-A map says nothing of names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -2,9 +2,6 @@
 
 Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
 a wall become one line in the middle between them.
-
-Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
-a wall become one line in the middle between them.
 """
 
 from collections.abc import Sequence

@@ -101,8 +101,6 @@ def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
     """Returns the files that an export writes anew: with plain names, or with table legs in place of outlines.
 
     Worlds of generators before version 3 have none: they stay as they were made.
-
-    None of worlds of generators before 3: they stay as they were made.
     """
     if int(scene.world.generator_version.partition(".")[0]) < _FIRST_GENERATOR:
         return {}

@@ -2,9 +2,6 @@
 
 Shapes, masses, friction and joints are those of the compiled MJCF, so that every export format shows and weighs the
 same. `world.json` says which furniture a geom belongs to and where the furniture is.
-
-Shapes, masses, friction and joints are those of the compiled MJCF, so that every format shows and
-weighs the same. `world.json` says which furniture a geom belongs to and where that stands.
 """
 
 # MuJoCo ships no types for its compiled module.

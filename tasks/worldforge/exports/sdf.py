@@ -3,10 +3,6 @@
 That version has boxes, cylinders, spheres, planes and meshes. Visible ellipsoids become meshes, and colliding ones
 boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as Gazebo reads height maps
 of some pictures only.
-
-That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for the eye become meshes,
-those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as
-Gazebo reads height maps of some pictures only.
 """
 
 import xml.etree.ElementTree as ET

@@ -58,8 +58,6 @@ def _squared(shape: Shape) -> Shape:
     """Returns a shape with swapped sizes and without rotation, where that is the same shape.
 
     Equal pieces that are turned in the room have swapped sizes in the MJCF, and would look different.
-
-    The MJCF swaps them as a piece is turned in the room, so that pieces that are equal look different.
     """
     turned = np.abs(shape.rotation)
     # Bricks on a box run along its own axes; boxes of SDF have plain colours.

@@ -3,10 +3,6 @@
 Every object is an `Xform` of `/World` by its name in `world.json`, its shapes below it. Colliding shapes are
 primitives, as in the MJCF; a textured shape is a mesh beside one. Letters that USD's names do not allow are `_`;
 `displayName` has the original name.
-
-Every thing is an `Xform` of `/World` by its name in `world.json`, its shapes below it. What collides are primitives, as
-in the MJCF; what has a picture is a mesh beside one. Letters that USD's names do not take are `_`; `displayName` has
-the name as it was.
 """
 
 # MuJoCo ships no types for its compiled module.

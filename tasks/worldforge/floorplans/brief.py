@@ -256,9 +256,6 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 
     A set that names a room wins over one that names its type, and that wins over one for all rooms; among equals the
     first in the template wins.
-
-    A set that names a room beats one that names its type, and that beats one for all rooms; among equals
-    the first in the template wins.
     """
     chosen: dict[str, int] = {}
     for rank in range(3):

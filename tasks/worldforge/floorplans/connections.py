@@ -159,8 +159,6 @@ def _shifts(number: int, free: int, dice: Random) -> list[int]:
     """Chooses how far each doorway is shifted along its wall, given `free` grid units of slack.
 
     A single doorway is mostly near one end of the wall, which leaves the rest of the wall to furniture.
-
-    A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
     """
     if number == 1 and dice.random() < _NEAR_CORNER_SHARE:
         shift = dice.randint(0, min(free, _NEAR_CORNER))

@@ -3,9 +3,6 @@
 A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a room, a negative
 number an operator that joins the two trees before it.
 
-A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a
-room, a negative number an operator that joins the two trees before it.
-
 | operator | meaning |
 | --- | --- |
 | `SIDE_BY_SIDE` | the first left of the second |

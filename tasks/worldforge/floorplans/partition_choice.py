@@ -2,9 +2,6 @@
 
 The candidate plans are computed once per brief. A random order goes through all their forms before one is repeated, so
 the plans of a generation job differ as long as there are others.
-
-Which plans there are is found once per brief. An order, drawn from dice of its own, goes through all their forms before
-one comes again; so the plans of a generation job differ as long as there are others.
 """
 
 from functools import lru_cache
@@ -137,11 +134,6 @@ def plans_of(brief: Brief) -> Pool:
     """Selects the plans of a brief that may be chosen: one of each form, or only the best one if plans need not differ.
 
     No plan misses a preferred area or connection that the best plan satisfies; one more aspect ratio may be missed.
-
-    Args:
-        brief: the preferences of two rooms or more, for which there is a valid plan.
-
-    Areas and connections are missed by none unless the best plan misses them too; one ratio more may be.
 
     Args:
         brief: the preferences of two rooms or more, for which there is a valid plan.

@@ -1,8 +1,6 @@
 """Hill-climbing search for floor plans with L-shaped rooms: random slicing trees, improved by small changes.
 
 It is used where rectangular rooms do badly: a closet in the corner of a hall is better than one along its whole side.
-
-It is called where rectangles do badly: a closet in the corner of a hall is better than one along its whole side.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 """Evaluates many candidate floor plans at a time with NumPy arrays: slicing trees, room rectangles, and costs.
 
 Arrays of plans have one column per plan. Costs are sums of deviations from the template's preferences; 0 is perfect.
-
-Arrays of plans have one column per plan. Costs are sums of deviations; 0 is perfect.
 """
 
 from collections.abc import Iterator
@@ -108,8 +106,6 @@ def _nodes(start: int, end: int, without: bool | None = None) -> Iterator[Node]:
     """Yields all slicing trees for the rooms from `start` to `end` whose top cut is not `without`; each plan once.
 
     Three rooms in a row are one plan, whichever cut comes first, so the second part never begins with the same cut.
-
-    Three rooms in a row are one plan, whichever cut comes first: the second part never begins with the same cut.
     """
     if end - start == 1:
         yield start

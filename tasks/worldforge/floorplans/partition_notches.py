@@ -1,8 +1,6 @@
 """Floor plans whose outline is a clean L, T or U: a rectangle divided into rooms and one or two empty notches.
 
 Notches allow room shapes that a full rectangle does not, and the outline is still one that people build.
-
-Notches make room shapes possible that no rectangle has, and the outline stays one that people build.
 """
 
 from functools import cache, lru_cache

@@ -1,8 +1,6 @@
 """Shortlist of the best floor plans that fill a rectangle: all slicing trees are evaluated, the best ones refined.
 
 Nothing here is random, so a process computes it once per brief, however many worlds it makes.
-
-Nothing here is left to chance, so a process works it out once per brief, however many worlds it makes.
 """
 
 from functools import lru_cache

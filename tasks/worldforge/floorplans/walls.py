@@ -74,14 +74,6 @@ class Walls:
         contacts: shared walls of two rooms.
         sides: walls to the outside.
         around: walls to the outside from corner to corner, each with its room to the left.
-
-    Args:
-        rooms: corners of the rooms.
-
-    Attributes:
-        contacts: what two rooms share.
-        sides: what faces the outside.
-        around: the same from end to end, each with its room to the left.
     """
 
     def __init__(self, rooms: Sequence[Corners]) -> None:
@@ -184,8 +176,6 @@ def _floor_sides(plan: Partition) -> list[tuple[float, float]]:
     """Returns the extents of the floors of rectangular rooms along x and y, in grid units.
 
     A side that is partly an outer wall counts as shorter by the floor area lost there, as in the search for plans.
-
-    A side of which a part is an outer wall counts as much less as the floor loses there, as in the search.
     """
     boxes = [extent(corners) for corners in plan.rooms]
     taken = [[float(INTERIOR_WALL), float(INTERIOR_WALL)] for _ in boxes]

@@ -130,8 +130,6 @@ def dining_room(rooms: Sequence[Room]) -> str | None:
     `None` if there is a dining room or a large kitchen.
 
     It is `None` as well in a building without kitchen.
-
-    Without a kitchen, nothing is said of meals.
     """
     kitchens = [room.floor_m2 for room in rooms if room.type == "Kitchen"]
     living = [room for room in rooms if room.type == "Living" and room.floor_m2 >= _DINES_FROM_M2]

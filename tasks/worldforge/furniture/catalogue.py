@@ -2,9 +2,6 @@
 
 Sizes are those of real furniture. A piece is fully described by its kind and the name of its style, so that readers of
 `world.json` can rebuild it part by part.
-
-Sizes are those of real furniture. A piece is fully described by its kind and the name of its style,
-so that readers of `world.json` can rebuild it part by part.
 """
 
 from collections.abc import Callable

@@ -3,10 +3,6 @@
 Faces in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as the mesh
 is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take `_FLAT_M`,
 unless the mesh is an open shell that has no inside.
-
-Faces that lie in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as
-the mesh is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take
-`_FLAT_M`, unless the mesh is an open shell that has no inside.
 """
 
 from collections import defaultdict
@@ -397,8 +393,6 @@ def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
     """Returns the thickness of each polygon's prism: up to the opposite side of the mesh, if that is near.
 
     The nearest back side counts, from the polygon's middle and from points towards its corners.
-
-    The nearest back side counts, from the polygon's middle and from spots towards its corners.
     """
     origins, directions, owner = [], [], []
     for number, (_, ring, normal) in enumerate(polygons):

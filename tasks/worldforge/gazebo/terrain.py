@@ -2,9 +2,6 @@
 
 Hundreds of triangles in no common plane would be too many prisms, and boxes on a grid would be too coarse. A height
 field has the exact surface.
-
-Hundreds of triangles that lie in no common plane would be too many prisms, and boxes on a grid in their place are as
-coarse as these. A height field has the surface itself.
 """
 
 from dataclasses import dataclass

@@ -156,8 +156,6 @@ class _Model:
         """Sets the sliding friction of a piece (or of all pieces: `*`) against whatever touches it.
 
         Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
-
-        Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
         """
         if not 0 <= friction <= _MOST_FRICTION:
             raise ConfigurationError(

@@ -1,8 +1,6 @@
 """Axis-aligned rectangles, and poses of furniture that is parallel to the walls.
 
 These are plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
-
-Plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
 """
 
 from collections.abc import Iterable, Sequence

@@ -3,11 +3,6 @@
 Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin. The grid shows the
 slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above the floor. `write_map`
 writes the pair of files that Nav2's map server reads.
-
-Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin.
-The grid speaks of the slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above
-the floor.
-`write_map` writes the pair of files that Nav2's map server reads.
 """
 
 from collections.abc import Iterable, Sequence

@@ -4,11 +4,6 @@ The frame is on the floor in the middle of the footprint: x points to the front,
 or stop objects collide and are drawn; most others are only drawn, so that a piece with drawers and cushions costs
 physics little more than a crate. A few parts collide and are not drawn: the inside of a cushion, and the squares that
 round objects rest on.
-
-The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
-up. What carries or stops things collides and is drawn; most of the rest is there for the eye only, so that a
-piece with drawers and cushions costs physics little more than a crate. A few parts collide and are not drawn: the
-inside of a cushion, and the squares that round things rest on.
 """
 
 from dataclasses import dataclass, replace
@@ -223,9 +218,6 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
 
     One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
     by as much, which is too little for two more boxes.
-
-    One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
-    by as much, which is too little to cost two boxes more.
     """
     sides = (-style.half_depth_m, style.half_depth_m - 0.022), (-style.half_width_m, style.half_width_m)
     return [box("body", *sides, z, color), hidden("inside", *sides, (0, top_m), color)]

@@ -198,11 +198,6 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
         furnished: the room.
         kinds: kinds of objects, one of which is chosen.
         corners: spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
-
-    Args:
-        furnished: the room.
-        kinds: one of them is chosen.
-        corners: spots beside the ways of robots, for what is one of many; absent: anywhere that suits the object.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)

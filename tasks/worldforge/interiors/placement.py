@@ -93,11 +93,6 @@ class RoomSpace:
             room: the room.
             floorplan: its plan.
             is_small: whether paths are only as wide as a robot needs, in place of the usual width.
-
-        Args:
-            room: the room.
-            floorplan: its plan.
-            is_small: whether its ways are as narrow as a robot allows, in place of usual ones.
         """
         self.room = room
         self.bounds = bounds(room.polygon)
@@ -129,12 +124,6 @@ class RoomSpace:
             box: the rectangle.
             tall: whether the piece would hide a window.
             partners: ids of the pieces it belongs to, whose keep-clear zones it may enter.
-            tucked: footprint of the piece it may be pushed under.
-
-        Args:
-            box: what it would cover.
-            tall: whether it would hide a window.
-            partners: ids of the pieces it belongs to, whose zones it may enter.
             tucked: footprint of the piece it may be pushed under.
         """
         x0, y0, x1, y1 = self.bounds

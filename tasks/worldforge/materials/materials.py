@@ -2,9 +2,6 @@
 
 Every material has several finishes: another wood, another tile, another wallpaper. `world.json` names both, so that its
 readers can draw the surface again.
-
-Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
-names both, so that its readers can draw the surface again.
 """
 
 from collections.abc import Sequence

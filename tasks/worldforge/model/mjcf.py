@@ -200,9 +200,6 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
 
     Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
     touch, so a wheel with less friction than the floor grips as well as the floor lets it.
-
-    Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
-    touch, so a wheel whose own is below the floor's grips as well as the floor lets it.
     """
     grip = _numbers(FLOORS[room.floor_material].friction, 0.005, 0.0001)
     for number, (x0, y0, x1, y1) in enumerate(room_rects(room)):

@@ -122,8 +122,6 @@ class Mesh:
         """Returns the mesh as an MJCF asset.
 
         A textured mesh is a file: MuJoCo before 3.1.6 crashes on texture coordinates within MJCF.
-
-        MuJoCo before 3.1.6 crashes on places on pictures within MJCF, and reads them in files.
         """
         if self.places is not None:
             return f'    <mesh name="{name}" file="{mesh_path(name)}"/>'

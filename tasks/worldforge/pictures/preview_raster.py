@@ -2,9 +2,6 @@
 
 Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on every processor, so
 that equal scenes give equal pictures everywhere.
-
-Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on
-every processor, so that equal scenes give equal pictures everywhere.
 """
 
 from collections.abc import Iterable

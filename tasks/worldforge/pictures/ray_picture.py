@@ -3,10 +3,6 @@
 Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from many small lamps;
 every pixel samples some of them and shares the result with its neighbours, so that shadows are soft and corners dark
 without tracing every lamp from everywhere.
-
-Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from
-many small lamps; every pixel looks at some of them and shares what it saw with its neighbours, so that
-shadows are soft and corners dark without tracing every lamp from everywhere.
 """
 
 # MuJoCo ships no types for its compiled module.

@@ -70,10 +70,6 @@ def awake_scan(world: World, model: mujoco.MjModel) -> Scan:
     Args:
         world: the world.
         model: its model, which is changed.
-
-    Args:
-        world: the world.
-        model: its model.
     """
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
     return Scan(model, {passage.door.id for passage in world.floorplan.passages if passage.door})

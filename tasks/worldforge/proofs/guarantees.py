@@ -1,8 +1,6 @@
 """Guarantees of every world: the limits, which of them a world breaks, and their wording.
 
 It needs only the measurements that `world.json` holds; `checks` takes them.
-
-Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 """
 
 from collections.abc import Iterator

@@ -216,8 +216,6 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s
 
     Bodies that are asleep from the beginning would have no contacts and never move: a floating or half-sunk book would
     pass.
-
-    Asleep from the begin, bodies would have no contacts and never move: a floating or half-sunk book would pass.
     """
     watched_s = min(watched_s, span_s)
     awake = model.opt.enableflags

@@ -1,8 +1,6 @@
 """Compares the model of a world with its description, piece by piece: floors, walls, doors, furniture.
 
 A model must have all that is described, at its place and in its size, and no other colliding geoms.
-
-A model has all that is described, in its place and as large, and nothing that collides besides.
 """
 
 # MuJoCo ships no types for its compiled module.

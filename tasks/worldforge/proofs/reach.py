@@ -27,13 +27,6 @@ def ground_of(world: World, scan: Scan) -> OccupancyGrid:
     Args:
         world: the world.
         scan: its model.
-
-    A robot that follows the world's map does not drive under tables, so the described outlines of furniture are in the
-    way as well; floors and everything that collides are the model's.
-
-    Args:
-        world: the world.
-        scan: its model.
     """
     grid = occupancy_grid(world.floorplan, world.furniture)
     for _, outline in scan.standing:

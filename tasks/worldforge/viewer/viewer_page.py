@@ -1,8 +1,6 @@
 """HTML page that shows a world in three dimensions, in any browser, without a network.
 
 Everything is in the page: the GLB, three.js, which draws it, and the controls (`viewer*.js`).
-
-Everything is in the page: the GLB, three.js, which draws it, and what people steer it with (`viewer*.js`).
 """
 
 import base64

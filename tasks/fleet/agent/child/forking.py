@@ -1,8 +1,6 @@
 """Child process of the robot agent, made by fork: it has all imported modules, but no files that the agent has open.
 
 The agent has one thread, so a fork of it is safe. Starting an interpreter and importing took longer than the work.
-
-The agent has one thread, so a fork of it is whole. To start an interpreter and to import took longer than the work.
 """
 
 from __future__ import annotations
@@ -34,9 +32,6 @@ def events_of(content: Mapping[str, Any], phase: Phase) -> list[Event]:
 
     Raises:
         AgentError: the line is not a message of a child process.
-
-    Raises:
-        AgentError: the line is none of a child's.
     """
     try:
         events: list[Event] = [Trusted(**content["trusted"])] if "trusted" in content else []

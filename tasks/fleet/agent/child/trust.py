@@ -3,10 +3,6 @@
 TUF's client believes its own files: if somebody empties those of timestamp and snapshot, it accepts an older
 repository. So the newest version of each role that was ever seen, and the latest time at which the repository was
 fresh, are in the agent's journal too, and are checked here.
-
-TUF's client believes its own files: where somebody empties those of timestamp and snapshot, it takes an older
-repository. So the newest version of each role that was ever seen, and the latest time at which the repository was
-fresh, are in the agent's journal too, and hold here.
 """
 
 from __future__ import annotations

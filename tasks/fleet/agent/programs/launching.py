@@ -169,19 +169,6 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
 
     Raises:
         StepFailed: there is nothing of that name, or it cannot be started on this robot.
-
-    The launch file is looked for in the bundle (in the package's folder, in its `launch`, at the top), of a bundle of
-    colcon in its overlays; `ros2 launch` or `roslaunch`, whichever the file is for, start files of ROS, in the
-    environment of the bundle and of that ROS. What is not in the bundle may be an installed program. Words behind the
-    file are its arguments.
-
-    Args:
-        folder: folder of the version.
-        launch: package and file.
-        which: finds installed programs.
-
-    Raises:
-        StepFailed: there is nothing of that name, or it cannot be started on this robot.
     """
     try:
         file, *arguments = shlex.split(launch.file)
