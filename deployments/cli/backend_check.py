@@ -1,4 +1,4 @@
-"""Whether a backend works: one small job is run there, as part of a batch."""
+"""Checks a backend by running one small job there, as part of a batch."""
 
 import sys
 import time
@@ -55,7 +55,7 @@ def _tell(note: str) -> None:
 
 
 def _request(service: Any) -> dict[str, Any]:
-    """A batch of one small job, whose applications are made if need be."""
+    """Makes the request for a batch of one small job; creates its applications if necessary."""
     from ...tasks.operations.applications import reuse_application
     from ...tasks.operations.registry import call
 

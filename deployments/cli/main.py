@@ -1,4 +1,4 @@
-"""The entry point of the `robomaker` command: arguments in, exit code out."""
+"""Entry point of the `robomaker` command: runs the words of a command line, returns the exit code."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The Prefect server of this process: chooses it, starts it if needed, and reports its state in a line."""
+"""Prefect server of a command's process: finds or starts it, waits for it, describes its state."""
 
 import os
 import sys
@@ -62,7 +62,7 @@ def _use(url: str, settings: Settings) -> None:
 
 
 def _import_runs(url: str, settings: Settings) -> None:
-    """Imports Prefect and the code that carries out runs, which takes seconds, while a new server starts."""
+    """Imports Prefect and the code that runs jobs while a new server starts, as both take seconds."""
     _use(url, settings)
     from ...flows import pipelines
 

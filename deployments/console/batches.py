@@ -1,4 +1,4 @@
-"""Batches: the list of them, and the page of one, whose grid fills while its jobs end."""
+"""Pages of simulation job batches: the list, and the page of one with a grid that fills while its jobs end."""
 
 import time
 from collections import Counter
@@ -26,14 +26,14 @@ from .visit import Visit
 
 BATCH = "simulation-job-batch"
 _PAGE_LENGTH = 20
-"""Batches hold all their requests, and each costs milliseconds to read."""
+"""Number of batches in a page of the list: batches hold all their requests, and each costs milliseconds to read."""
 
 _MOST_SHOWN = 24
 """Number of failures that a batch's page shows with their reasons."""
 
 _MOST_POSTERS = 12
 _LOOKED_AT = 200
-"""Number of the newest batches that are looked at for those of a run."""
+"""Number of the newest batches that are searched for those of a run."""
 
 _EVERY_S = 1.0
 _BROKEN = Look("broken", "not created")
@@ -235,7 +235,7 @@ def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
 
 
 def _jobs(visit: Visit, batch: str) -> list[JobLine]:
-    """The jobs of a batch that the visitor may see."""
+    """Returns the rows of a batch's jobs that the visitor may see."""
     known = visit.context.job_lines.of(batch).values()
     if visit.sees_all:
         return [line for _, line in known]

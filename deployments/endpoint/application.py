@@ -1,4 +1,4 @@
-"""The endpoint as an ASGI application, with its access log."""
+"""API endpoint as an ASGI application, with its access log."""
 
 import asyncio
 import logging
@@ -123,7 +123,7 @@ class Endpoint:
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
-        """Whether requests have to be signed."""
+        """Whether requests must be signed."""
 
         self._service = service
         self._operations = registry()
@@ -132,10 +132,10 @@ class Endpoint:
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
         self.calls = Calls(service, on_submitted, audit_log)
-        """Caller of operations; the console has the same."""
+        """Caller of operations, which the console uses, too."""
 
         self.job_callers = None if self.checks_signatures else JobCallers(service)
-        """Tells requests of jobs from others; `None`: signatures tell whose a request is."""
+        """Recogniser of requests that jobs send; `None`: signatures identify callers."""
 
         self._health = HealthPages(service, worker_status, is_open=access_keys is None, console=console)
         self._metrics = Metrics(service, access_keys, worker_status)

@@ -103,10 +103,13 @@ def _template() -> Template:
 
 PATH = "/metrics"
 _NO_OPERATION = "none"
-"""Label of requests to paths without an operation: one for all, as clients choose paths."""
+"""Metric label of requests to paths without an operation: one for all, as clients choose paths."""
 
 _BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
-"""A read takes 1 ms, a batch of 1,000 requests seconds."""
+"""Upper bounds of the histogram of request durations, in seconds.
+
+A read takes 1 ms, a batch of 1,000 requests seconds.
+"""
 
 
 class Metrics:
@@ -185,7 +188,7 @@ class Metrics:
 
 
 class _Resources(Collector):
-    """Gauges that are read from the catalog at each scrape, since other processes change it."""
+    """Metrics collector that reads gauges from the catalog at each scrape, since other processes change it."""
 
     def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]]) -> None:
         self._service = service

@@ -1,4 +1,4 @@
-"""Runs the endpoint on a port, over HTTP or with a certificate, until it is told to stop."""
+"""Runs the endpoint on a port, over HTTP or HTTPS, until it is told to stop."""
 
 import contextlib
 import logging
@@ -65,10 +65,13 @@ class TlsFiles:
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 KEEP_ALIVE_S = 75
-"""Time that an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
+"""Time that an idle connection is kept open, in seconds.
+
+It is longer than SDKs keep theirs, so that they do not meet a closed one.
+"""
 
 GRACE_S = 30
-"""Seconds in which requests in progress may end after a signal to stop."""
+"""Time for requests in progress to finish after a signal to stop, in seconds."""
 
 _BACKLOG = 512
 
@@ -150,7 +153,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's server, which says when it is ready, and returns when it is stopped."""
+    """uvicorn server that reports when it is ready, and returns when it is stopped."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The doors of robots within the server: mounts them, lets agents in, and keeps the fleet's metadata fresh."""
+"""Update server for robots within `robomaker serve`: mounts it, enrols agents, renews the TUF metadata."""
 
 import asyncio
 import logging
@@ -75,7 +75,7 @@ def _read(path: Path, start: int, length: int) -> bytes:
 LOGGER = logging.getLogger("robomaker.robots")
 
 PAUSE_S = 600.0
-"""Seconds between two checks; the timestamp is signed again every six hours."""
+"""Interval between two checks of the metadata, in seconds; the timestamp is signed again every six hours."""
 
 
 class TrustUpkeep:
@@ -120,7 +120,7 @@ class TrustUpkeep:
         return ""
 
     def _tell(self, problem: str) -> None:
-        """Logs a problem once, and that it is over."""
+        """Logs a problem once, and once that it is over."""
         if problem != self._problem:
             LOGGER.warning("%s", problem or "the robots' repository is signed again")
         self._problem = problem
@@ -139,7 +139,7 @@ class RobotsBeside:
 
     def __init__(self, endpoint: ASGIApp, service: Service) -> None:
         self.checks_signatures = getattr(endpoint, "checks_signatures", False)
-        """Whether requests of clients have to be signed."""
+        """Whether requests of clients must be signed."""
 
         self._endpoint = endpoint
         settings = FleetSettings.of(service.settings)
@@ -175,7 +175,7 @@ class RobotsBeside:
             await self._endpoint(scope, receive, send)
 
     def _with_life(self, send: Send) -> Send:
-        """Begins and ends together with the endpoint."""
+        """Starts and stops the update server's threads together with the endpoint."""
 
         async def sent(message: Message) -> None:
             if message["type"] == "lifespan.startup.complete":

@@ -1,4 +1,4 @@
-"""Worlds of a run, with their plans and pictures."""
+"""Worlds of a run, with their floor plans and pictures."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +16,7 @@ from .html import card, image, line
 
 @dataclass(frozen=True)
 class World:
-    """A world that a run made or drove in."""
+    """World that a run made or used."""
 
     arn: str
     name: str
@@ -29,7 +29,7 @@ class World:
 
     @cached_property
     def folder(self) -> Path:
-        """Folder of its files on this machine: `world.xml`, `world.json`, the map; they are fetched if need be.
+        """Folder of its files on this machine: `world.xml`, `world.json`, the map; they are downloaded if necessary.
 
         Raises:
             ResourceNotFoundException: the world was deleted.
@@ -48,7 +48,7 @@ class World:
         return preview_of(self._resource, self._service)
 
     def drawing(self) -> Markup:
-        """Returns the plan as an image for a page, or why there is none."""
+        """Returns the floor plan as an image for a page, or the reason why there is none."""
         try:
             return image(self.plan.encode(), "image/svg+xml", f"Plan of {self.name}")
         except (RobomakerError, OSError) as error:

@@ -1,4 +1,4 @@
-"""Logs a user's browser in: a page that takes a one-time token and leads to Prefect's pages."""
+"""Login page for the local Prefect server: accepts a one-time token and redirects to Prefect's pages."""
 
 import base64
 import hashlib
@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 LIFE_S = 600.0
-"""Time that a token works: ten minutes."""
+"""Validity of a login token, in seconds: ten minutes."""
 
 _MOST = 100
 _TOKEN_BYTES = 24
@@ -63,10 +63,10 @@ class OneTimeTokens:
 PAGE = "/robomaker/login"
 LINKS = "/robomaker/login-links"
 LOGO = "/robomaker/logo.svg"
-"""A picture for pages, so that they need none of another site."""
+"""URL path of the logo, so that pages need no picture of another site."""
 
 _PASSWORD_PAGES = ("/login", "/v2/login")
-"""Prefect's own, for a password, which no user of ours types."""
+"""URL paths of Prefect's own password pages, which are not used here."""
 
 _MOST_BYTES = 1024
 _NO_STORE = {"cache-control": "no-store"}

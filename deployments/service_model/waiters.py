@@ -1,4 +1,4 @@
-"""Waiters: what SDKs can wait for. The service never had any."""
+"""Waiters with which SDKs wait for a job's state. AWS RoboMaker had none."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class Waiter:
     """Name of the waiter in SDKs."""
 
     operation: str
-    """The operation that is called."""
+    """Operation that the waiter calls."""
 
     lifecycle: Lifecycle[Any]
     """Lifecycle of the job: each of its final states ends the waiting."""
@@ -25,13 +25,13 @@ class Waiter:
     """Seconds between two calls."""
 
     most_calls: int
-    """Limit on the calls that it makes."""
+    """Limit of the calls that it makes."""
 
     wanted: Collection[str] = ("Completed",)
-    """States that are waited for."""
+    """States that end the waiting successfully."""
 
     also_failed: Collection[str] = ()
-    """States that something leads out of, but hardly where one wants to go."""
+    """Further states that end the waiting with a failure, although they are not final."""
 
     @property
     def failed(self) -> list[str]:
@@ -84,7 +84,10 @@ WAITERS = (
     ),
     Waiter("WorldExportJobCompleted", "DescribeWorldExportJob", WORLD_EXPORT_JOB, delay_s=2, most_calls=1800),
 )
-"""Half an hour for a simulation to start, four hours for it to end, a day for a batch, an hour for worlds."""
+"""All waiters of the API model.
+
+They wait half an hour for a simulation to start, four hours for it to end, a day for a batch, an hour for worlds.
+"""
 
 
 def waiters_model() -> dict[str, Any]:

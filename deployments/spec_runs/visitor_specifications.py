@@ -1,4 +1,4 @@
-"""Specifications of visitors: those that come with this package, and the check that all have to pass."""
+"""Specifications that come with this package, and the check that all visitors' specifications must pass."""
 
 import os
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD`.
+"""Entry point of the job worker's process: `python -m prefect_robomaker.deployments.worker FD`.
 
 It sends its status through the pipe FD. It ends when it is told to, when it gets SIGTERM or SIGINT, and when the
 pipe's other end closes, so that it never outlives the process that started it.

@@ -1,4 +1,4 @@
-"""The pipe between the endpoint and the job worker: JSON messages, each received whole."""
+"""Message pipe between endpoint and job worker: JSON messages, each received whole."""
 
 import json
 import socket
@@ -7,10 +7,10 @@ from contextlib import suppress
 from typing import Any
 
 WAKE: Mapping[str, Any] = {"do": "wake"}
-"""Tells the job worker that the catalog has a new job."""
+"""Message that tells the job worker that the catalog has a new job."""
 
 STOP: Mapping[str, Any] = {"do": "stop"}
-"""Tells the job worker to release its unfinished jobs and end."""
+"""Message that tells the job worker to release its unfinished jobs and end."""
 
 _MAX_BYTES = 64 * 1024
 

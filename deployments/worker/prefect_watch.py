@@ -1,4 +1,4 @@
-"""Watches whether the Prefect server answers: while it does not, jobs wait."""
+"""Watches whether the Prefect server answers; while it does not, jobs wait."""
 
 import logging
 import os

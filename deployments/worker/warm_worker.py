@@ -1,4 +1,4 @@
-"""The job worker that runs jobs in its own process, with all modules imported beforehand."""
+"""Job worker that runs jobs in its own process, with all modules imported beforehand."""
 
 import importlib
 import logging
@@ -160,7 +160,7 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs what could not be done because the Prefect server does not answer."""
+    """Logs errors inside the `with` block that occur because the Prefect server does not answer."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:

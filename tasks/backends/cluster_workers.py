@@ -1,4 +1,4 @@
-"""Job workers on the machines of a cluster: where they are started, one on each, as long as the batch runs."""
+"""Starts and watches the job workers of a batch on a Dask or Ray cluster, one on each machine."""
 
 import threading
 import time
@@ -13,10 +13,10 @@ from .node import Ended
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 60.0
-"""Pause before a machine's job worker is started again after its end; each further pause is twice as long."""
+"""Longest pause before a machine's job worker is restarted, in seconds; pauses double with each end in a row."""
 
 STEADY_S = 60.0
-"""A job worker that lasted this long was well; pauses after it begin anew."""
+"""Lifetime after which a job worker counts as healthy, in seconds; pauses then start short again."""
 
 _MOST_REASONS = 3  # more make a message that is not read
 
@@ -24,7 +24,7 @@ _MOST_REASONS = 3  # more make a message that is not read
 @dataclass
 class _Machine:
     started_at: float | None = None
-    """`None`: no job worker runs there."""
+    """Start time of the machine's job worker; `None`: none is running there."""
 
     ends_in_a_row: int = 0
     not_before: float = 0.0

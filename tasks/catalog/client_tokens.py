@@ -1,4 +1,4 @@
-"""Client tokens: idempotency of Create and Start calls.
+"""Client tokens: make Create and Start calls idempotent.
 
 A caller that repeats a call with the same `clientRequestToken` gets the resource that the first call added, whatever
 has changed since; the same token with another request is refused. Tokens belong to the access key that called: another
@@ -62,7 +62,7 @@ class ClientToken:
     """The caller's token."""
 
     request_hash: str
-    """Equal for equal requests."""
+    """Hash of the request; equal for equal requests."""
 
     owner: str = ""
     """Owner of the token: an access key or a job; empty: a caller without either."""

@@ -1,4 +1,4 @@
-"""Leases: which job worker runs which job, which jobs wait, and how many job workers died while they ran a job."""
+"""Leases: which job worker runs which job, which jobs wait, and how many job workers died while running a job."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -17,7 +17,7 @@ _CHUNK = 500  # of ARNs in one query
 
 
 def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
-    """Whether no living owner holds a resource."""
+    """Returns the SQL condition that no living owner holds a resource's lease."""
     return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
 
 
@@ -244,7 +244,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """Lists the unfinished jobs that only the process which ordered them was to run, oldest first."""
+        """Lists unfinished jobs that only the process which ordered them was to run, oldest first."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )

@@ -1,4 +1,4 @@
-"""Pieces of queries of the catalog's methods: pages and their tokens, tags, a few members of large documents."""
+"""Parts of SQL queries of the catalog: pages and their tokens, tags, a few members of large documents."""
 
 import base64
 import hashlib
@@ -76,9 +76,9 @@ def _fingerprint(kind: str, filters: Filters) -> str:
 
 
 class _Picked(FunctionElement[Any]):
-    """A JSON array of members of an object, in order; `null` for those that it does not have.
+    """SQL function: JSON array of some members of an object, in order; `null` for missing members.
 
-    One call for all of them: with one for each, a list of 1,000 jobs takes three times as long.
+    One call for all of them is used, because with one for each, a list of 1,000 jobs takes three times as long.
     """
 
     type = JSON()
@@ -126,7 +126,7 @@ COLUMNS = (
     resources.c.labels,
     resources.c.document,
 )
-"""Columns that a `Resource` is made of."""
+"""Database columns from which a `Resource` is made."""
 
 # Made once: making it takes as long as executing it, and it is the query of most calls.
 _ONE_ROW = select(*COLUMNS, resources.c.lease_owner, resources.c.cancel_requested).where(
@@ -137,7 +137,7 @@ _SEQUENCE = select(resources.c.sequence).where(resources.c.arn == bindparam("of"
 _OLD_LABELS = delete(resource_labels).where(resource_labels.c.sequence == bindparam("of"))
 
 TAG = "tag"
-"""The filter of lists by a tag."""
+"""Name of the list filter for tags."""
 
 _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": resources.c.status}
 

@@ -1,4 +1,4 @@
-"""Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
+"""Read access to the catalog: one resource, several, children of a parent, pages of lists, unfinished jobs."""
 
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager

@@ -175,7 +175,7 @@ class BatchRun:
     def _unfinished(self) -> list[int]:
         """Returns the indices of unfinished requests.
 
-        Once the batch has to stop, only of those that have become jobs.
+        Once the batch has to stop, only those that have become jobs are returned.
         """
         active = set(self._active())
         unfinished = active if self._why_stop() else active.union(self._waiting())

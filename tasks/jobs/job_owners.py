@@ -122,7 +122,7 @@ def written(value: object) -> str:
 def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
     """Returns the folders of PYTHONPATH, absolute, without the temporary folder that Prefect adds.
 
-    No other run has that folder. A package that a run imported from it is compared by its digest instead.
+    No other run has that folder. A package that is imported from it is noticed as missing elsewhere.
     """
     folders = (Path(path).absolute() for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
     return tuple(str(folder) for folder in folders if not _OF_PREFECT_RUN.fullmatch(folder.name))

@@ -1,6 +1,6 @@
 """Runs one simulation job: prepares it, runs its processes, stores its outputs, records its end.
 
-Resumes if interrupted.
+An interrupted job is resumed.
 """
 
 import logging
@@ -266,7 +266,7 @@ class JobRun:
     def _may_try_again(self, run_id: str) -> bool:
         """Whether to repeat a run that was killed from outside.
 
-        Only while each attempt reaches a later simulated time.
+        It is repeated only while each attempt reaches a later simulated time.
         """
         self._kills = 1 if reached_s(self._folder(run_id)) > self._document.reached_s else self._kills + 1
         return self._kills < MAX_LOST_WORKERS and self._why_stop() is None

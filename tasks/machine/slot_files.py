@@ -92,7 +92,7 @@ class SlotFiles:
 def _holder(text: bytes) -> Holder:
     """Reads the job in a slot from the slot's file.
 
-    Without details for an earlier version, or while it is being written.
+    It has no details if an earlier version wrote the file, or while the file is being written.
     """
     with suppress(ValidationError):
         return Holder.model_validate_json(text)

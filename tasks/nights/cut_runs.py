@@ -1,4 +1,4 @@
-"""Runs whose requests are cut down or replaced: probes and challenges leave nothing that the whole run makes itself."""
+"""Cleanup after probes and challenges, runs with reduced or changed requests: deletes what only they created."""
 
 from contextlib import suppress
 from datetime import datetime

@@ -1,4 +1,4 @@
-"""The end of a run: its state, report and record, and the message about it."""
+"""Finishes a run of a specification: determines its state, writes report and record, sends notifications."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -57,7 +57,7 @@ class RunFacts:
     folder: Path
     against: Against | None = None
     challenge: Challenge | None = None
-    """The sabotages of a challenge; None: it is none."""
+    """Sabotages of a challenge run; `None`: the run is no challenge."""
 
 
 def finish_run(
@@ -136,12 +136,12 @@ def finish_run(
 
 
 def is_pinged(facts: RunFacts) -> bool:
-    """Whether a run is a full nightly run, whose end a monitoring URL is told; reruns and probes are not."""
+    """Whether a monitoring URL is called when this run ends: only for full nightly runs, not for reruns and probes."""
     return facts.rerun_of is None and not facts.is_probe
 
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
-    """Comparison of the run with its forecast; a run that may run less than was forecast has none."""
+    """Compares the run with its forecast; `None` for a run that may run less than was forecast."""
     from ..inspection.forecasting import check_forecast
 
     if facts.is_probe or facts.rerun_of or service.reuses:

@@ -1,7 +1,7 @@
-"""Calling an address when a night begins and ends, as services expect that notice when nothing calls any more.
+"""Calls a monitoring URL when a night begins and ends, for services that raise an alarm if no call comes.
 
-`ADDRESS/start` is called when a night begins, `ADDRESS` when it ended well, `ADDRESS/fail` when it did not: what
-healthchecks.io and those that followed it take. A message can only come from a machine that is on.
+`ADDRESS/start` is called when a night begins, `ADDRESS` when it ended well, `ADDRESS/fail` when it did not, as
+healthchecks.io and similar services expect. A notification, in contrast, can only come from a machine that is on.
 """
 
 import logging
@@ -17,7 +17,7 @@ NAME = "{name}"
 """Placeholder in the address for the name of the specification."""
 
 _TIMEOUT_S = 10.0
-"""A night does not wait longer for somebody who only listens."""
+"""Time limit of a call, in seconds; a night does not wait longer for a monitoring service."""
 
 _logger = logging.getLogger(__name__)
 

@@ -1,4 +1,4 @@
-"""Sends notifications of runs: of one that has ended, if it is worth one, and of one that waits for disk space."""
+"""Sends notifications about runs: one that has ended, if it is worth a message, and one that waits for disk space."""
 
 import logging
 import platform
@@ -77,7 +77,7 @@ def is_due(
 
 
 def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, bytes]:
-    """A picture of each failure: of its video, else of its world."""
+    """Returns a picture of each failure: of its video, else of its world."""
     stored = service.catalog.get_many(job.arn for job in failures if job.arn)
     pictures: dict[str, bytes] = {}
     for number, job in enumerate(failures, start=1):
@@ -87,7 +87,7 @@ def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, byte
 
 
 def _picture(job: SimulationJobDocument, service: Service) -> bytes:
-    """A picture of a job; empty if there is none."""
+    """Returns a picture of a job (PNG); empty if there is none."""
     if poster := _fetched(job.outputs, "poster.png", service):
         return poster
     arn = world_arn(job.request)
@@ -106,7 +106,7 @@ def _fetched(place: StoredPlace | None, name: str, service: Service) -> bytes:
 
 
 AFTER_S = 540.0
-"""Time that a run waits for disk before a message says so; it is looked at every 10 min."""
+"""Time that a run waits for disk space before a notification is sent, in seconds; the disk is checked every 10 min."""
 
 
 class LongWaits:
@@ -133,7 +133,7 @@ class LongWaits:
                 listener(Note(f"no message can be sent: {problem}"))
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Takes an event."""
+        """Handles a progress event."""
         self._listener(event)
         if isinstance(event, StepProgress):
             self._since_s = (self._since_s or self._clock()) if event.waits_for == "disk" else None
@@ -142,11 +142,11 @@ class LongWaits:
             self._tell(event.text)
 
     def _waited_s(self) -> float:
-        """For how long it has waited for disk; less than nothing: it does not."""
+        """Returns how long the run has waited for disk space, in seconds; negative if it is not waiting."""
         return -1.0 if self._since_s is None else self._clock() - self._since_s
 
     def _tell(self, why: str) -> None:
-        """Sends the message; it never raises: a message is not worth a run."""
+        """Sends the notification; never raises an error, as a message is not worth a run."""
         body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
         message = Message(f"{self._name}: waits for disk", body, good=False)
         try:

@@ -1,4 +1,4 @@
-"""Poses of the frames of a model or world: `relative_to`, `attached_to`, `placement_frame` and names with `::`."""
+"""Resolves SDF frames of a model or world: `relative_to`, `attached_to`, `placement_frame` and names with `::`."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -59,14 +59,14 @@ class Scope:
 
     element: ET.Element
     nested: Mapping[str, "Scope"] = field(default_factory=dict)
-    """Scopes of the models in it, by name."""
+    """Scopes of nested models, by name."""
     placement_frame: str = ""
     pose_of_model: Pose | None = None
     """Pose that an `<include>` gives the model in place of its own."""
     relative_to: str | None = None
-    """Frame of `pose_of_model`."""
+    """Frame that `pose_of_model` is relative to."""
     merged: tuple["Scope", ...] = ()
-    """Models whose parts count as this one's own."""
+    """Scopes of included models that are merged into this one (`<include merge>`)."""
     _frames: dict[str, ET.Element] | None = None
     _known: dict[str, Pose] = field(default_factory=dict)
     _resolving: set[str] = field(default_factory=set)

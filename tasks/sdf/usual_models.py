@@ -1,4 +1,4 @@
-"""The two models that come with Gazebo, which worlds include without having them: the sun and the ground plane."""
+"""Built-in SDF models that worlds include without bringing them: the sun and the ground plane."""
 
 from .xml_files import Element, parse_xml
 

@@ -1,4 +1,4 @@
-"""Waiting for a catalog whose database is away when a job worker or a night begins."""
+"""Waits for a catalog whose database is unreachable when a job worker or a night begins."""
 
 import logging
 import math

@@ -1,7 +1,7 @@
-"""The service that every operation works with: settings, catalog, object store, clock, chance.
+"""The service object that every operation uses: settings, catalog, object store, clock, random numbers.
 
-A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect
-itself calls (in a worker, from a schedule) find it through `Service.current`.
+A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect itself calls (in a
+worker, from a schedule) find it through `Service.current`.
 """
 
 import os
@@ -159,14 +159,14 @@ def _utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class SpecRun:
-    """The run of a specification in whose course operations are called."""
+    """Run of a specification that calls operations of this service."""
 
     run_id: str
     reuse: bool = False
-    """Whether worlds and results that are there already are taken over, if they have the same inputs."""
+    """Whether existing worlds and results are reused if they have the same inputs."""
 
     in_campaign: bool = False
-    """Whether what is ordered is one of several batches of the same step."""
+    """Whether ordered batches are some of several batches of the same step."""
 
     mixed: bool = False
     """Whether requests of batches become jobs in a mixed order."""
@@ -190,19 +190,22 @@ class Service:
     """Source of ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
-    """Times that it waits for stores and servers."""
+    """Time intervals for stores and servers."""
 
     report_progress: Callable[[Progress], None] = _ignore
-    """Told of every change while a job operation is performed; called from several threads."""
+    """Function that is called after every change while a job operation runs; from several threads."""
 
     report_note: Callable[[str], None] = _ignore_note
-    """Told what a person who watches should know now, such as that a job waits; called from several threads."""
+    """Function that is called with messages for a person who watches, such as that a job waits.
+
+    It is called from several threads.
+    """
 
     spec_run: SpecRun | None = None
-    """The run of a specification that this service is used by; `None`: none."""
+    """Run of a specification that uses this service; `None`: none."""
 
     first_lease: FirstLease | None = None
-    """The lease of the job that this process orders and carries out itself; `None`: any job worker may take it."""
+    """Lease of the job that this process orders and runs itself; `None`: any job worker may take it."""
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":

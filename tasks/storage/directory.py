@@ -315,7 +315,7 @@ def _keys(folder: Path, prefix: str) -> Iterator[str]:
 def _link_above(top: Path, path: Path) -> Path | None:
     """Returns the first symbolic link among the folders between `top` and a file (which need not exist).
 
-    `None` if none.
+    Returns `None` if there is none.
     """
     folder = str(top)
     for name in path.relative_to(top).parts[:-1]:  # plain strings: each stored file is checked, and paths cost as much

@@ -1,6 +1,6 @@
 """Publishes a set of files with a manifest, which is written last.
 
-Deletes part of a set so that the rest stays valid.
+It can also delete part of a set so that the rest stays valid.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Generating one world of a generation job: build it in a process of its own, store its bundle."""
+"""Generates one world of a generation job in a child process, and stores its bundle."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
 
 WORLDS_PREFIX = "worlds"
 ORIGIN_LABEL = "origin"
-"""Label of a world in the catalog: what it was made of."""
+"""Label of a world in the catalog with the hash of its inputs (template, seeds)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Storing worlds that no generation job made: imported ones, and variations."""
+"""Stores worlds that no generation job made: imported worlds and variations."""
 
 import tempfile
 from collections.abc import Callable
@@ -46,7 +46,7 @@ def keep_world(
 def keep_variation(
     bundle: Path, wanted: "Wanted", arn: str | None, service: Service, *, origin: str | None = None
 ) -> Resource:
-    """Makes a variation of a world, and stores it, also where it breaks guarantees.
+    """Makes a variation of a world, and stores it, even if it breaks guarantees.
 
     Args:
         bundle: the other world's bundle.

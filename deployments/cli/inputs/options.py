@@ -1,4 +1,4 @@
-"""Values of options and what they name: a person, a span of time, a file to write, an earlier run; and the service."""
+"""Parses values of command line options: a person, a time span, an output file, an earlier run; opens the service."""
 
 import getpass
 import json

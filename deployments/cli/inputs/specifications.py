@@ -1,4 +1,4 @@
-"""Files that the user names: specifications, and requests of operations."""
+"""Reads files that the user names: specifications, and requests of operations."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""Progress on a terminal: one block that is redrawn while the pipeline runs, and stays at its end."""
+"""Animated progress display on a terminal: a block that is redrawn while the run goes on."""
 
 import threading
 import time

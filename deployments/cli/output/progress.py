@@ -1,4 +1,4 @@
-"""Progress of a running pipeline: one live block on a terminal, one line per change elsewhere."""
+"""Progress display of a run: an animated block on a terminal, one line per change elsewhere."""
 
 import sys
 import threading

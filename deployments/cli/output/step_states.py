@@ -1,4 +1,4 @@
-"""States of a running pipeline's steps, gathered from its events, and the interface of what shows them."""
+"""States of a run's steps, updated by its events, and the base class of progress displays."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager

@@ -1,4 +1,4 @@
-"""Answers to agents besides orders: the repository that they trust, and their enrolment."""
+"""Responses to robot agents apart from orders: files of the TUF repository, and enrolment."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from .downloads import Downloads, ServedFile
 from .robot_answers import DoorRefusal, read_body, send_plain
 
 MOST_GUESSES = 10
-"""Limit on the wrong one-time tokens of one robot that are looked at in `GUESS_WINDOW_S`."""
+"""Limit of wrong one-time tokens of one robot within `GUESS_WINDOW_S`; further ones are refused unchecked."""
 
 GUESS_WINDOW_S = 60.0
 
@@ -99,7 +99,7 @@ class AgentAnswers:
     """Answers HTTP requests of agents on robots: enrolment and update repository.
 
     Args:
-        side: what it asks.
+        side: enrols agents and reads the repository.
         downloads: sends files, and has the threads.
         clock: the time, in seconds since 1970.
     """

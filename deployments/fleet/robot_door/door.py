@@ -1,4 +1,4 @@
-"""The door as an ASGI application, and when robots were last seen."""
+"""Update server for robots as an ASGI application, and the times when robots last polled."""
 
 import asyncio
 import logging
@@ -37,11 +37,11 @@ from .robot_answers import Disconnected, DoorRefusal, read_body, send_document, 
 
 
 class LastSeen:
-    """Collects the last poll times of robots, and hands them on regularly.
+    """Collects the last poll times of robots, and passes them on regularly.
 
     Args:
-        hand_on: takes what was gathered, seconds since 1970 by robot; must not wait.
-        interval_s: how long is gathered.
+        hand_on: receives the collected times, in seconds since 1970, by robot; must not block.
+        interval_s: time for which they are collected, in seconds.
     """
 
     def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:
@@ -74,19 +74,19 @@ class DoorSettings:
     """Poll intervals and limits that the update server gives to robots."""
 
     idle_sleep_s: int = 30
-    """Between two polls of a robot that has nothing to do; 10 % more or less, so that robots do not poll in step."""
+    """Time between two polls of an idle robot, in seconds; 10 % more or less, so that robots do not poll in step."""
 
     active_sleep_s: int = 1
-    """The same while an order is open, or expected; more if these are more robots than may poll so often."""
+    """Time between two polls while an order is open or expected, in seconds; more if too many robots poll so often."""
 
     active_polls_per_s: int = 250
-    """Limit on the polls of such robots in a second."""
+    """Limit of the polls of such robots per second."""
 
     last_seen_s: float = 3.0
-    """Time for which polls of robots are gathered before they are reported."""
+    """Time for which polls of robots are collected before they are reported, in seconds."""
 
     tenant: str = "DEFAULT"
-    """First part of every path."""
+    """First part of every URL path."""
 
     public_url: str | None = None
     """URL at which robots reach this server, without a path; `None`: as each request's `Host` says."""
@@ -238,7 +238,10 @@ class RobotDoor:
             await self._take(request, report, feedback.cancel_end)
 
     async def _feedback(self, request: _Request) -> Feedback | None:
-        """The feedback of a request; `None`: it closed the order already, and the robot did not see the answer."""
+        """Parses the feedback of a request.
+
+        Returns `None` if it repeats the feedback that closed the order, because the robot missed the answer.
+        """
         body = await read_body(request.receive, request.headers.get(b"content-length"))
         robot, action_id = request.address.robot, request.address.action_id
         feedback = parse_feedback(action_id, body)

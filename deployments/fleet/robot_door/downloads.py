@@ -25,7 +25,7 @@ class Part:
     start: int
     stop: int
     is_whole: bool
-    """Nothing was asked for but the file: the answer is 200 and not 206."""
+    """Whether the whole file was requested, so that the response has status 200 and not 206."""
 
 
 def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes | None) -> Part:
@@ -61,7 +61,7 @@ def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes 
 Result = TypeVar("Result")
 
 ReadPart = Callable[[RobotOrder, int, int], bytes]
-"""Reads that many bytes of an order's file, from an offset on; called from several threads."""
+"""Function that reads that many bytes of an order's file, from an offset on; called from several threads."""
 
 CHUNK_BYTES = 256 * 1024
 _READERS = 8
@@ -96,10 +96,10 @@ class ServedFile:
 
     size_bytes: int
     sha256: str
-    """Its `ETag`."""
+    """SHA-256 of the file, used as its `ETag`."""
 
     read: Callable[[int, int], bytes]
-    """Reads that many bytes from an offset on; called from several threads."""
+    """Function that reads that many bytes from an offset on; called from several threads."""
 
 
 class Downloads:

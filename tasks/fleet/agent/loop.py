@@ -221,7 +221,7 @@ class Agent:
     def _steady_s(self) -> float | None:
         """Returns when a version on probation counts as steady, by the monotonic clock in seconds.
 
-        `None`: none is on probation.
+        Returns `None` if none is on probation.
         """
         return self._application.steady_s() if self.state.probation is not None else None
 

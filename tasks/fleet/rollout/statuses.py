@@ -1,6 +1,6 @@
 """State of a rollout as `DescribeDeploymentJob` returns it.
 
-Status, progress and failure of each robot, counts, waits.
+It has the status, progress and failure of each robot, counts, and causes of waiting.
 """
 
 from collections import Counter

@@ -1,7 +1,7 @@
 # pyright: reportPrivateImportUsage=false
 """Key ceremonies of the TUF repository.
 
-Creating root keys for storage elsewhere, and signing roots by several holders.
+They create root keys for storage elsewhere, and let several holders sign a root.
 """
 
 from collections.abc import Mapping, Sequence

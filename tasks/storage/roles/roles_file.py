@@ -71,7 +71,7 @@ def _problem(error: ValidationError) -> str:
 ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
 """Function that returns the content of a Prefect block, with its secrets, by type slug and name.
 
-`None` if it is missing.
+It returns `None` if the block is missing.
 """
 
 

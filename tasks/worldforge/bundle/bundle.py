@@ -132,7 +132,7 @@ class PlainModel(NamedTuple):
     names: Mapping[str, str]
     """Names as `world.json` and the other files have them, by the plain name that replaces them.
 
-    Only names that differ.
+    It has only names that differ.
     """
 
 

@@ -1,6 +1,6 @@
 """Checks a stored world again from its files.
 
-Measures its model, and compares map, description and manifest with it.
+It measures the world's model, and compares map, description and manifest with it.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -162,7 +162,7 @@ def _plan(folder: Path) -> str | None:
 def _difference(said: Any, right: Any, path: str = "") -> str | None:
     """Describes the first member in which two descriptions of a world differ, with both values.
 
-    `None` if they are equal.
+    Returns `None` if they are equal.
     """
     if isinstance(said, dict) and isinstance(right, dict):
         pairs = ((f"{path}.{key}".strip("."), said.get(key), right.get(key)) for key in sorted({*said, *right}))

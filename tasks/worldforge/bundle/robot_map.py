@@ -21,7 +21,7 @@ MAP_FILES = ("map.pgm", "map.yaml")
 HEIGHTS_M = 0.05, 2.0
 """Least and greatest height of a robot that a map can be made for, in metres.
 
-From just above flat things on the floor to below the lintels of doors.
+They reach from just above flat things on the floor to below the lintels of doors.
 """
 
 _TOUCHING_M = 1e-4

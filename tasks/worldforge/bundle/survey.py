@@ -30,7 +30,7 @@ START_RADIUS_M = 0.5
 _ABOVE_FLOOR_M = 0.5
 """Height from which the floor is searched downwards, in metres.
 
-Below most table tops, above floors that are not quite at 0.
+It is below most table tops, and above floors that are not quite at 0.
 """
 _NEAR_M = 0.3
 """Height above the stated floor height from which the floor is searched downwards, in metres.
@@ -124,7 +124,7 @@ def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, to
 def _ray(model: mujoco.MjModel, data: mujoco.MjData, start: tuple[float, float, float], up: float) -> float:
     """Returns the distance from a point to the first surface above it (`up` is 1) or below it (-1).
 
-    Negative if there is none.
+    The distance is negative if there is none.
     """
     along = np.array([0.0, 0.0, up])
     return float(mujoco.mj_ray(model, data, np.array(start), along, None, True, -1, np.zeros(1, np.int32)))

@@ -92,7 +92,7 @@ def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: 
 def _patterned(pieces: Sequence[Rectangle], half: float, size_m: tuple[float, float]) -> Mesh:
     """Makes one mesh of boxes whose texture continues from one box to the next.
 
-    Axes are along, up, through the wall.
+    The mesh's axes point along, up, and through the wall.
     """
     vertices, triangles = joined(part for piece in pieces for part in _box(piece, half))
     normals = _normals(vertices, triangles)

@@ -31,7 +31,7 @@ _APPROACH_M = 0.6
 _ROBOT_M = 0.25
 """Radius of the robot that must reach every room of the unfurnished plan, in metres.
 
-More than the worlds are checked for.
+It is larger than the robot that the worlds are checked for.
 """
 _MIN_CELLS = 20
 _ARC_STEPS = 6

@@ -16,7 +16,7 @@ from ..floorplans.partition import UNITS_PER_M
 _WALL_M = 0.2
 """Largest distance of a room's border from the line it is moved to, in metres.
 
-Half the thickest wall, and bumps of a lidar.
+It is half the thickest wall, and bumps of a lidar.
 """
 _APART_M = 0.45
 """Smallest distance between two lines, in metres: less is a niche, a pillar or noise."""

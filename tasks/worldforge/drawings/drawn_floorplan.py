@@ -1,6 +1,6 @@
 """Makes the floor plan of a world from a drawing.
 
-Rooms, walls, doorways and windows, and how exactly each follows the drawing.
+The plan has rooms, walls, doorways and windows, and says how exactly each follows the drawing.
 """
 
 from collections.abc import Sequence

@@ -188,7 +188,7 @@ def fit_window(
 def _places(drawn: Sequence[Line], moved: tuple[Lines, Lines]) -> list[_Place]:
     """Returns the possible positions of a drawn door or window.
 
-    Along its longer side, or along either if both are about as long.
+    They are along its longer side, or along either side if both are about as long.
     """
     found: list[_Place] = []
     for one, other in drawn:

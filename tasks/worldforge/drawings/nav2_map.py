@@ -287,7 +287,7 @@ def _straight(corners: Corners, near: int) -> Corners:
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
     """Yields doors and openings between two rooms of a map.
 
-    The rooms' positions in `order`, and the line between them.
+    Each has the rooms' positions in `order`, and the line between them.
     """
     boxes = ndimage.find_objects(regions)
     for place, number in enumerate(order, 1):
@@ -324,7 +324,7 @@ def _refuse_slanted(read: _Map, name: str) -> None:
 def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
     """Raises an error if the map shows free space all around the flat.
 
-    It is no room, and all rooms would be inside of it.
+    That space is no room, and all rooms would be inside of it.
     """
     for place, number in enumerate(_by_size(regions), 1):
         cells = regions == number

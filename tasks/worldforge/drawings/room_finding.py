@@ -158,7 +158,7 @@ def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> Furnished
 def _way(shape: Shape, kind: PassageKind, scale: float, number: int, *, required: bool) -> DrawnWay:
     """Makes a door, an opening or a window from a shape.
 
-    Along its swing, its line from first to last point, or its extent.
+    It is placed along its swing, its line from first to last point, or its extent.
     """
     lines = tuple((_scaled(one, scale), _scaled(other, scale)) for one, other in shape.ways or (_ends(shape),))
     return DrawnWay(shape.name or f"number {number}", kind, lines, _percent(shape), shape.told, required)

@@ -164,7 +164,7 @@ def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
 def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> Point | None:
     """Returns the centre of a curve if it is an arc of a circle.
 
-    An `A` with one radius, or a curve of a quarter circle.
+    Such a curve is an `A` with one radius, or a quarter of a circle.
     """
     if command in "Aa":
         return _centre(numbers, start, end)

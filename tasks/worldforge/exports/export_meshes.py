@@ -126,7 +126,7 @@ def terrain_mesh(model: mujoco.MjModel, field: int) -> Mesh:
 def _side(surface: NDArray[np.float64], edge: NDArray[np.int64], bottom_m: float) -> NDArray[np.float64]:
     """Returns the triangles of a terrain's side wall.
 
-    From an edge of its surface, counter-clockwise, down to a height.
+    The wall goes from an edge of the surface, given counter-clockwise, down to a height.
     """
     high = surface[edge]
     low = high * [1, 1, 0] + [0, 0, bottom_m]

@@ -182,7 +182,7 @@ _JOINTS = {"revolute": "PhysicsRevoluteJoint", "prismatic": "PhysicsPrismaticJoi
 def _joint(thing: Thing, joint: Joint, name: str, body: str, above: str) -> Prim:
     """Makes a USD joint with the world or a parent body, at position 0 in the body's pose.
 
-    Its axis is z of its frames.
+    The joint's axis is the z axis of its frames.
     """
     frame = _frame_along(joint.axis)
     turning = joint.kind == "revolute"

@@ -26,7 +26,7 @@ from .plan_signature import forms_of
 _CHOICE_MARGIN = 2.0
 """Largest cost above the cheapest plan's with which a plan can be the best one.
 
-Of these, the one with fewest missed preferences is.
+Of these plans, the one with the fewest missed preferences is the best one.
 """
 
 _VARIETY_MARGIN = 4.0
@@ -38,7 +38,7 @@ It allows a missed ratio and slightly unsuitable neighbours.
 _WORSE_TOGETHER = 0.75
 """Largest part of that extra cost that may come from neighbours and daylight.
 
-About a way through a bedroom, less than a dark room.
+It allows about a way through a bedroom, but no room without daylight.
 """
 
 _MORE_MISSES = 1
@@ -203,7 +203,7 @@ def _chosen(pool: Pool, seed: PlanSeed) -> int:
 def _only_room(brief: Brief, dice: Random) -> Partition:
     """Returns the plan of a single room.
 
-    The footprint, turned as preferred, or randomly if the preference is square.
+    It is the footprint, turned as preferred, or randomly if the preference is square.
     """
     least = brief.min_sides[0] - EXTERIOR_WALL
     square_units = brief.areas_m2[0] * UNITS_PER_M**2

@@ -303,7 +303,7 @@ def _random_operator(dice: Random) -> int:
 def _changed(expression: list[int], dice: Random) -> list[int]:
     """Returns a copy of a slicing tree with one random change.
 
-    Two rooms swapped, an operator replaced, or a part rebuilt.
+    The change swaps two rooms, replaces an operator, or rebuilds a part.
     """
     changed = expression.copy()
     chance = dice.random()

@@ -45,7 +45,7 @@ _USUAL_WALLS = 2.6
 _BEGINNINGS = 40_000
 """Approximate number of candidates to begin with.
 
-Trees with rooms turned in all ways, or in other ways than in the trees before.
+They are trees with rooms turned in all ways, or in other ways than in the trees before.
 """
 
 _LEAST_TURNS = 3

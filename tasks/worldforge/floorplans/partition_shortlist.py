@@ -67,7 +67,7 @@ class Variants(NamedTuple):
     areas: Floats
     """Logarithm of each floor area over its preferred area, and of a notch's area over the usual one.
 
-    Shape (leaf, plan).
+    Its shape is (leaf, plan).
     """
     footprint: Floats
     """Logarithm of the footprint's extent along x over that along y."""

@@ -116,7 +116,7 @@ class Walls:
     def _inset(self, run: Run, at: int, *, ahead: bool) -> int:
         """Returns the length by which a wall ends before the junction at one of its ends, in grid units.
 
-        Negative: after it.
+        It is negative if the wall ends after the junction.
         """
         arms = self._arms[run.node(at)]
         along = {each: arms.get((run.horizontal, each), 0) for each in (True, False)}
@@ -133,7 +133,7 @@ class Walls:
 def _owns(horizontal: bool, along: Sequence[int], across: Sequence[int]) -> bool:
     """Whether walls along one axis fill a junction's square.
 
-    The thickest do, then those that pass through, then horizontal ones.
+    The thickest walls do, then those that pass through, then horizontal ones.
     """
     mine, others = (
         (max(arms), min(arms) == max(arms), level) for arms, level in ((along, horizontal), (across, not horizontal))

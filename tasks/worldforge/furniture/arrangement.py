@@ -127,7 +127,7 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
 def dining_room(rooms: Sequence[Room]) -> str | None:
     """Returns the largest living room, which then has the dining table.
 
-    `None` if there is a dining room or a large kitchen.
+    Returns `None` if there is a dining room or a large kitchen.
 
     It is `None` as well in a building without kitchen.
     """

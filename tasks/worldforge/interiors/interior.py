@@ -199,7 +199,7 @@ def _density_preferences(
 ) -> list[Preference]:
     """Reports the preferred density: satisfied when every room is about as full.
 
-    Nothing if no room has a preference.
+    Nothing is reported if no room has a preference.
     """
     density = arrangement.DesiredSpatialDensity
     short = [work for work in rooms if work.covered_share < work.granted_share]

@@ -24,7 +24,7 @@ _TALL_CHANCES: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.4, "Dense": 
 _LEAST_PIECES = 6
 """Number of pieces that a kitchen should have.
 
-Fridge, stove, sink, dishwasher, and worktop on both sides of the stove.
+They are fridge, stove, sink, dishwasher, and worktop on both sides of the stove.
 """
 
 _CORNER_M = 0.2
@@ -127,7 +127,7 @@ def _length(units: Sequence[Unit]) -> float:
 def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
     """Yields placements of a straight kitchen, with scores.
 
-    At both ends of every free stretch of wall, in both directions.
+    They are at both ends of every free stretch of wall, in both directions.
     """
     length = _length(units)
     depth, front = _reach(work, units)

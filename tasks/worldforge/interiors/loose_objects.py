@@ -113,7 +113,7 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) -> None:
     """Adds the requested number of loose objects, as far as there is place.
 
-    On furniture in turn, the rest on the floor.
+    They are put on furniture in turn, and the rest on the floor.
     """
     hosts = [item for item in furnished.items if item.model_type in _ON_MORE_TOPS]
     while hosts and len(objects) < room_for:

@@ -25,7 +25,7 @@ WALL_GAP_M = 0.015
 _HALF_WAY_M = 0.3
 """Half the width of the paths kept open in rooms, in metres.
 
-The robot's radius of 0.2 m, a map cell, and some margin.
+It is the robot's radius of 0.2 m, a map cell, and some margin.
 """
 
 _HALF_HALLWAY_M = 0.4
@@ -44,7 +44,7 @@ _WINDOW_DEPTH_M = 0.4
 _GATE_M = 0.475
 """Distance from the middle of a wall to the beginning of paths, in metres.
 
-The nearest cell centre that a path can have.
+It is the nearest cell centre that a path can have.
 """
 
 

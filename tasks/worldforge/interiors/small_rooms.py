@@ -56,7 +56,7 @@ def furnish_small(
 def _worth(work: RoomFurnishing, group: Sequence[str]) -> int:
     """Returns the weight of a missing kind.
 
-    More than all kinds listed after it, so that a bath rather has its toilet.
+    It is more than that of all kinds listed after it, so that a bath rather has its toilet.
     """
     groups = SMALL_ROOM_NEEDS[work.room.type]
     place = next(place for place, each in enumerate(groups) if set(group) <= set(each))

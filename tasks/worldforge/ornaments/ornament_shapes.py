@@ -1,6 +1,6 @@
 """Procedural meshes that fill a box: bevelled, turned, stuffed and leafy shapes.
 
-Closed, a few hundred triangles each.
+They are closed, and have a few hundred triangles each.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -89,7 +89,7 @@ class Hits:
 Look = Callable[[Hits], Array]
 """Function that returns the colours at ray hits, 0 to 1 in sRGB, shape (n, 3).
 
-Negative values: the surface shines by itself.
+Negative values mean that the surface shines by itself.
 """
 
 

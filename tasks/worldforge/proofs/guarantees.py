@@ -161,7 +161,7 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
 def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
     """Returns the line with the number of geoms that collide.
 
-    Counted now or, for stored worlds, by their generator.
+    They are counted now or, for stored worlds, by their generator.
     """
     major = world.generator_version.partition(".")[0]
     counted_all = checks.faults is None and major.isdecimal() and int(major) < _COUNTS_COLLIDING

@@ -107,7 +107,7 @@ are soft. Steps with bodies awake take most of the time.
 _WATCHED_AFTER_PUSH_S = 0.5
 """Time after a push during which no body may fall asleep, in seconds.
 
-Longer, as rocking bodies are slow where they turn back.
+It is longer, as rocking bodies are slow where they turn back.
 """
 
 _SLEEP_TOLERANCE = 5e-4

@@ -103,7 +103,7 @@ def _room(room: Room) -> dict[str, Any]:
 def _bounds(world: World) -> tuple[list[float], list[float]]:
     """Returns the building's bounds as the page has them (y up, z south).
 
-    West, floor, north, and east, ceiling, south.
+    They are west, floor, north, and east, ceiling, south.
     """
     west, south, east, north = bounds(world.floorplan.footprint)
     wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2

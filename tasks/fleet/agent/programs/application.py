@@ -96,7 +96,7 @@ class Application:
     def steady_s(self) -> float | None:
         """Returns when the application will count as steady, by the monotonic clock in seconds.
 
-        `None`: it is not running.
+        Returns `None` if it is not running.
         """
         return None if self._process is None else self._since_s + _STEADY_S
 

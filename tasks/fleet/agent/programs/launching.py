@@ -268,7 +268,7 @@ def _is_variable(name: str, value: str) -> bool:
 def _inside(folder: Path, name: str) -> Path | None:
     """Returns the path of a file of a version, in its last overlay first.
 
-    `None` for names that lead out of the version.
+    Returns `None` for names that lead out of the version.
     """
     for top in (*reversed(overlays(folder)), folder):
         path = top / name.lstrip("/")
