@@ -73,7 +73,7 @@ def test_interiors_of_one_floor_plan_share_it(service: Service, generate: Callab
 
 
 @KNOWN
-@pytest.mark.parametrize(("members", "plans"), [({"diversity": 0}, 1), ({}, 4)])
+@pytest.mark.parametrize(("members", "plans"), [pytest.param({"diversity": 0}, 1, marks=pytest.mark.deep), ({}, 4)])
 def test_floor_plans_of_a_job_differ_unless_none_are_to(
     service: Service, submit: Callable[..., str], tmp_path: Path, members: dict[str, int], plans: int
 ) -> None:

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.deep
+
 CASES = """
 import asyncio, gc, json, sqlite3, sys
 from prefect.server.database.configurations import AioSqliteConfiguration
@@ -124,7 +126,6 @@ def test_a_cursor_that_is_dropped_while_its_connection_waits_stops_nothing(resul
     assert results["dropped"] == ["one", "two"]
 
 
-@pytest.mark.deep
 def test_many_rows_that_waited_are_written_once(results: dict[str, object]) -> None:
     assert results["many"] == ["one", "three", "two"]
 
@@ -137,6 +138,5 @@ def test_one_that_waited_too_long_is_refused_and_may_be_tried_again(results: dic
     assert results["impatient"] == ["SQLITE_BUSY", "one", "three"]
 
 
-@pytest.mark.deep
 def test_transactions_that_read_before_they_write_are_not_refused(results: dict[str, object]) -> None:
     assert results["both_read"] == ["one", "one after 1", "one after 2"]

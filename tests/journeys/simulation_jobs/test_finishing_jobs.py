@@ -110,6 +110,7 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
     assert re.fullmatch(r"(simulation .*, )?videos of failures [^,]*(, uploads .*)?", page.times)
 
 
+@pytest.mark.deep
 def test_a_job_worker_takes_the_next_job_while_one_draws(
     service: Service, swing: Simulate, prefect_server: str
 ) -> None:
@@ -132,6 +133,7 @@ def test_a_job_worker_takes_the_next_job_while_one_draws(
     assert all((outputs_of(service, {"arn": job.arn}) / "last-10s.mp4").exists() for job in (first, second))
 
 
+@pytest.mark.deep
 def test_a_job_that_is_restarted_while_it_draws_waits_for_its_place_again(service: Service, swing: Simulate) -> None:
     job = swing(perform=False, job=FAILS)
     restarts = [1]

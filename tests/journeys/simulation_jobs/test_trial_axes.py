@@ -109,7 +109,7 @@ def test_an_axis_that_cannot_be_applied_fails_the_job(
     service: Service, swing: Simulate, axis: dict[str, Any], said: str
 ) -> None:
     trials = {"seeds": 2, "axes": {"axis": axis}}
-    job = swing(job={"trials": trials, "failureBehavior": "Continue"}, TIME_LIMIT_S="0.1")
+    job = swing(job={"trials": trials}, TIME_LIMIT_S="0.1")
     assert (job["status"], job["failureCode"]) == ("Failed", "InvalidInput")
     assert said in job["failureReason"]
     assert not (outputs_of(service, job) / "result.json").exists()
