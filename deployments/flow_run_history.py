@@ -29,7 +29,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
     """Deletes old flow runs from the local Prefect server's database, and shrinks it.
 
     Args:
-        settings: whose local server.
+        settings: settings of the data home with the local server.
         policy: retention policy; without an age every flow run is kept.
         now: the time.
         act: whether anything is changed.
@@ -52,7 +52,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
     """Deletes concurrency limits of finished batches from the local Prefect server.
 
     Args:
-        settings: whose local server.
+        settings: settings of the data home with the local server.
         service: the service, with its catalog and object store.
         act: whether anything is changed.
 

@@ -160,7 +160,7 @@ def probe(
     Args:
         spec: the specification; `check_probed` accepts it.
         settings: settings of the run, with the backend.
-        machines: how many there are to be, and what they cost.
+        machines: number of machines, and their price.
         listener: called with the progress of the probe.
         spec_path: the file that the specification is from.
 

@@ -64,7 +64,7 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
         request: the HTTP request.
         status: HTTP status of the answer.
         error: name of the error that it tells of; `-`: of none.
-        duration_s: how long it took.
+        duration_s: duration of the request, in seconds.
     """
     if LOGGER.handlers:
         LOGGER.info(
@@ -176,7 +176,7 @@ class Endpoint:
         Args:
             request: the HTTP request.
             status: HTTP status of the answer.
-            duration_s: how long it took.
+            duration_s: duration of the request, in seconds.
             error: name of the error that the answer tells of; `-`: of none.
         """
         self._metrics.count(request.operation, status, duration_s)

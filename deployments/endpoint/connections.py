@@ -178,10 +178,10 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
     """Reads a request's body, with limits on size and time.
 
     Args:
-        request: whose body has not been read.
+        request: the request, whose body has not been read.
         declared: the header `Content-Length`.
-        max_bytes: how much is taken at most.
-        timeout_s: how long it may take.
+        max_bytes: size limit of the body, in bytes.
+        timeout_s: time limit for the body, in seconds.
 
     Raises:
         RequestEntityTooLargeException: the body is longer; the rest is left unread.

@@ -116,7 +116,7 @@ class Metrics:
     """Prometheus metrics of the API server: requests and resources.
 
     Args:
-        service: whose resources are counted when somebody asks.
+        service: the service, whose resources are counted when metrics are read.
         access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
             some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
         worker_status: returns the job worker's status.
@@ -150,7 +150,7 @@ class Metrics:
         Args:
             operation: the operation that it asked for; `None`: none.
             status: HTTP status of its answer.
-            duration_s: how long it took.
+            duration_s: duration of the request, in seconds.
         """
         name = operation or _NO_OPERATION
         self._requests.labels(name, str(status)).inc()

@@ -96,7 +96,7 @@ def run_server(
         ready: called with the port once requests are answered.
         stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
         tls: certificate and key for HTTPS; `None`: HTTP.
-        limits: how many connections, and how slow; `None`: the usual.
+        limits: limits of connections and times; `None`: the default ones.
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:

@@ -34,8 +34,8 @@ def card(title: str, outcome: str, *parts: Markup) -> Markup:
     """Makes the HTML card of a run, a job or a world.
 
     Args:
-        title: its name.
-        outcome: how it ended; empty: it has no outcome.
+        title: name of the run, job or world.
+        outcome: outcome of the run or job; empty: there is none.
         parts: content of the card below the title.
     """
     shown = Markup(" {}").format(badge(outcome)) if outcome else Markup("")
@@ -79,7 +79,7 @@ def image(content: bytes, media_type: str, text: str) -> Markup:
 
     Args:
         content: the file.
-        media_type: its type: `image/png` or `image/svg+xml`.
+        media_type: media type of the image: `image/png` or `image/svg+xml`.
         text: the image in words.
     """
     if not content:

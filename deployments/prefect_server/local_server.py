@@ -97,7 +97,7 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
     """Returns the environment variables with which Prefect's client uses a server.
 
     Args:
-        api_url: what `ensure_server` returned.
+        api_url: API URL of the Prefect server, from `ensure_server`.
         settings: the data home's.
         environ: variables that are there already, usually `os.environ`.
 

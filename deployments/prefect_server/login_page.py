@@ -27,7 +27,7 @@ class OneTimeTokens:
     """One-time tokens for login links to the local Prefect server.
 
     Args:
-        life_s: how long a token works.
+        life_s: validity of a token, in seconds.
         clock: seconds that only grow.
         make: makes a token that cannot be guessed.
     """

@@ -58,7 +58,7 @@ def wait_while_busy(
         ask: checks the server's health; may take some seconds.
         what: description of the server, for the log.
         patience_s: longest wait, in seconds.
-        clock: gives seconds.
+        clock: function that returns seconds.
 
     Returns:
         The server's health; busy only after `patience_s` has passed.
@@ -90,7 +90,7 @@ class Outage:
         ask: asks the server how it does; takes some seconds at most.
         tell: tells the user a sentence; called from any thread.
         is_own: whether the home's own server is there, which nothing starts again by itself.
-        clock: gives seconds.
+        clock: function that returns seconds.
         look_s: seconds between two polls of a server that is away, and of the requests that wait for an answer.
     """
 
@@ -164,7 +164,7 @@ class Outage:
         """Checks the server's health after an unanswered request.
 
         Args:
-            since: when that request began.
+            since: start of that request.
 
         Returns:
             Whether the server is away.

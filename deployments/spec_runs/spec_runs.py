@@ -64,7 +64,7 @@ class StandingFile:
 
     Args:
         folder: the run's.
-        standing: how it stands at the beginning.
+        standing: initial state of the run.
     """
 
     def __init__(self, folder: Path, standing: Standing) -> None:

@@ -21,7 +21,7 @@ def checked(
 
     Args:
         text: YAML or JSON.
-        filename: what problems call it.
+        filename: name of the file in error messages.
         parameters: values of its parameters, as `load_spec` takes them.
         is_complete: whether each parameter has to have a value, as for a run.
 

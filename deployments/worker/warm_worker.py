@@ -150,8 +150,8 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
     Args:
         pool: the pool.
-        begun: how many of its jobs were begun and have not ended.
-        waiting: how many simulation jobs of those wait for room on this machine.
+        begun: number of its jobs that have begun and not ended.
+        waiting: number of simulation jobs that wait for resources of this machine.
     """
     if pool.kind != "simulation-job" or not waiting:
         return f"{begun} of at most {pool.at_once} running"

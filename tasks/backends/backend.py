@@ -57,7 +57,7 @@ class Backend(Protocol):
 
         Args:
             batch: ARN of the batch.
-            wanted: how many can be of use.
+            wanted: number of job workers that can be of use.
 
         Raises:
             BackendError: the cluster or work pool does not exist.
@@ -82,7 +82,7 @@ class ByHandWorkers:
 
     Args:
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, batch: str, wanted: int) -> None:

@@ -44,7 +44,7 @@ class Staffing:
 
     Args:
         place: description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
-        wanted: how many job workers can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, place: str, wanted: int) -> None:
@@ -83,8 +83,8 @@ class Staffing:
 
         Args:
             name: the machine.
-            ended: how it ended.
-            now: as for `to_start`.
+            ended: report of its end.
+            now: seconds of a clock that never goes back.
         """
         machine = self._machines[name]
         assert machine.started_at is not None
@@ -172,7 +172,7 @@ class ClusterWorkers:
     Args:
         cluster: the cluster that they are started on.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, cluster: Cluster, batch: str, wanted: int) -> None:
@@ -244,9 +244,9 @@ def cluster_workers(cluster: Cluster, batch: str, wanted: int) -> Generator[Clus
     """Runs job workers for a batch on a cluster while the `with` block is active.
 
     Args:
-        cluster: connected.
+        cluster: the connected cluster.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
     workers = ClusterWorkers(cluster, batch, wanted)
     workers.begin()

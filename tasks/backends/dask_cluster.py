@@ -67,7 +67,7 @@ class DaskCluster:
     """A Dask cluster, on whose Dask workers job workers of a batch are started.
 
     Args:
-        client: connected.
+        client: connected client of the cluster.
         place: description of the cluster, for messages.
     """
 

@@ -46,7 +46,7 @@ def run_job_worker(
     Args:
         batch: ARN of the batch.
         environment: variables besides those of this process.
-        should_stop: asked twice a second; once true, the worker releases its jobs and ends.
+        should_stop: called twice a second; once true, the worker releases its jobs and ends.
 
     Returns:
         How it ended.

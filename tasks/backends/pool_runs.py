@@ -39,7 +39,7 @@ class Places:
         """Records that a job worker ended before its batch.
 
         Args:
-            lived_s: for how many seconds it ran.
+            lived_s: lifetime of the job worker, in seconds.
             now: the time in seconds, of a clock that only goes forward.
         """
         self._short_lives = 0 if lived_s >= _LONG_LIFE_S else self._short_lives + 1
@@ -50,9 +50,9 @@ class Places:
         """Returns how many job workers to start now; negative if there are too many.
 
         Args:
-            alive: how many are scheduled or run.
-            room: how many there are to be.
-            now: see `note_end`.
+            alive: number of job workers that are scheduled or running.
+            room: number of job workers that there should be.
+            now: the time in seconds, of a clock that only goes forward.
         """
         self._empty_until = [until for until in self._empty_until if until > now]
         if alive > room:
@@ -80,9 +80,9 @@ def opened_pool(pool: str, most: int | None, batch: str, wanted: int) -> Generat
 
     Args:
         pool: name of the work pool.
-        most: how many there are to be at most; `None`: one for each machine.
+        most: limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
 
     Raises:
         BackendError: the pool or the deployment is missing, or the number.
@@ -98,9 +98,9 @@ class PoolRuns:
 
     Args:
         pool: name of the work pool.
-        most: how many there are to be at most; `None`: one for each machine.
+        most: limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
         client: client of the Prefect server.
     """
 

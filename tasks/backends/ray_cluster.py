@@ -61,7 +61,7 @@ class RayDriver:
     Args:
         address: address of the cluster.
         batch: ARN of the batch.
-        wanted: how many job workers can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, address: str, batch: str, wanted: int) -> None:

@@ -34,7 +34,7 @@ class WorkPool:
 
     Args:
         name: name of the pool.
-        most: how many job workers it is to have at most; absent: as many as it has machines.
+        most: limit of job workers; absent: as many as the pool has machines.
         look_s: seconds between two polls of the server.
     """
 

@@ -70,7 +70,7 @@ class Catalog(CatalogLeases):
 
         Args:
             url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
-            clock: gives the time, with a time zone.
+            clock: function that returns the time, with a time zone.
 
         Raises:
             ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
@@ -161,8 +161,8 @@ class Catalog(CatalogLeases):
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
-            make: given the parent and the number, describes the child; what it raises is raised.
-            most: how many children of that kind there may be.
+            make: makes the child from the parent and the number; its errors are passed on.
+            most: limit of children of that kind.
 
         Raises:
             ResourceNotFoundException: the catalog has no such parent.

@@ -65,7 +65,7 @@ class CatalogLeases(CatalogReader):
         Args:
             arn: the resource.
             owner: name of the caller, which no other has in this process or another.
-            lease_s: after how many seconds another may take it, unless it is renewed.
+            lease_s: time without renewal after which another owner may take it, in seconds.
 
         Returns:
             Whether `owner` holds the lease now.
@@ -90,7 +90,7 @@ class CatalogLeases(CatalogReader):
             parent: ARN of the children's parent.
             kind: kind of the children.
             owner: name of the caller, which no other has in this process or another.
-            lease_s: after how many seconds another may take it, unless it is renewed.
+            lease_s: time without renewal after which another owner may take it, in seconds.
             most: member of the parent's document that says how many may be held at once.
             parent_in: statuses of the parent in which they are taken.
             finishing: member that the document of a resource has once it only finishes.
@@ -221,7 +221,7 @@ class CatalogLeases(CatalogReader):
 
         Args:
             kinds: kinds of the jobs.
-            limit: how many at most.
+            limit: largest number of resources.
             without: ARNs of jobs that are left out, too.
         """
         batches = resources.alias("batches")

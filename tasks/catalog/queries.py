@@ -44,7 +44,7 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
 
     Args:
         kind: kind of the listed resources.
-        filters: with which conditions.
+        filters: conditions of the list.
         sequence: the entry's place in the order of creation.
     """
     return base64.urlsafe_b64encode(f"{sequence}.{_fingerprint(kind, filters)}".encode()).decode()
@@ -186,7 +186,7 @@ def list_query(
         filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
             tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.
-        limit: how many rows at most.
+        limit: largest number of rows.
         without: names that are left out, by kind.
     """
     kind, order = resources.c.kind, resources.c.sequence
@@ -229,7 +229,7 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
     Args:
         wanted: the statuses, by kind.
         not_below: resources whose parent is of this kind are left out.
-        limit: how many of each kind at most.
+        limit: largest number of resources of each kind.
     """
     is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)
     standing = or_(*(and_(resources.c.kind == kind, resources.c.status.in_(each)) for kind, each in wanted.items()))

@@ -76,8 +76,8 @@ def compare_folder(place: StoredPlace, store: ObjectStore, *, read_content: bool
     """Compares a stored folder with its manifest; objects that the manifest does not name are ignored.
 
     Args:
-        place: where the folder is.
-        store: where it is stored.
+        place: the stored folder.
+        store: the object store.
         read_content: whether every object is read; else sizes are compared, by one list of the folder.
 
     Raises:
@@ -140,7 +140,7 @@ def check_consistency(service: Service, *, read_content: bool = False, mend: boo
     Jobs in progress are left out until they have ended.
 
     Args:
-        service: what is checked.
+        service: the service, with the catalog and object store to check.
         read_content: whether every object is read and its SHA-256 compared; else sizes are.
         mend: whether to store what is on this machine only, finish removals, and remove parts of old uploads.
 

@@ -56,8 +56,8 @@ class Slots:
 
     Args:
         name: name of the global concurrency limit, the batch's own.
-        limit: how many slots there are.
-        wanted: how many this job worker can use at once.
+        limit: number of slots.
+        wanted: number of slots that this job worker can use at once.
         look_s: seconds between two checks whether the limit was changed on the server.
         order: places of those that will hold slots, in the order in which they shall get them; empty: in none.
     """
@@ -100,7 +100,7 @@ class Slots:
         """Waits for a slot, so that a job of the batch may run, and holds it inside the `with` block.
 
         Args:
-            should_stop: asked while waiting; once true, waiting ends.
+            should_stop: called while waiting; once true, waiting ends.
             place: place in the order; absent: no matter.
 
         Yields:

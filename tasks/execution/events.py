@@ -32,9 +32,9 @@ def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, i
 
     Args:
         run_id: the run that it is about.
-        state: how the run ended: `succeeded`, `failed`, …
+        state: result of the run: `succeeded`, `failed`, …
         path: path of the report on the machine of the flow run.
-        verdicts: how many jobs have which verdict.
+        verdicts: number of jobs by verdict.
     """
     _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))
 

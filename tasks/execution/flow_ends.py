@@ -38,7 +38,7 @@ class RunNotSucceeded(RobomakerError):
     """Raised as the result of a flow whose run or job did not succeed; the message has the worst failures.
 
     Args:
-        result: how it ended.
+        result: result of the run or job.
         answer: result that the flow would have returned in a good state.
     """
 
@@ -74,7 +74,7 @@ def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_f
     """Makes the Prefect state in which a flow ends, from the result of its run or job.
 
     Args:
-        result: how the run or job ended.
+        result: result of the run or job.
         answer: the job's final description, which is returned with the result as a further member; `None`: the flow
             of a specification, which returns the result alone.
         verdict_fails_run: whether a verdict FAIL makes it a failed one.

@@ -164,7 +164,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
     the number of items, and its state says how many of them did not complete.
 
     Args:
-        max_workers: how many items and submitted tasks run at once; absent: as `ThreadPoolTaskRunner` has it.
+        max_workers: limit of items and submitted tasks that run at once; absent: that of `ThreadPoolTaskRunner`.
         summary: makes the text of the state of a map's task run.
     """
 

@@ -46,7 +46,7 @@ def run_tasks(
         part: watches for a cancel request of the job, and ends soon after one.
         calls: arguments of each call.
         run_name: name of each task run; arguments in braces stand for their values.
-        workers: how many run at once.
+        workers: number of calls that run at once.
         job_arn: the job that they are parts of.
         service: the service, with its catalog and object store.
         look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it

@@ -88,7 +88,7 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
     """Yields a temporary file with the content, ready to be renamed to its final path; it is deleted afterwards.
 
     Args:
-        path: the other file; its folder exists.
+        path: final path of the file; its folder exists.
         content: content of the file.
         mode: permissions of the file, as of `chmod`.
 

@@ -91,7 +91,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
     Args:
         fleet: the fleet's ARN.
         service: the service, with its catalog and object store.
-        page: how many are read at once.
+        page: number of robots that are read at once.
     """
     found: list[Resource] = []
     after = None
@@ -292,7 +292,7 @@ def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, 
     Args:
         name: the robot's.
         service: the service, with its catalog and object store.
-        random_bytes: gives that many bytes that others cannot guess.
+        random_bytes: function that returns that many unpredictable bytes.
         rotate: whether a token that it has is replaced.
 
     Returns:

@@ -332,7 +332,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
         service: the service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
         event: the robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
-        at_s: when, in seconds since the epoch.
+        at_s: time of the event, in seconds since the epoch.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer; the robot has to say it again.

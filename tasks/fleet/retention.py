@@ -41,7 +41,7 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
     """Deletes deployment files that no robot needs any more, according to the retention policy.
 
     Args:
-        policy: says how many of the newest deployments of each fleet keep their files.
+        policy: retention policy, with the number of newest deployments of each fleet that keep their files.
         service: the service, with its catalog and object store.
         act: whether files are deleted; otherwise the result only says which would be.
 

@@ -68,9 +68,9 @@ class RobotReports:
         """Records how many bytes of its installation file a robot has downloaded, not more often than is useful.
 
         Args:
-            order: whose file.
+            order: the robot's order.
             sent_bytes: up to which byte.
-            now_s: when, in seconds since the epoch.
+            now_s: the time, in seconds since the epoch.
         """
         key = (order.robot, order.action_id)
         with self._lock:

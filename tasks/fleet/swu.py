@@ -58,8 +58,8 @@ def new_signing_key(name: str, now: datetime, valid_days: int, random_bytes: Cal
     Args:
         name: the certificate's name, such as that of the fleet.
         now: the time, with its zone.
-        valid_days: how long the certificate is valid.
-        random_bytes: gives that many random bytes, for the serial number.
+        valid_days: validity of the certificate, in days.
+        random_bytes: function that returns that many random bytes, for the serial number.
     """
     private = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])

@@ -242,7 +242,7 @@ class AwaitedJobs:
 
         Args:
             job: ARN of the job.
-            should_stop: asked now and then; has to answer at once.
+            should_stop: called now and then; must return at once.
         """
         with self._changed:
             while job not in self._ended and not should_stop():

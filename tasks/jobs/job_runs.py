@@ -92,11 +92,11 @@ def perform_job(
     Args:
         arn: the job.
         service: the service, with its catalog and object store.
-        stop: asked several times a second; see `Stop`.
-        run_step: how its steps `prepare`, `simulate` and `upload` are run.
-        on_trials: see `OnTrials`; absent: trials are not reported.
-        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its slot among the simulating jobs; absent: it needs none.
+        stop: returns why the job should stop, or `None`; called several times a second.
+        run_step: runs its steps `prepare`, `simulate` and `upload`, directly or as Prefect tasks.
+        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
+        place: slot of the job among the simulating jobs; absent: it needs none.
         waits: whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
@@ -142,11 +142,11 @@ class JobRun:
     Args:
         lease: the right to change the job.
         service: the service, with its catalog and object store.
-        stop: see `Stop`.
-        run_step: how its steps are run.
-        on_trials: see `OnTrials`; absent: trials are not reported.
-        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its slot among the simulating jobs; absent: it needs none.
+        stop: returns why the job should stop, or `None`.
+        run_step: runs its steps, directly or as Prefect tasks.
+        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
+        place: slot of the job among the simulating jobs; absent: it needs none.
     """
 
     def __init__(
@@ -482,7 +482,7 @@ class JobRun:
 
         Args:
             run_id: the run.
-            outcome: how it ended.
+            outcome: outcome of the run.
             resumes: whether a job worker that died may have stored a part of them.
         """
         outputs = self._outputs(run_id)

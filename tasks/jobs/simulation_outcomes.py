@@ -29,7 +29,7 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     """Determines the outcome of a simulation job from its run's end.
 
     Args:
-        run: how the run ended.
+        run: outcome of the run.
         stopped_because: why the job had to stop; `None` if it did not have to.
     """
     if is_overtaken(run.status, stopped_because):

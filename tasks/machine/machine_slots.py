@@ -146,7 +146,7 @@ class MachineSlots:
         """Waits for a slot, and holds it inside the `with` block.
 
         Args:
-            should_stop: asked while waiting; once true, waiting ends.
+            should_stop: called while waiting; once true, waiting ends.
             name: name of the waiting job, for messages.
             wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
                 turn is kept for it, so that the slot goes to no batch that comes after this one.

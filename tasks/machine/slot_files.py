@@ -41,7 +41,7 @@ class SlotFiles:
 
     Args:
         folder: folder of the slots' files.
-        count: how many there are.
+        count: number of slots.
     """
 
     def __init__(self, folder: Path, count: int) -> None:
@@ -170,8 +170,8 @@ def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping
     Args:
         ticket: the waiter's.
         waiters: all waiters of the machine by ticket, this one included.
-        running: how many jobs run on the machine, by batch.
-        free: how many slots are free.
+        running: number of jobs that run on the machine, by batch.
+        free: number of free slots.
     """
     line, counts = dict(waiters), Counter(running)
 

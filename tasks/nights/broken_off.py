@@ -75,7 +75,7 @@ def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[Bro
     """Lists the interrupted runs of a data home, oldest first.
 
     Args:
-        settings: of this process, with which each run's needs are compared.
+        settings: settings of this process, with which each run's needs are compared.
         now: the time; `None`: that of the clock.
     """
     folders = (path.parent for path in (settings.home / "runs").glob(f"*/{LOCK}"))
@@ -87,7 +87,7 @@ def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
     """Lists the interrupted runs of a specification, in the form in which its history shows them.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         name: name of the specification.
     """
     return [

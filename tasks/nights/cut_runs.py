@@ -19,7 +19,7 @@ def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
     """Deletes the applications and templates that a probe or a challenge has created.
 
     Args:
-        record: its run.
+        record: record of the probe's or challenge's run.
         since: time before which resources were not created by it.
         service: the service, with its catalog and object store.
     """

@@ -26,7 +26,7 @@ class EarlyEnd:
     Args:
         asked: the question.
         spec: the specification of the run.
-        service: where the run is stored.
+        service: the service, with its catalog and object store.
         listener: called when it is decided.
         open_run: the run, if another process began it, which may have decided it.
 
@@ -86,7 +86,7 @@ class EarlyEnd:
         """Returns the answer at the end of the run.
 
         Args:
-            steps: its steps, as they ended.
+            steps: results of its steps.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.

@@ -75,13 +75,13 @@ def finish_run(
     """Writes the report and record of a run, however it ended, and sends notifications.
 
     Args:
-        facts: what is known of it from its beginning.
-        steps: how its steps ended.
-        service: where it is stored.
-        listener: told what went wrong here.
+        facts: facts of the run that are known when it begins.
+        steps: results of its steps.
+        service: the service, with its catalog and object store.
+        listener: called with problems.
         is_canceled: whether somebody ended it.
-        against: its answer, if it was carried out beside an earlier run.
-        interruptions: when its processes died.
+        against: result of the comparison, if the run was compared with an earlier one.
+        interruptions: times at which its processes died.
         flow_run: id of the flow run that ends it.
         outlasting: waits for the catalog.
     """
@@ -161,8 +161,8 @@ def state_of_run(
 
     Args:
         checked: the specification.
-        steps: how its steps ended.
-        jobs: its simulation jobs.
+        steps: results of its steps.
+        jobs: simulation jobs of the run.
         is_canceled: whether somebody ended it.
         ended_early: whether it cancelled jobs itself, since the others had answered the question; they do not count.
     """

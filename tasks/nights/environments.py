@@ -24,7 +24,7 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
 
     Args:
         spec: the run's specification.
-        service: where its applications are, and the settings that hold.
+        service: the service, with the applications and the current settings.
     """
     inputs = {name: plain(step.input) for name, step in spec.steps.items()}
     operations = {step.operation for step in spec.steps.values()}

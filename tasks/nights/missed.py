@@ -60,8 +60,8 @@ def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
     Args:
         home: the data home.
         name: name of the specification.
-        since: when it may have begun.
-        until: until when it may have begun.
+        since: earliest start.
+        until: latest start.
     """
     first, last = new_run_id(name, since - _SKEW), new_run_id(name, until + _SKEW)
     with suppress(OSError):
@@ -168,12 +168,12 @@ def judged(
     """Determines which scheduled runs did not happen since the last check, and returns the updated schedule.
 
     Args:
-        schedule: what is known of it.
-        runs: those that Prefect has for times of the schedule since `checked_until`, also for times to come.
+        schedule: record of the schedule.
+        runs: Prefect's runs for times of the schedule since `checked_until`, also for future times.
         is_paused: whether Prefect begins none now.
         now: the time.
-        max_late: how late a night may begin.
-        booted_at: when this machine was started; `None`: not known.
+        max_late: largest delay with which a night may begin.
+        booted_at: start time of this machine; `None`: unknown.
 
     Returns:
         What is known of it now.
@@ -225,8 +225,8 @@ def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | 
     """Makes the notification about scheduled runs that did not happen; `None` if nothing is new.
 
     Args:
-        before: what was known of the schedule.
-        found: what is known of it now.
+        before: record of the schedule before the check.
+        found: record of the schedule after the check.
 
     Returns:
         The message; `None`: there is nothing new to tell. Of a schedule that stays paused the first night is told.

@@ -36,7 +36,7 @@ class OpenRun:
 
     Args:
         folder: the run's.
-        order: what was ordered.
+        order: order of the run.
         lock: the locked file, which is not closed before the process ends or the run has ended.
     """
 

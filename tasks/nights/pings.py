@@ -28,7 +28,7 @@ def ping_start(address: str | None, name: str, run_id: str) -> None:
     """Calls the monitoring URL at the start of a nightly run; returns at once.
 
     Args:
-        address: of the setting; `None`: there is none.
+        address: monitoring URL in the settings; `None`: there is none.
         name: name of the specification.
         run_id: id of the run.
     """
@@ -41,9 +41,9 @@ def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None
     """Calls the monitoring URL at the end of a nightly run, with its result.
 
     Args:
-        address: of the setting; `None`: there is none.
+        address: monitoring URL in the settings; `None`: there is none.
         record: the run.
-        complain: told that nothing answers there.
+        complain: called with an error text if nothing answers there.
     """
     if address is not None:
         last = "" if record.state == "succeeded" else "fail"
@@ -54,7 +54,7 @@ def ping_address(address: str, name: str, last: str) -> str:
     """Makes the monitoring URL for a specification.
 
     Args:
-        address: of the setting.
+        address: monitoring URL in the settings.
         name: name of the specification.
         last: the last part of the path; empty: none.
     """

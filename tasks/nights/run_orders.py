@@ -33,13 +33,13 @@ def keep_order(
     """Stores everything another process needs to finish a run if this one dies.
 
     Args:
-        facts: what is known of the run from its beginning.
-        service: where it is stored.
+        facts: facts of the run that are known when it begins.
+        service: the service, with its catalog and object store.
         open_run: the run, if its order is kept already.
         flow_run: id of its flow run.
         deployment: id of the Prefect deployment that this is a run of.
         outlasting: waits for the catalog.
-        listener: told what went wrong here.
+        listener: called with problems.
 
     Returns:
         The run; `None`: its order cannot be kept, and it goes on without.
@@ -120,7 +120,7 @@ def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
     """Takes over an interrupted run, so that this process finishes it; or returns why it cannot.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         run_id: the run's id.
 
     Returns:

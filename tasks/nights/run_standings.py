@@ -58,7 +58,7 @@ def stand_of(folder: Path, service: Service) -> StandingRun:
 
     Args:
         folder: the run's.
-        service: where its jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ConfigurationError: the folder is no run's, or its record cannot be read.
@@ -88,7 +88,7 @@ def table_of(run: StandingRun, service: Service) -> ResultTable:
 
     Args:
         run: the run.
-        service: where its jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         CatalogAwayError: the catalog does not answer.

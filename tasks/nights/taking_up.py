@@ -70,10 +70,10 @@ class TakingUp:
     """Looks for interrupted runs, and starts processes that resume them.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         variables: environment variables for the processes that finish runs, besides those of this one.
         order_flow_run: has a Prefect worker finish the run of a deployment; `None`: this process cannot.
-        tell: told of each run that is left, once; `None`: it is only logged.
+        tell: called once for each run that is not resumed; `None`: it is only logged.
         look_for_missed: looks for nights that did not happen; called once a minute if any schedule is looked after,
             else every ten minutes.
     """

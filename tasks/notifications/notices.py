@@ -29,8 +29,8 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
 
     Args:
         record: the run, whose record and report are written.
-        service: where it is stored; its settings say who is told, and when.
-        listener: told of every channel that did not take the message.
+        service: the service, whose settings say who is notified, and when.
+        listener: called for every channel that did not accept the message.
     """
     if not service.settings.notify:
         return
@@ -59,7 +59,7 @@ def is_due(
     A run that was cancelled says nothing about the robot, and is told only where all are.
 
     Args:
-        when: what is to be told.
+        when: kinds of results that are notified.
         record: the run.
         before: the last run of the specification before it that was not cancelled; None: there is none.
         since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
@@ -116,8 +116,8 @@ class LongWaits:
     themselves, when jobs do; of the end of the run is told as always.
 
     Args:
-        name: of the specification.
-        settings: who is told, and when.
+        name: name of the specification.
+        settings: settings that say who is notified, and when.
         listener: is given every event, and what channel did not take the message.
         clock: seconds.
     """

@@ -31,9 +31,9 @@ def send(
 
     Args:
         urls: apprise's addresses, such as `json://host/path`, `mailtos://user:password@host` or `slack://…`.
-        message: what is said.
+        message: the message.
         pictures: PNG files by name, for channels that can attach.
-        timeout_s: how long to wait for them.
+        timeout_s: time limit for all channels, in seconds.
 
     Returns:
         For each channel that did not take it, which it is and why; without its secrets.

@@ -79,7 +79,7 @@ class Operation:
 
         Args:
             data: the request's members.
-            through: gives the service that stores the job with its lease: `OwnOrder.through`.
+            through: returns the service that stores the job with its lease: `OwnOrder.through`.
             service: checks the request.
 
         Raises:
@@ -160,7 +160,7 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
     Args:
         name: the operation's name, a key of `OPERATIONS`.
-        perform: for job operations, what carries the job of an ARN to its end.
+        perform: for job operations, function that runs the job of an ARN to its end.
     """
 
     def register(handler: Handler) -> Handler:
@@ -240,7 +240,7 @@ def page_of(
         service: the service, with its catalog and object store.
         filters: names of the operation's filters: `name`, `status` or a label of the resource.
         most: entries per page, unless the request asks for fewer.
-        members: which members of large documents are read; `None`: all.
+        members: members of large documents to read; `None`: all.
         without: names that are left out, by kind.
 
     Raises:

@@ -75,7 +75,7 @@ class Scope:
         """Returns the pose of a named frame in the model's frame.
 
         Args:
-            name: of a link, frame, joint or model in it; empty: its own frame.
+            name: name of a link, frame, joint or model in it; empty: its own frame.
 
         Raises:
             SdfError: the model has no frame of this name, or frames are relative to each other in a circle.
@@ -132,7 +132,7 @@ class Scope:
         """Returns the link, by its path in the model, that a frame is fixed to; the name itself if that is a link.
 
         Args:
-            name: of a link, frame, joint or model in it, as joints name their ends.
+            name: name of a link, frame, joint or model in it, as in a joint's `<parent>` or `<child>`.
         """
         at, seen = name, set[str]()
         while at not in seen:

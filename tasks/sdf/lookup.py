@@ -49,7 +49,7 @@ class Lookup:
         """Finds the newest description of a Gazebo model.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
 
         Raises:
@@ -64,7 +64,7 @@ class Lookup:
         """Finds a mesh or texture file, by its exact name.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
         """
         found = self._find(uri, base)
@@ -74,7 +74,7 @@ class Lookup:
         """Finds a folder that an SDF file names.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
         """
         found = self._find(uri, base)

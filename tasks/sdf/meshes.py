@@ -59,7 +59,7 @@ class Meshes:
     """Reads the mesh files of an SDF world, each once.
 
     Args:
-        lookup: where pictures are.
+        lookup: finds texture files.
     """
 
     def __init__(self, lookup: Lookup) -> None:

@@ -38,7 +38,7 @@ class OgreMaterials:
     """Reads OGRE material scripts of an SDF world, each once.
 
     Args:
-        lookup: where files are.
+        lookup: finds files.
     """
 
     def __init__(self, lookup: Lookup) -> None:
@@ -49,7 +49,7 @@ class OgreMaterials:
         """Finds a material by name in OGRE scripts.
 
         Args:
-            name: its name.
+            name: name of the material.
             uris: scripts and folders that the file names.
             base: folder that these are named from.
         """

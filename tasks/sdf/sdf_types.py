@@ -185,8 +185,8 @@ class Omissions:
         """Records an element that was left out.
 
         Args:
-            kind: what kind of thing, in the plural: `plugins`.
-            name: where it is, or what it is called.
+            kind: kind of element, in the plural: `plugins`.
+            name: path or name of the element.
         """
         self._found[kind].append(name)
 

@@ -34,7 +34,7 @@ class ShapeReader:
     """Parses shapes, materials and inertias of SDF elements.
 
     Args:
-        lookup: where files are.
+        lookup: finds files.
         left_out: the list of what was left out.
     """
 

@@ -159,8 +159,8 @@ def numbers_of(
 
     Args:
         element: the element; absent: what is meant otherwise.
-        count: how many have to be there.
-        otherwise: what an absent or empty element means.
+        count: required number of numbers.
+        otherwise: value of an absent or empty element.
         is_endless: whether numbers may be as large as one likes, also infinite: limits that are none.
 
     Raises:

@@ -265,8 +265,8 @@ class Service:
 
         Args:
             job_id: the job that waits, for notes.
-            stopped: asked several times a second whether to wait no more.
-            patience_s: how long; absent: as the settings say.
+            stopped: called several times a second; true ends waiting.
+            patience_s: longest wait, in seconds; absent: that of the settings.
             sleep: waits, in seconds.
         """
         patience = Patience(

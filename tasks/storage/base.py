@@ -30,7 +30,7 @@ def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int 
 
     Args:
         call: the function.
-        items: its arguments.
+        items: arguments of the calls.
         workers: number of threads.
     """
     with ThreadPoolExecutor(workers, thread_name_prefix="storage") as pool:
@@ -151,8 +151,8 @@ class ObjectStore(Protocol):
 
         Args:
             bucket: name of the bucket.
-            files: what to store, by keys.
-            stopped: see `put_file`; files that are stored by then remain.
+            files: files to upload, by their keys.
+            stopped: returns whether to stop; files that are stored by then remain.
             tell: called with the key of each stored file.
         """
         ...
@@ -231,7 +231,7 @@ class StoreOver:
         """Calls the wrapped store, possibly changed or refused.
 
         Args:
-            access: what the call does.
+            access: kind of access: reading, writing or listing.
             bucket: the bucket that it is about.
             keys: the keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
             call: the call.

@@ -32,7 +32,7 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
 
     Args:
         descriptor: the file.
-        stopped: asked at the beginning, and before each piece, of which none has more than 1 MiB.
+        stopped: called at the beginning, and before each piece of at most 1 MiB; true stops.
         what: the file, for messages.
 
     Raises:
@@ -87,7 +87,7 @@ def copy_with_holes(
     Args:
         source: the file.
         target: the copy, at its beginning.
-        stopped: see `pieces`.
+        stopped: called before each piece of at most 1 MiB; true stops.
         tell: called with each piece, such as to compute a checksum.
         what: the file, for messages.
 
@@ -201,7 +201,7 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
     """Raises an error if a server's size or CRC32 of an object differs from the expected ones.
 
     Args:
-        answer: of HeadObject or GetObject; not every object has a CRC32 of the whole.
+        answer: response of HeadObject or GetObject; not every object has a CRC32 of the whole.
         size: bytes here.
         crc: CRC32 of the bytes here, in base64.
         what: the object, for the message.
@@ -221,7 +221,7 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
     """Whether a stored object has the same content as a file, as far as its checksums prove it.
 
     Args:
-        answer: of HeadObject.
+        answer: response of HeadObject.
         path: the file.
         stopped: polled while the file is read; true stops that.
 

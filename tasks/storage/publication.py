@@ -102,12 +102,12 @@ def store_unfinished(
     """Uploads incomplete outputs for inspection, without a manifest.
 
     Args:
-        store: where to.
-        bucket: where to; it has to exist.
-        prefix: the files' keys start with it, then a slash; may be empty.
-        files: what to store.
-        resumes: see `publish`.
-        ended: see `publish`.
+        store: the object store.
+        bucket: name of the bucket, which must exist.
+        prefix: beginning of the files' keys, before a slash; may be empty.
+        files: files to upload.
+        resumes: whether an earlier attempt may have stored a part.
+        ended: called often while files are read and stored; true stops that at once.
         tell: called with the key of each stored file, from any thread.
 
     Raises:
@@ -134,9 +134,9 @@ def split_stored(
     """Splits files into those already stored with the same content, and those still to upload.
 
     Args:
-        store: where they belong.
-        bucket: where they belong.
-        files: by their keys.
+        store: the object store.
+        bucket: name of the bucket.
+        files: files by their keys.
         stopped: see `ObjectStore.find_same`.
 
     Raises:
@@ -184,10 +184,10 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifes
     """Downloads the files in a manifest to a folder.
 
     Args:
-        store: where from.
-        bucket: where from.
-        prefix: where from.
-        folder: where to; it must be absent or empty, and appears only when all files are there.
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the files' keys, before a slash.
+        folder: target folder, which must be absent or empty, and appears only when all files are there.
 
     Raises:
         ChecksumMismatchError: a file is not what was published.
@@ -262,10 +262,10 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
     """Deletes some of the published files under a prefix, and updates the manifest.
 
     Args:
-        store: where.
-        bucket: where.
-        prefix: the keys of the files start with it, then a slash; not empty.
-        keep: says of a file's name whether it stays.
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the files' keys, before a slash; not empty.
+        keep: function that returns whether the file of a name is kept.
 
     Raises:
         ObjectNotFoundError: no files are published under this prefix.
@@ -287,8 +287,8 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
     """Completes an interrupted call of `thin`.
 
     Args:
-        store: where.
-        bucket: where.
+        store: the object store.
+        bucket: name of the bucket.
         prefix: the prefix of that call.
 
     Raises:

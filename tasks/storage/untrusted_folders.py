@@ -36,7 +36,7 @@ def os_failures(doing: str) -> Generator[None]:
     """Converts every `OSError` inside the `with` block to the matching `StorageError`.
 
     Args:
-        doing: what is being done, in words that follow "cannot".
+        doing: description of the action, in words that follow "cannot".
     """
     try:
         yield

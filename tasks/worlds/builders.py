@@ -37,7 +37,7 @@ class WorldBuilders:
     moment.
 
     Args:
-        count: how many processes.
+        count: number of processes.
         log: file their messages are appended to.
         most_s: seconds that one world may take.
     """

@@ -25,7 +25,7 @@ def export_worlds(
         service: the service, with its catalog and object store.
         acting: the same service with the access of the job's role, which stores the archive.
         stopped: returns whether the archive is no longer wanted; called often.
-        run_step: how the steps `export` and `upload` are run.
+        run_step: runs the steps `export` and `upload`, directly or as Prefect tasks.
 
     Returns:
         URI of the archive; `None`: it was stopped, and there is none.

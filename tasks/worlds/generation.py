@@ -48,7 +48,7 @@ def generate_world(
         index: number of the world in the job, from 0; the interiors of a floor plan follow each other.
         world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
         builders: processes that build worlds.
-        run_step: how the step `upload` is run.
+        run_step: runs the step `upload`, directly or as a Prefect task.
 
     Returns:
         `None`, or why there is no world.

@@ -49,9 +49,9 @@ def keep_variation(
     """Makes a variation of a world, and stores it, even if it breaks guarantees.
 
     Args:
-        bundle: the other world's bundle.
+        bundle: bundle of the original world.
         wanted: changes of the variation.
-        arn: the other world's ARN.
+        arn: ARN of the original world.
         service: the service, with its catalog and object store.
         origin: identifier of the world's inputs, by which it is found again.
 

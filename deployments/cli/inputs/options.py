@@ -19,7 +19,7 @@ def who(given: str | None) -> str:
     """Returns the name of the person who decides: as given, else the operating system's user.
 
     Args:
-        given: as the command line says; nothing: as the operating system does.
+        given: name on the command line; empty: the operating system's user.
     """
     if given:
         return given

@@ -91,7 +91,7 @@ class StepStates:
 
         Args:
             event: the event to apply.
-            now_s: when, on a clock that only runs forward.
+            now_s: time of the event, in seconds of a clock that only runs forward.
         """
         if isinstance(event, Note):
             self.notes.append(event.text)

@@ -110,7 +110,7 @@ def begin(
     """Starts a run for a visitor of the web console, and redirects to its page.
 
     Args:
-        visit: whose key the run's steps are carried out with.
+        visit: the visitor's request; the run's steps use the visitor's access key.
         runs: the server's runs.
         spec: the specification.
         call: gets the run's id, for the audit log.

@@ -40,7 +40,7 @@ class Replays:
     """Remembers accepted signatures while they are valid, against replayed requests.
 
     Args:
-        valid: how long a signature is valid after it was made.
+        valid: time for which a signature is valid after it was made.
     """
 
     def __init__(self, valid: timedelta) -> None:
@@ -56,7 +56,7 @@ class Replays:
 
         Args:
             signature: hexadecimal digits of the signature.
-            signed_at: when it was made.
+            signed_at: time of signing.
             now: the time.
             repeatable: whether a second call would do nothing more.
 

@@ -112,7 +112,7 @@ class RobotDoor:
             order stays open until its last report was taken. If it raises, the response asks the robot to try again.
         clock: the time, in seconds since 1970.
         chance: random numbers from 0 to below 1.
-        settings: how robots poll.
+        settings: poll intervals and limits.
         agents: enrolment and update repository for this package's agents; `None`: not served.
 
     Raises:

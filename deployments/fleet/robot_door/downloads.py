@@ -148,7 +148,7 @@ class Downloads:
             method: GET, or HEAD for the headers alone.
             range_: the header `Range`.
             if_range: the header `If-Range`.
-            receive: says when the robot hung up.
+            receive: receives ASGI messages, such as that the robot disconnected.
             send: sends the ASGI messages of the response.
 
         Raises:

@@ -38,7 +38,7 @@ def enrol(
     Args:
         home: the agent's data folder.
         connection: URL, tenant, name and token of the robot; its token is made here.
-        enrolment_token: as `robomaker robots enroll NAME --agent` printed it.
+        enrolment_token: one-time token that `robomaker robots enroll NAME --agent` printed.
         random_bytes: makes the robot's token.
         again: forget the server that it is enrolled with; versions stay and run on.
         exchange: sends a request.

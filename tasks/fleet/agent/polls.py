@@ -52,7 +52,7 @@ class Polls:
         server: the server.
         monotonic: a clock that only goes forward, in seconds.
         chance: random numbers from 0 to below 1, so that robots do not all poll at once.
-        longest_wait_s: between two polls while the server is away.
+        longest_wait_s: longest pause between two polls while the server is away, in seconds.
         attributes: returns the robot's attributes for a state.
         say: logs a line.
     """

@@ -178,9 +178,9 @@ def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, s
     """Draws the curve of the share of failed robots, and the failure threshold.
 
     Args:
-        times_s: when each robot failed, in seconds since the epoch.
-        robots: how many take part.
-        threshold_percentage: at which share the rollout stops, in percent.
+        times_s: time at which each robot failed, in seconds since the epoch.
+        robots: number of robots that take part.
+        threshold_percentage: share of failed robots at which the rollout stops, in percent.
         scale: the time.
     """
     steps = _steps(sorted(times_s), scale)

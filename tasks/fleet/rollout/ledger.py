@@ -161,7 +161,7 @@ class Ledger:
 
         Args:
             event: the event to apply. Robots that are not of this rollout are left alone.
-            now_s: when; a time before that of an earlier event counts as that.
+            now_s: time of the event, in seconds since the epoch; times before an earlier event count as that event's.
         """
         if isinstance(event, Outage):
             self._outage(event, now_s)

@@ -99,7 +99,7 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
         state: the robot before it.
         event: the report, about its latest order or that of an earlier rollout.
         now_s: time of the event, in seconds since the epoch.
-        timeout_s: how long the robot may take to carry out what it has fetched.
+        timeout_s: time limit for the installation after the robot fetched its order, in seconds.
     """
     if event.action_id == state.earlier_action_id:
         return changed(state, earlier_action_id=None) if isinstance(event, _CLOSING) else state

@@ -93,7 +93,7 @@ def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | 
     """Returns a robot's status (such as InSync or Failed) from its state in the latest rollout.
 
     Args:
-        state: how it stands in the latest rollout of its fleet.
+        state: state of the robot in the latest rollout of its fleet.
         active: whether the rollout is in progress.
 
     Returns:

@@ -54,7 +54,7 @@ class Line:
 
         Args:
             plan: the rollout's plan.
-            robots: how each stands; read whenever the line is asked.
+            robots: state of each robot; read whenever the queue is used.
         """
         self._robots = robots
         self._canaries = deque(arn for arn in plan.canaries if waits(robots[arn]))
@@ -78,7 +78,7 @@ class Line:
         """Returns the robots that are next to get an order.
 
         Args:
-            count: how many at most.
+            count: largest number of robots.
             first: whether robots get their first order.
             others: whether these may be others than canaries.
         """

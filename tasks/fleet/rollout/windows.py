@@ -95,7 +95,7 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
     Args:
         pauses: earlier pauses, oldest first.
         event: a person's decision.
-        now_s: when, in seconds since the epoch.
+        now_s: the time, in seconds since the epoch.
     """
     last = pauses[-1] if pauses else None
     is_paused = last is not None and last.until_s is None

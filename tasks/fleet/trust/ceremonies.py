@@ -55,8 +55,8 @@ def begin_apart(
 
     Args:
         publisher: publisher on this machine; it gets the keys of the other roles.
-        root_keys: how many root keys are made.
-        threshold: how many of them have to sign a root.
+        root_keys: number of root keys to make.
+        threshold: number of root keys that must sign a root.
         folder: folder for the root keys, such as on a removable medium; it is created.
         change: changes of its rules about attestations; without keys, it names the key of this machine.
 

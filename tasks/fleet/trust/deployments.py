@@ -45,7 +45,7 @@ class TargetStep:
         Args:
             target: path of the target.
             path: the file.
-            hashes: what `FileHashes.of` says of it.
+            hashes: length and hashes of the file.
 
         Returns:
             Its key.

@@ -43,7 +43,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
     Args:
         robot: the robot.
         service: the service, with its catalog and object store.
-        random_bytes: gives that many bytes that others cannot guess.
+        random_bytes: function that returns that many unpredictable bytes.
         rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
 
     Raises:

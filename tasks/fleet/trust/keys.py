@@ -203,7 +203,7 @@ class Machine:
 
         Args:
             number: number of the newest timestamp in the store.
-            seen: what `seen` said before the store was asked.
+            seen: result of `seen` before the store was read.
 
         Raises:
             ConfigurationError: the object store has only older timestamps, so it was reset to an earlier state.

@@ -268,11 +268,11 @@ def first_root(
     """Makes the first TUF root, signed by all root keys.
 
     Args:
-        root_keys: whose signatures make the next root.
-        threshold: how many of them are needed.
+        root_keys: keys whose signatures are needed for the next root.
+        threshold: number of root keys that must sign the next root.
         online: the key of each of `ONLINE_ROLES`.
         now: the time.
-        attested: its rules about attestations.
+        attested: attestation rules of the root.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -293,7 +293,7 @@ def following_root(
         known: the newest root.
         now: the time.
         replaced: new keys of the roles whose keys are replaced.
-        attested: its rules about attestations; absent: the same as before.
+        attested: attestation rules of the root; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1

@@ -127,7 +127,7 @@ class Publisher:
         """Publishes changes to the update repository, with all signatures in order.
 
         Args:
-            decide: says what is to be different.
+            decide: chooses the changes.
             applications: delegated roles that it is to see; `None`: all of them.
             coming: keys that are about to count.
 

@@ -88,7 +88,7 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
 
     Args:
         role: the role.
-        expires: when what it signed last expires.
+        expires: expiry of the role's latest signature.
         now: the time.
     """
     left = expires - now

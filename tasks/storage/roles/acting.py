@@ -23,7 +23,7 @@ class ConfinedStore(StoreOver):
 
     Args:
         store: the store behind it.
-        role: what may be read and written.
+        role: the access role, with the keys that may be read and written.
         arn: the ARN of the request, for messages.
     """
 

@@ -159,7 +159,7 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
 
     Args:
         path: the file.
-        index: which of its roles.
+        index: number of the role in the file, from 0.
         access_key_id: the key's id.
         secret_access_key: the key.
 

@@ -69,7 +69,7 @@ class PartedUploads:
             bucket: the bucket.
             key: the object's key.
             path: the file, which is not empty.
-            stopped: asked several times a second.
+            stopped: called several times a second; true stops the upload.
 
         Returns:
             Size and CRC32, in base64, of what was sent. Where the server has lost sight of the upload at its end, the

@@ -71,7 +71,7 @@ class QuickPuts:
     """Fast uploads to an S3 endpoint with path-style buckets: signs requests without botocore.
 
     Args:
-        client: whose connections are used.
+        client: boto3 client whose connections are used.
         endpoint_url: the endpoint.
         region: the region to sign for.
         session: boto3 session with the credentials.
@@ -106,7 +106,7 @@ class QuickPuts:
             data: content of the object or part.
             crc32: CRC32 of the data, in base64; the server compares it.
             query: names the part, quoted, with its members in order; none for an object.
-            stopped: says, between two pieces, whether it is not wanted any more.
+            stopped: called between two pieces; true stops the transfer.
 
         Returns:
             What is said of it; `None`: it may not be stored, for a reason that the client will find.

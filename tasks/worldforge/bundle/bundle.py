@@ -31,7 +31,7 @@ def write_bundle(world: World, folder: Path) -> str:
 
     Args:
         world: the world.
-        folder: where; must not exist, its parent is made if need be.
+        folder: target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.
@@ -47,7 +47,7 @@ def write_files(files: Mapping[str, bytes], folder: Path) -> str:
 
     Args:
         files: contents by their paths in the bundle.
-        folder: where; must not exist, its parent is made if need be.
+        folder: target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.

@@ -51,7 +51,7 @@ def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = Non
 
     Args:
         world: the world.
-        folder: its bundle.
+        folder: folder of the world's bundle.
         digests: SHA-256 of its files by their paths, from the manifest it was stored with; absent if it has none.
         pushed: whether loose objects are pushed, too.
 

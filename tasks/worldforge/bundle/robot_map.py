@@ -47,8 +47,8 @@ def write_robot_map(scene: Scene, folder: Path, height_m: float = ROBOT_HIGH_M) 
 
     Args:
         scene: the world.
-        folder: where to.
-        height_m: of the robot.
+        folder: target folder.
+        height_m: height of the robot, in metres.
 
     Raises:
         ValueError: no robot is so high.
@@ -62,7 +62,7 @@ def robot_map(scene: Scene, height_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
 
     Args:
         scene: the world.
-        height_m: of the robot.
+        height_m: height of the robot, in metres.
 
     Raises:
         ValueError: no robot is so high.

@@ -88,7 +88,7 @@ def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m
 
     Args:
         model: the compiled world.
-        data: where everything is.
+        data: MuJoCo state of the world.
         point: the place.
         near_m: height that the floor is near, as in a building of several storeys; without, the floor is the first
             surface below 0.5 m, else the lowest one with a metre of free space above.
@@ -171,8 +171,8 @@ def ground_at(
     """Scans a world from above for floor and obstacles at one floor height.
 
     Args:
-        model: its compiled model.
-        data: where everything is.
+        model: compiled model of the world.
+        data: MuJoCo state of the world.
         floor_m: height of the floor.
         near: place that has to be on the map of a world larger than a map can be.
         high_m: height of the robot.
@@ -311,7 +311,7 @@ def survey(model: mujoco.MjModel, high_m: float = ROBOT_HIGH_M) -> OccupancyGrid
     """Computes the occupancy grid of a world whose robot starts at the origin.
 
     Args:
-        model: its compiled model.
+        model: compiled model of the world.
         high_m: height of the robot.
     """
     data = mujoco.MjData(model)
@@ -324,7 +324,7 @@ def known_map(ground: Ground, start: Point) -> OccupancyGrid:
 
     Args:
         ground: the world from above.
-        start: where the robot starts.
+        start: start position of the robot.
     """
     grid = ground.grid
     reached = connected(ground.supported & ~ground.blocked, grid.cell(start))
@@ -352,7 +352,7 @@ def on_map(cells: NDArray[np.bool_], ground: Ground, grid: OccupancyGrid) -> NDA
     Args:
         cells: cells of `ground`.
         ground: the world from above.
-        grid: its map.
+        grid: occupancy grid of the world.
     """
     row, column = ground.grid.cell((grid.origin[0] + RESOLUTION_M / 2, grid.origin[1] + RESOLUTION_M / 2))
     found = np.zeros_like(grid.known)
@@ -375,7 +375,7 @@ def wall_boxes(cells: NDArray[np.bool_], grid: OccupancyGrid) -> list[tuple[floa
 
     Args:
         cells: cells of the grid.
-        grid: where they are.
+        grid: occupancy grid with the cells' positions.
     """
     size, blocks = grid.resolution_m, cells
     while True:

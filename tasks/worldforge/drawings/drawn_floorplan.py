@@ -72,9 +72,9 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     """Makes a floor plan from a drawing's rooms, doors and windows.
 
     Args:
-        drawn: what was drawn.
+        drawn: content of the drawing.
         ceiling_m: floor to ceiling.
-        seed: of the windows, where none is drawn.
+        seed: seed of windows, if none are drawn.
 
     Raises:
         ConfigurationError: rooms overlap or are not joined, or a door lies in no wall.

@@ -75,7 +75,7 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
     """Reads a Nav2 occupancy map as a drawing of rooms.
 
     Args:
-        path: its `map.yaml`.
+        path: path of the map's `map.yaml`.
         coarse: whether outlines follow the walls' common lines only, for maps with bumps and furniture.
 
     Returns:

@@ -46,7 +46,7 @@ def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> 
     Args:
         drawing: the drawing.
         stated: metres a unit, or a scale on paper such as `1:50`.
-        file: its name.
+        file: name of the file.
 
     Raises:
         ConfigurationError: with that scale it would be no building.
@@ -78,8 +78,8 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
     Args:
         drawing: the drawing.
         scale: metres a unit.
-        notes: what it does not say.
-        file: its name.
+        notes: scale, room types and wishes that the drawing does not have.
+        file: name of the file.
 
     Returns:
         The plan, and what was taken for none of it.

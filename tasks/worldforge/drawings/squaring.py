@@ -76,7 +76,7 @@ def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
 
     Args:
         points: the outline, in metres.
-        what: what errors call it.
+        what: name of the outline in error messages.
 
     Raises:
         ConfigurationError: an edge runs at an angle.

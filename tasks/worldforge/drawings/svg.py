@@ -66,7 +66,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
 
     Args:
         content: the file's bytes.
-        name: what errors call it.
+        name: name of the file in error messages.
 
     Raises:
         ConfigurationError: the file is not an SVG drawing, or a shape in it cannot be read.

@@ -164,7 +164,7 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
         places: on a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
             right and up; without, it has none.
         look: name of its material, and of the `.mtl` file beside it that has that.
-        digits: of each coordinate.
+        digits: number of digits of each coordinate.
     """
     head = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
     corners = mesh.triangles + 1

@@ -152,8 +152,8 @@ def with_hung(thing: Thing, position: Vector, rotation: Matrix, above: Placed | 
 
     Args:
         thing: the thing.
-        position: its place in the frame that is wanted.
-        rotation: its turn there.
+        position: position of the object in the target frame.
+        rotation: rotation of the object in the target frame.
         above: the thing that it hangs on.
     """
     placed = Placed(thing, above, position, rotation)
@@ -194,7 +194,7 @@ def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) 
     Args:
         world: the world that the MJCF was written for.
         model: the compiled MJCF.
-        folder: where its pictures are; without, they are written anew where they are needed.
+        folder: folder of its texture files; without it, textures are generated where they are needed.
 
     Raises:
         ValueError: the MJCF has something that exports cannot hold.

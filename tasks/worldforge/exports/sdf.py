@@ -43,7 +43,7 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
     """Returns the files of a Gazebo model: `model.config`, `model.sdf` and meshes.
 
     Args:
-        thing: what it is made from; pictures are those beside the model, which only a building has.
+        thing: object that is converted; only a building has texture files, which are beside the model.
         name: the model's name, which is its folder's.
         scene: the world that the thing is from.
     """

@@ -151,7 +151,7 @@ def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
 
     Args:
         scene: the world.
-        name: its name in archives.
+        name: name of the world in archives.
         shared: gets the models that are not in it yet.
     """
     root = ET.Element("sdf", version=SDF_VERSION)

@@ -80,7 +80,7 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
         rooms: the rooms' corners.
         types: their types.
         ways: the ways between them.
-        spots: those of each room.
+        spots: candidate positions in each room.
     """
 
     def rank(room: int) -> tuple[int, bool, float]:

@@ -103,7 +103,7 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
 
     Args:
         brief: the preferences.
-        seed: which plan of which order; whether it is the best one, the brief says.
+        seed: number of the plan in a random order; the brief says whether it is the best plan instead.
         dice: the source of chance for sizes and mirrored sides, and of searches for L-shaped rooms if plans differ.
 
     Raises:

@@ -76,7 +76,7 @@ def all_trees(rooms: int) -> Trees:
     """Enumerates the slicing trees of two to six rooms.
 
     Args:
-        rooms: how many rooms there are.
+        rooms: number of rooms.
     """
     every = np.array([*permutations(range(rooms))], dtype=np.intp)
     stride = _SIX_ROOMS_STRIDE if rooms >= _SIX_ROOMS else 1
@@ -299,7 +299,7 @@ class BatchEvaluator:
         """Returns the cost of the rooms' areas and aspect ratios, for each plan.
 
         Args:
-            cuts: where rooms lie.
+            cuts: rectangles of the rooms.
             roughly: take sides that are set back from the rectangle for inner walls, which is quicker.
         """
         off, narrow, areas = self._off(cuts, roughly=roughly)

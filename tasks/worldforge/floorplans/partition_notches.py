@@ -74,7 +74,7 @@ def notched_trees(rooms: int) -> Trees:
     """Enumerates slicing trees whose last leaf is a notch; for many rooms, a random part that can be evaluated quickly.
 
     Args:
-        rooms: how many rooms there are, two to six.
+        rooms: number of rooms, two to six.
     """
     return _with_notches(all_trees(rooms))
 

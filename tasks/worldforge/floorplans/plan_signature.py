@@ -72,7 +72,7 @@ def plan_signature(rooms: Sequence[Corners], doors: Iterable[tuple[int, int]], c
     Args:
         rooms: corners of the rooms, counter-clockwise.
         doors: pairs of rooms that a doorway or an opening joins, by number.
-        corners: how many corners the outline has.
+        corners: number of corners of the outline.
     """
     found: set[tuple[int, int, Side]] = set()
     for contact in contacts(rooms):

@@ -217,7 +217,7 @@ def windows_along(sides: Iterable[Side], types: Sequence[RoomType], dice: Random
     """Places windows in given outer walls.
 
     Args:
-        sides: what faces the outside.
+        sides: outer walls.
         types: types of the rooms.
         dice: the source of chance.
     """

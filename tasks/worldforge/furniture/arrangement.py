@@ -144,9 +144,9 @@ def usual_types(
     """Returns the usual furniture types for a room.
 
     Args:
-        room_type: its type.
-        density: how full it should be.
-        floor_m2: its size.
+        room_type: type of the room.
+        density: preferred density of furniture.
+        floor_m2: floor area in square metres.
         dines: whether people dine in it for want of a dining room.
     """
     essential = _ESSENTIAL[room_type]

@@ -93,7 +93,7 @@ def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
 
     Args:
         drawn: the world.
-        source: where it is from.
+        source: origin of the world (file, hash).
         generator: version of the generator.
     """
     rows, columns = np.nonzero(drawn.grid.known)
@@ -134,8 +134,8 @@ def bundle_texts(world: World, mjcf: str, grid: OccupancyGrid) -> dict[str, byte
 
     Args:
         world: the world.
-        mjcf: its model.
-        grid: its map.
+        mjcf: MJCF model of the world.
+        grid: occupancy grid of the world.
     """
     said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
     return {

@@ -64,7 +64,7 @@ class SolidMaker:
 
     Args:
         world: the world; what had to be made coarser is noted in its list.
-        meshes: its meshes.
+        meshes: reads the world's meshes.
         loose: paths of the links that can move.
     """
 
@@ -186,8 +186,8 @@ def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: boo
 
     Args:
         geometry: the shape.
-        pose: its pose in the world.
-        friction: its sliding friction.
+        pose: pose of the shape in the world.
+        friction: sliding friction of the shape.
         is_static: whether it never moves: only then a plane can be one, otherwise it is a thin box.
     """
     size = geometry.size

@@ -35,9 +35,9 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
     """Makes a variation of an imported world, measures it anew, and writes its bundle.
 
     Args:
-        bundle: the other world's bundle, which is left as it is.
-        wanted: what is to differ; doors cannot.
-        arn: the other world's ARN.
+        bundle: bundle of the original world, which is not changed.
+        wanted: requested changes; doors cannot differ.
+        arn: ARN of the original world.
         folder: a new folder for the bundle.
 
     Raises:

@@ -79,7 +79,7 @@ def occupancy_grid(
         furniture: obstacles as oriented rectangles.
         polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
             furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
-        high_m: how high the robot is.
+        high_m: height of the robot, in metres.
     """
     half = max(wall.thickness_m for wall in floorplan.walls) / 2
     xs, ys = zip(*floorplan.footprint, strict=True)
@@ -134,10 +134,10 @@ def fill(
     """Marks every grid cell that a convex polygon touches.
 
     Args:
-        grid: where the cells are.
+        grid: occupancy grid with the cells' positions.
         cells: the cells, shape (rows, columns), which are changed.
         corners: the polygon, counter-clockwise.
-        touching_m: how far it has to enter a cell; below 0, cells count that are as near to it.
+        touching_m: depth by which it must enter a cell; negative values also mark cells that are as near.
     """
     size = grid.resolution_m
     xs, ys = zip(*corners, strict=True)
@@ -206,7 +206,7 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
 
     Args:
         grid: the map; unknown cells count as occupied.
-        start: where the disc's middle is at first, in metres.
+        start: start position of the disc's centre, in metres.
         radius_m: the disc's radius.
 
     Returns:
@@ -255,7 +255,7 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
 
     Args:
         grid: the map.
-        said: what `map.yaml` says of it, as a comment.
+        said: comment in `map.yaml`.
     """
     height, width = grid.occupied.shape
     pixels = np.full((height, width), UNKNOWN_PIXEL, np.uint8)

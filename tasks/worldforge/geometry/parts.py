@@ -140,10 +140,10 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
     Args:
         name: name of the first; the others are numbered.
         at: the cylinder's middle.
-        diameter: of the cylinder.
-        z: from where to where.
-        color: where a program draws what collides.
-        angles: where corners of the boxes are on the circle, degrees from the x axis; one box for each.
+        diameter: diameter of the cylinder.
+        z: lower and upper height.
+        color: colour for programs that draw collision shapes.
+        angles: angles of the boxes' corners on the circle, in degrees from the x axis; one box for each.
     """
     parts: list[Part] = []
     for index, angle in enumerate(angles, 1):

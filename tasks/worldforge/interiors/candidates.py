@@ -46,7 +46,7 @@ def against_walls(
     Args:
         space: the room.
         style: the piece.
-        front_m: what has to stay free before it.
+        front_m: free space in front of it, in metres.
         prefer: `middle`, `corner` or `any`.
         dice: the source of chance.
         tall: whether the piece must not stand before a window.

@@ -66,7 +66,7 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
 
     Args:
         work: the kitchen; nothing stands in it yet.
-        kinds: what belongs to the line.
+        kinds: kinds of furniture that belong to the row.
     """
     if not kinds:
         return

@@ -88,7 +88,7 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 
     Args:
         furnished: the room with its furniture; the objects' places are taken in its space.
-        room_for: how many objects the room may get.
+        room_for: largest number of objects in the room.
         fill: whether it gets as many, where there is place for them.
 
     Returns:

@@ -81,8 +81,8 @@ class RoomSpace:
 
     Attributes:
         room: the room.
-        bounds: its extent.
-        sides: its sides that have walls.
+        bounds: bounding box of the room.
+        sides: sides of the room that have walls.
         kept_m2: floor before doors and openings, on which nothing stands.
     """
 
@@ -91,7 +91,7 @@ class RoomSpace:
 
         Args:
             room: the room.
-            floorplan: its plan.
+            floorplan: floor plan of the room.
             is_small: whether paths are only as wide as a robot needs, in place of the usual width.
         """
         self.room = room

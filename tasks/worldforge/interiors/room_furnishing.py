@@ -95,8 +95,8 @@ class RoomFurnishing:
 
     Attributes:
         room: the room.
-        space: what is still free in it.
-        density: how full it should get.
+        space: free space in the room.
+        density: preferred density of furniture.
         dice: the source of chance.
         new_id: names pieces.
         items: pieces placed so far.
@@ -334,9 +334,9 @@ class RoomFurnishing:
         """Places a piece of furniture at a pose that has been checked, rounded to millimetres.
 
         Args:
-            kind: its type.
-            style: its look.
-            pose: where; asked for before.
+            kind: kind of the piece.
+            style: style of the piece.
+            pose: pose that was checked before.
             zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
         """
         item = Furniture(

@@ -271,7 +271,7 @@ def piece_geoms(
     Args:
         item: the piece.
         shapes: draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
-        mass_kg: of a loose object; furniture that stands fast has none.
+        mass_kg: mass of a loose object, in kilograms; fixed furniture has none.
         solid_only: whether what is for the eye only is left out.
     """
     if shapes is None:

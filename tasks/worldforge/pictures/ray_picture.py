@@ -150,7 +150,7 @@ class RayPicture:
         """Renders the picture.
 
         Args:
-            camera: from where.
+            camera: position and direction of the camera.
             lamps: sets of lamps; a pixel looks at one lamp of each set and at the others through its
                 neighbours.
             width: pixels.

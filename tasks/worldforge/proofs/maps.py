@@ -75,8 +75,8 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
     Args:
         world: the world.
-        site: its model.
-        read: its map.
+        site: model of the world.
+        read: stored map of the world.
         as_described: whether each part of the model is as the world describes it.
     """
     grid, scan = site.first, site.scan
@@ -134,8 +134,8 @@ def lidar_faults(world: World, site: Site, read: OccupancyGrid) -> list[Fault]:
 
     Args:
         world: the world.
-        site: its model; a building with a plan has walls all around, so that each ray has to end.
-        read: its map.
+        site: model of the world; in a building with a plan, each ray must hit a wall.
+        read: stored map of the world.
     """
     scan = site.scan
     places = [place for place in ((0.0, 0.0), *(goal for _, goal in goals_of(world))) if _is_free(site.first, place)]

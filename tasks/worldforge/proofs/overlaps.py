@@ -33,7 +33,7 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
 
     Args:
         model: a world.
-        data: where everything is; needs what `mj_kinematics` computes.
+        data: MuJoCo state of the world, after `mj_kinematics`.
     """
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
@@ -185,7 +185,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
 
     Args:
         model: a world.
-        seed: of the pushes.
+        seed: random seed of the pushes.
     """
     dice = np.random.default_rng(seed)
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))

@@ -86,7 +86,7 @@ def part_faults(world: World, scan: Scan) -> list[Fault]:
 
     Args:
         world: the world.
-        scan: its model.
+        scan: scanned model of the world.
     """
     return list(_Comparison(world, scan).faults())
 

@@ -26,7 +26,7 @@ def ground_of(world: World, scan: Scan) -> OccupancyGrid:
 
     Args:
         world: the world.
-        scan: its model.
+        scan: scanned model of the world.
     """
     grid = occupancy_grid(world.floorplan, world.furniture)
     for _, outline in scan.standing:
@@ -53,7 +53,7 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
 
     Args:
         world: the world.
-        scan: its model.
+        scan: scanned model of the world.
 
     Returns:
         The ways in the order of the passages, and those that are too narrow.

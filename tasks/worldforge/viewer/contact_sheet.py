@@ -30,7 +30,7 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str 
         style: file name of the style sheet.
         scripts: file names of the scripts, which become one.
         library: a script that comes before them and makes pictures of parts of the page.
-        values: what else the template puts in; text is escaped.
+        values: further values for the template; text is escaped.
 
     Returns:
         The document; its content security policy allows this style, these scripts and pictures inside the page.

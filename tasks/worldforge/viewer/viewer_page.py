@@ -33,7 +33,7 @@ def viewer_page(bundle: Path, title: str) -> str:
 
     Args:
         bundle: the world's bundle.
-        title: what to call the world.
+        title: title of the page.
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
@@ -116,8 +116,8 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
 
     Args:
         world: the world.
-        bundle: its bundle, whose preview is taken if there is one.
-        folder: where to; made if need be.
+        bundle: bundle of the world, whose preview is used if there is one.
+        folder: target folder, created if necessary.
 
     Returns:
         The files: the plan, the view from above, then one for each room in the plan's order.

@@ -125,7 +125,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
     """Returns the command line that repeats the same run.
 
     Args:
-        arguments: those of the command.
+        arguments: parsed arguments of the command.
         parameters: all values of the specification's parameters: defaults, and those in a file, may change.
     """
     from .....schemas.specs.parameter_values import set_options

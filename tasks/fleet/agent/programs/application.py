@@ -24,7 +24,7 @@ class Application:
 
     Args:
         home: the agent's.
-        options: how long it may take to stop.
+        options: the agent's options, which have the time limit for stopping.
         sandbox: rights of the application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.

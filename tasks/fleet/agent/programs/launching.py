@@ -127,7 +127,7 @@ def kill_leftovers(home: Path, version: str | None = None) -> int:
 
     Args:
         home: the agent's.
-        version: only those of a version's application, by its folder.
+        version: folder of the version whose processes are killed; `None`: of any version.
 
     Returns:
         How many there were.
@@ -246,7 +246,7 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
 
     Args:
         home: the agent's.
-        version: whose launch configuration and tags are exported.
+        version: application version whose launch configuration and tags are exported.
         data: folder of the application's data that outlives its versions; programs have it as `HOME`.
         base: the agent's own.
     """

@@ -87,7 +87,7 @@ class ScriptWork:
         name: name of the script in failure reasons.
         code: failure code.
         log: file with the script's output.
-        due_s: until when it has to have ended, by the monotonic clock.
+        due_s: time by which the script must have ended, by the monotonic clock.
         monotonic: the monotonic clock, in seconds.
     """
 
@@ -150,7 +150,7 @@ class Watch:
     """Watches whether a new version keeps running, then runs the health command.
 
     Args:
-        due_s: when it ends, by the monotonic clock.
+        due_s: end of the watch, by the monotonic clock in seconds.
         monotonic: the monotonic clock, in seconds.
         check: starts the health command; `None`: there is none.
     """
