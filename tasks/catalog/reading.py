@@ -188,7 +188,7 @@ class CatalogReader:
                 wanted, one of which has to be equal.
             limit: largest number of resources.
             after: the page before's `next_token`; `None`: the first page.
-            scope: caller for whom the list is made; page tokens of other callers are refused.
+            scope: operation for which the list is made; page tokens of other operations are refused.
             members: members of the documents to read, for kinds whose documents are large;
                 `None`: all.
             without: names that are left out, by kind.

@@ -231,7 +231,7 @@ class StoreOver:
         """Calls the wrapped store, possibly changed or refused.
 
         Args:
-            access: kind of access: reading, writing or listing.
+            access: `read` or `write`.
             bucket: the bucket that it is about.
             keys: the keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
             call: the call.
