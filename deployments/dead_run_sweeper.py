@@ -226,7 +226,7 @@ class _Pace:
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
-        """Returns whether to clean up now, and records that."""
+        """Returns whether to sweep dead flow runs now, and records that."""
         now_s = time.monotonic()
         if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
             self._answers_since_s = now_s  # it slept, and may have slept together with those it judges

@@ -23,7 +23,7 @@ class Refusal:
     """HTTP status of the response: 400 for a wrong `Host`, else 403."""
 
     reason: str
-    """Sentence for the response."""
+    """Sentence that tells why a request is refused."""
 
 
 def refusal(

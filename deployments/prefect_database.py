@@ -35,7 +35,7 @@ class DatabaseSize:
 
     size_bytes: int
     free_bytes: int
-    """Size of the unused pages, in bytes."""
+    """Size of a database's unused pages, in bytes."""
 
 
 def database_file(settings: Settings) -> Path:

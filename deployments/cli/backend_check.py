@@ -49,7 +49,7 @@ def check_backend(settings: Settings) -> Finding:
 
 
 def _tell(note: str) -> None:
-    """Prints a note about the check's progress."""
+    """Prints a note about the progress of a backend's check."""
     sys.stderr.write(f"{note}\n")
     sys.stderr.flush()
 

@@ -54,7 +54,7 @@ class Finding:
     health: Health
     found: str
     remedy: str = ""
-    """Advice on what to do; empty: nothing."""
+    """Advice on how to fix a problem that `robomaker doctor` found; empty: nothing."""
 
 
 def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
@@ -273,7 +273,7 @@ def check_roles(settings: Settings) -> Finding:
 
 
 def check_server(settings: Settings) -> Finding:
-    """Checks the Prefect server that would be used."""
+    """Checks the Prefect server that runs on this machine would use."""
     status = server_status(settings)
     if status.configured_elsewhere and not status.running:
         remedy = "start that server, or unset PREFECT_API_URL to use a local one"

@@ -42,16 +42,16 @@ class Command(NamedTuple):
     """Path of its module, or of the folder with its subcommands."""
 
     module: str
-    """Full name of the module or package."""
+    """Full name of a command's module or package."""
 
     summary: str
-    """Line for the list of commands."""
+    """Line about a command for the list of commands."""
 
     description: str
     """First paragraph of the command's own help."""
 
     def load(self) -> CommandModule:
-        """Imports the command's module."""
+        """Imports the module of a command."""
         return cast("CommandModule", importlib.import_module(self.module))
 
 
@@ -135,7 +135,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] - argparse overloads it
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parses arguments; unknown ones are an error at once."""
+        """Parses command line arguments; unknown ones are an error at once."""
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")

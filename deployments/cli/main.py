@@ -80,7 +80,7 @@ def _execute(words: Sequence[str]) -> int:
 
 
 def _report(error: Exception, *, debug: bool) -> int:
-    """Prints the error, and returns the exit code."""
+    """Prints the error that ended a command, and returns the exit code."""
     from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 
     if debug:

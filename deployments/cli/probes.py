@@ -77,7 +77,7 @@ class CpuTimes:
     _before_s: float = 0.0
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Takes one event."""
+        """Records the CPU time of a step from an event of the run."""
         if isinstance(event, StepStarted):
             self._before_s = _of_children_s()
         elif isinstance(event, StepEnded):
@@ -210,7 +210,7 @@ def trials_within(seconds: float, first: RunRecord) -> int:
 
 
 def _assumed(settings: Settings, last: RunRecord, whole: Mapping[str, WholeStep], *, is_alone: bool) -> list[str]:
-    """Lists the assumptions of a forecast, in words."""
+    """Lists the assumptions of a run's forecast, in words."""
     jobs = sum(len(step.jobs) for step in whole.values())
     told = []
     if jobs > len(last.jobs):

@@ -17,10 +17,10 @@ class Conflict:
     first: str
     second: str
     effect: str
-    """Effect of the conflict that users see."""
+    """Effect of a package version conflict that users see."""
 
     remedy: str
-    """Version requirement that resolves it."""
+    """Version requirement that resolves a package conflict."""
 
 
 CONFLICTS = (

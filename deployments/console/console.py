@@ -202,7 +202,7 @@ class Console:
         spec_runs: SpecRuns | None = None,
     ) -> None:
         self.checks_signatures = access_keys is not None
-        """Whether requests of clients have to be signed."""
+        """Whether API requests of clients have to be signed."""
 
         self._endpoint = endpoint
         self._context = Context(
@@ -234,7 +234,7 @@ class Console:
         self._context.streams.end()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         path = scope.get("path", "")
         if scope["type"] != "http" or not (path == HOME or path.startswith(f"{HOME}/")):
             await self._endpoint(scope, receive, send)

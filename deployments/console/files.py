@@ -102,7 +102,7 @@ class _SentCopy(FileResponse):
     """File response that deletes the file afterwards, also if the range is invalid or the client disconnects."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers the request."""
+        """Sends the file to the browser, and deletes it afterwards."""
         try:
             await super().__call__(scope, receive, send)
         finally:

@@ -15,7 +15,7 @@ from ...tasks.reporting import outcomes, page_environment, page_styles, report_s
 
 _FOLDER = Path(__file__).parent
 HOME = "/console"
-"""Path prefix of all console pages."""
+"""URL path prefix of all pages of the web console."""
 
 
 def render(template: str, /, **values: Any) -> str:

@@ -22,13 +22,13 @@ class Look:
     """Display of a state in the web console: text, CSS class and icon."""
 
     key: str
-    """CSS class of the state."""
+    """CSS class of a resource's state."""
     value: str
     """Text of the state."""
 
     @property
     def icon(self) -> str:
-        """HTML of the state's icon."""
+        """HTML icon of a resource's state."""
         return _ICONS.get(self.key, self.key)
 
 
@@ -53,7 +53,7 @@ class JobLine:
     outputs: StoredPlace | None
     tags: dict[str, str]
     parts_s: dict[str, float]
-    """Time that it took, in seconds, by activity."""
+    """Time that a job took, in seconds, by activity."""
 
     @property
     def is_failure(self) -> bool:

@@ -15,7 +15,7 @@ from ...schemas.wire.errors import RobomakerError
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 MOST_STREAMS = 64
-"""Limit of pages that are followed at once."""
+"""Limit of console pages that are followed live at once."""
 
 _SIGN_OF_LIFE_S = 15.0
 
@@ -31,7 +31,7 @@ class Streams:
         self._ended = asyncio.Event()
 
     def end(self) -> None:
-        """Ends all streams, so that the server can stop."""
+        """Ends all live update streams, so that the server can stop."""
         self._ended.set()
 
     def follow(self, look: Look, every_s: float) -> StreamingResponse:
@@ -86,7 +86,7 @@ class _Stream(StreamingResponse):
         self._streams = streams
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers the request."""
+        """Sends the response to the browser (ASGI)."""
         async with self._streams.admitted() as has_room:
             if has_room:
                 await super().__call__(scope, receive, send)
@@ -118,7 +118,7 @@ class Parts:
         self._sent: dict[str, str] = {}
 
     def news(self, parts: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
-        """Yields the parts that changed since the last call."""
+        """Yields the page parts that changed since the last call."""
         changed = {name: html for name, html in parts.items() if self._sent.get(name) != html}
         self._sent.update(changed)
         if changed:

@@ -101,7 +101,7 @@ class Sessions:
         return session if session is not None and session.ends_at_s > self._clock() else None
 
     def log_out(self, token: str | None) -> None:
-        """Ends a session."""
+        """Ends a login session of the web console."""
         with self._lock:
             self._sessions.pop(token or "", None)
 
@@ -150,7 +150,7 @@ class Visit:
     context: Context
     session: Session | None
     form: Mapping[str, str] = field(default_factory=dict)
-    """Fields of the form that was submitted."""
+    """Fields of the web form that the visitor submitted."""
 
     @property
     def service(self) -> Service:

@@ -28,7 +28,7 @@ class Need:
 
     @property
     def sentence(self) -> str:
-        """Description of the need, as a sentence."""
+        """Returns a sentence that describes the need."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):
@@ -82,7 +82,7 @@ def _uris(value: Any) -> Iterator[str]:
 
 
 TAG = "robomaker"
-"""Tag of every deployment."""
+"""Tag of every Prefect deployment of this package."""
 _FLOWS = "prefect_robomaker.flows"
 _MOST_BYTES = 400_000  # Prefect takes 512 kB of parameters, as JSON
 
@@ -104,7 +104,7 @@ class Deployable:
     """Parameters of its specification, in addition to those of the flow; `None`: it has no specification."""
 
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Default values of these parameters in runs."""
+    """Default values of the specification's parameters in runs of a deployment."""
 
     missing: tuple[str, ...] = ()
     """Names of parameters without a value, which each run must be given."""

@@ -71,7 +71,7 @@ def _shown(schema: Any) -> Any:
 
 
 def _field(schema: dict[str, Any]) -> dict[str, Any]:
-    """Converts the schema of one form field."""
+    """Converts the JSON schema of one field for Prefect's run form."""
     types = schema.get("anyOf", [])
     if _NOTHING in types and len(types) == 2:
         (given,) = [each for each in types if each != _NOTHING]
@@ -96,10 +96,10 @@ class Target:
 
     pool: str
     schedule: CronSchedule | None = None
-    """Schedule to set; `None`: an existing schedule is kept."""
+    """Schedule to set for a deployment; `None`: an existing one is kept."""
 
     unscheduled: bool = False
-    """Whether an existing schedule is removed."""
+    """Whether an existing schedule of a deployment is removed."""
 
     image: str | None = None
     environment: tuple[tuple[str, str], ...] = ()
@@ -118,10 +118,10 @@ class Registered:
     change: Literal["created", "updated"]
     pool: str
     parameters: Mapping[str, Any]
-    """Default values of the specification's parameters in runs."""
+    """Default values of the specification's parameters in runs of a deployment."""
 
     missing: tuple[str, ...]
-    """Parameters that each run has to be given."""
+    """Parameters that each run of a deployment has to be given."""
 
     schedules: tuple[str, ...]
     """Cron expressions with their time zones, of active schedules."""

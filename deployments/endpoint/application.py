@@ -123,7 +123,7 @@ class Endpoint:
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
-        """Whether requests must be signed."""
+        """Whether API requests must be signed."""
 
         self._service = service
         self._operations = registry()
@@ -145,7 +145,7 @@ class Endpoint:
         self._in_progress = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         if scope["type"] == "http":
             await self._serve(ServiceRequest(scope, receive), send)
         elif scope["type"] == "lifespan":

@@ -49,7 +49,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
     """
 
     class Limited(_LimitedProtocol):
-        """HTTP connection with limits."""
+        """Protocol class of HTTP connections with the given limits."""
 
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
@@ -65,7 +65,7 @@ class _LimitedProtocol(H11Protocol):
     _asking: asyncio.TimerHandle | None = None
     """Timer that runs while a request's head is awaited."""
     _answering: asyncio.TimerHandle | None = None
-    """Timer that runs while the client does not read."""
+    """Timer that runs while the client does not read its response."""
     _quiet_since = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -111,7 +111,7 @@ class _LimitedProtocol(H11Protocol):
 
     @property
     def quiet_since(self) -> float:
-        """Time since when no request is being answered."""
+        """Time since when no request is being answered on the connection."""
         return self._quiet_since
 
     def _end(self) -> None:

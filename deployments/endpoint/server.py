@@ -168,12 +168,12 @@ class _Server(uvicorn.Server):
         self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer requests."""
+        """Starts to answer HTTP requests."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends endless streams, then waits for other responses."""
+        """Ends endless response streams, then waits for other responses."""
         self._stopping()
         await super().shutdown(sockets)
 

@@ -178,12 +178,12 @@ def _kind(document: Any) -> str:
 
 
 class WireResponse(Response):
-    """HTTP response with the service's JSON."""
+    """HTTP response with JSON as the AWS service sends it."""
 
     media_type = "application/json"
 
     def render(self, content: Mapping[str, Any]) -> bytes:
-        """Serialises the members to JSON, in ASCII as AWS does."""
+        """Serialises the response's members to JSON, in ASCII as AWS does."""
         return json.dumps(content, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
 
 

@@ -7,7 +7,7 @@ from ..cli.doctor_checks import Finding
 
 _PAGE = 500
 _SHOWN = 10
-"""Limit of the robots with problems that are named."""
+"""Limit of the robots with problems that `robomaker doctor` names."""
 
 
 def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:

@@ -92,11 +92,11 @@ class TrustUpkeep:
         self._thread = threading.Thread(target=self._keep_up, name="trust-upkeep", daemon=True)
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Starts the thread that renews expiring signatures."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread, after its current check."""
+        """Stops the thread that renews expiring signatures, after its current check."""
         self._stopped.set()
         self._thread.join()
 
@@ -139,7 +139,7 @@ class RobotsBeside:
 
     def __init__(self, endpoint: ASGIApp, service: Service) -> None:
         self.checks_signatures = getattr(endpoint, "checks_signatures", False)
-        """Whether requests of clients must be signed."""
+        """Whether API requests of clients must be signed."""
 
         self._endpoint = endpoint
         settings = FleetSettings.of(service.settings)
@@ -166,7 +166,7 @@ class RobotsBeside:
         self._watch.wake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         if scope["type"] == "http" and scope["path"].startswith(self._door.prefixes):
             await self._door(scope, receive, send)
         elif scope["type"] == "lifespan":

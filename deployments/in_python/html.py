@@ -25,7 +25,7 @@ _IMAGE = "max-width:100%;max-height:24rem;height:auto;background:#fff;border-rad
 
 
 def badge(outcome: str) -> Markup:
-    """Makes a badge with an outcome: its word on a colour."""
+    """Makes an HTML badge with the word of an outcome on a coloured background."""
     colour = _COLOURS.get(outcome, _OTHER_COLOUR)
     return Markup('<span style="{};background:{}">{}</span>').format(_BADGE, colour, outcome)
 

@@ -30,12 +30,12 @@ class Job:
     record: JobRecord
     """Record of the job: requirements, metrics, inputs and more."""
     world: World | None
-    """World that the job used; `None`: none."""
+    """World that a simulation job used; `None`: none."""
     _service: Service = field(repr=False, compare=False)
 
     @property
     def id(self) -> str:
-        """Id of the job, or `request 3` when no job came of it."""
+        """Id of the job, or `request 3` for a request without a job."""
         return self.record.label
 
     @property

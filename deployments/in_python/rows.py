@@ -21,7 +21,7 @@ class ResultRow:
     """Row of the table of results: a trial, a job without trials, or a request that has no job."""
 
     step: str
-    """Name of the step that ordered it; empty: unknown."""
+    """Name of the step that ordered the job of a result row; empty: unknown."""
     test: str
     """Name of the job, the same in every run of the specification."""
     job: str
@@ -29,15 +29,15 @@ class ResultRow:
     outcome: CaseOutcome
     """Outcome; only `passed` means that it was judged and met all its requirements."""
     verdict: Verdict
-    """The verdict; `NONE` when nothing was judged."""
+    """Verdict on a trial or job; `NONE` when nothing was judged."""
     reason: str
     """Reason why the verdict is not PASS, or of the error; empty: unknown."""
     failure_code: str | None
-    """Failure code of the service; `None`: it did not fail."""
+    """Failure code of a job; `None`: it did not fail."""
     world: str | None
     """Content hash of the world, the same for the same world in every run; `None`: it has none."""
     world_name: str | None
-    """Name of the world in this run; `None`: it has none."""
+    """Name of the job's world in this run; `None`: it has none."""
     trial: int | None
     """Number of the trial, from 0; None: the job has no trials."""
     seed: int | None
@@ -45,15 +45,15 @@ class ResultRow:
     ended_by: str
     """Cause of the end, such as `environment` or `duration limit`; empty: unknown."""
     sim_time_s: float | None
-    """Simulated time at its end, in seconds; `None`: unknown."""
+    """Simulated time at the end of a trial, in seconds; `None`: unknown."""
     wall_time_s: float
-    """Duration in seconds."""
+    """Duration of a trial or job, in seconds."""
     output: str | None
     """Address of its outputs, `file:///…` or `s3://…`; `None`: it has none of its own."""
     axes: Mapping[str, Value]
-    """Values of the axes of the trials, by name."""
+    """Values of a trial's varied parameters (axes), by name."""
     metrics: Mapping[str, float]
-    """Numbers by name with unit, such as `distance_m`."""
+    """Metrics of a trial: numbers by name with unit, such as `distance_m`."""
     requirements: list[Requirement]
     """Requirements that it was judged by, with limits, values and margins."""
 

@@ -43,7 +43,7 @@ class Run:
 
     @property
     def id(self) -> str:
-        """Id of the run."""
+        """Id of the specification's run."""
         return self._standing.run_id
 
     @property
@@ -94,7 +94,7 @@ class Run:
 
     @property
     def started_at(self) -> datetime | None:
-        """Start time in UTC; `None`: not known yet."""
+        """Start time of the run in UTC; `None`: not known yet."""
         told = self.record or self._standing.order
         return told.started_at if told else None
 
@@ -111,7 +111,7 @@ class Run:
 
     @property
     def problems(self) -> dict[str, str]:
-        """Reasons why steps failed, by step."""
+        """Reasons why steps of the run failed, by step."""
         return {step.name: step.error for step in self._standing.steps if step.error}
 
     @cached_property
@@ -175,7 +175,7 @@ class Run:
         raise TypeError(f"{self.id} is neither true nor false; ask whether it .passed, or for its .outcome")
 
     def __repr__(self) -> str:
-        """Says how it stands, in a line."""
+        """Describes the run's state in one line."""
         return f"<Run {self.id}: {self._standing.in_words()}>"
 
     def _repr_html_(self) -> str:

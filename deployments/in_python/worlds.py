@@ -20,7 +20,7 @@ class World:
 
     arn: str
     name: str
-    """Short name for people: `generation-…/world-3`."""
+    """Short name of a world for people: `generation-…/world-3`."""
     _service: Service = field(repr=False, compare=False)
 
     @cached_property
@@ -39,7 +39,7 @@ class World:
 
     @cached_property
     def plan(self) -> str:
-        """Floor plan, SVG; it raises as `folder` does."""
+        """Floor plan of a world as SVG; it raises errors as `folder` does."""
         return (self.folder / "floorplan.svg").read_text(encoding="utf-8")
 
     @cached_property

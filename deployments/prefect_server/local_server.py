@@ -47,7 +47,7 @@ class ServerStatus:
     """Status of the Prefect server of a data home."""
 
     running: bool
-    """Whether the server answers."""
+    """Whether the Prefect server answers."""
 
     api_url: str | None = None
     pid: int | None = None
@@ -56,7 +56,7 @@ class ServerStatus:
     """Whether `PREFECT_API_URL` or a Prefect profile names the server, so that none is started here."""
 
     busy: bool = False
-    """Whether the server exists but has not answered in time."""
+    """Whether the Prefect server exists but has not answered in time."""
 
 
 def ensure_server(

@@ -54,7 +54,7 @@ class OneTimeTokens:
             return token
 
     def redeem(self, token: str) -> bool:
-        """Returns whether a token is valid, and makes it invalid."""
+        """Returns whether a login token is valid, and makes it invalid."""
         with self._lock:
             expiry = self._expiries.pop(token, None)
             return expiry is not None and self._clock() < expiry
@@ -135,7 +135,7 @@ def _is_page(request: Request) -> bool:
 
 
 async def _token(request: Request) -> str | None:
-    """Returns the token in a request's body, or `None`."""
+    """Returns the login token in a request's body, or `None`."""
     body = b""
     try:
         async for part in request.stream():

@@ -130,7 +130,7 @@ class Outage:
 
     @property
     def is_on(self) -> bool:
-        """Whether the server is away."""
+        """Whether the Prefect server is away."""
         return self._health is not Health.HEALTHY
 
     @property
@@ -152,7 +152,7 @@ class Outage:
 
     @contextmanager
     def asking(self) -> Generator[float]:
-        """Counts a request as open inside the `with` block."""
+        """Counts a request to the Prefect server as open inside the `with` block."""
         request, began = object(), self._clock()
         self._open_requests[request] = began
         try:

@@ -97,7 +97,7 @@ class RepeatedLogins:
         self._application = application
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers a request, or serves a socket."""
+        """Answers a request, or serves a socket, without a repeated login (ASGI)."""
         is_of_events = scope["type"] == "websocket" and scope["path"].endswith(_PATH)
         await self._application(scope, _first_login(receive) if is_of_events else receive, send)
 
@@ -299,6 +299,6 @@ class _Server(uvicorn.Server):
             await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the background jobs, then the server."""
+        """Ends the background jobs, then the Prefect server."""
         await self._beside.aclose()
         await super().shutdown(sockets)

@@ -19,7 +19,7 @@ ENDPOINT_RULES = "endpoint-rule-set-1.json"
 FILES = (SERVICE, PAGINATORS, WAITERS, ENDPOINT_RULES)
 
 DATA_PATH = Path(__file__).parent / "models"
-"""Folder that `AWS_DATA_PATH` names."""
+"""Folder that `AWS_DATA_PATH` must name so that AWS SDKs find the API model."""
 
 _INSIDE = Path("robomaker", "2018-06-29")
 MODEL_FOLDER = DATA_PATH / _INSIDE
@@ -34,20 +34,20 @@ class Installation:
     """Result of installing or removing the API model for AWS SDKs, file by file."""
 
     folder: Path
-    """Folder in which SDKs find the model."""
+    """Folder in which AWS SDKs find the API model."""
 
     written: tuple[str, ...] = ()
-    """Names of new files."""
+    """Names of API model files that were new."""
 
     replaced: tuple[str, ...] = ()
-    """Names of files whose content was replaced."""
+    """Names of API model files whose content was replaced."""
 
     removed: tuple[str, ...] = ()
-    """Names of deleted files."""
+    """Names of deleted API model files."""
 
     @property
     def changed(self) -> bool:
-        """Whether any file was changed."""
+        """Whether any API model file was changed."""
         return bool(self.written or self.replaced or self.removed)
 
 

@@ -148,7 +148,7 @@ class Shapes:
 
 
 def _present(annotation: Any) -> Any:
-    """Returns the type of a member without `None`."""
+    """Returns the type of a member without `None`, as in `X | None`."""
     inner = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
     if get_origin(inner) in (Union, types.UnionType):
         present = [each for each in get_args(inner) if each is not type(None)]

@@ -13,33 +13,33 @@ class Waiter:
     """Definition of an SDK waiter, which polls a job until it reaches a state."""
 
     name: str
-    """Name of the waiter in SDKs."""
+    """Name of an SDK waiter."""
 
     operation: str
-    """Operation that the waiter calls."""
+    """API operation that an SDK waiter calls."""
 
     lifecycle: Lifecycle[Any]
     """Lifecycle of the job: each of its final states ends the waiting."""
 
     delay_s: int
-    """Seconds between two calls."""
+    """Time between two calls of an SDK waiter, in seconds."""
 
     most_calls: int
-    """Limit of the calls that it makes."""
+    """Limit of the calls that an SDK waiter makes."""
 
     wanted: Collection[str] = ("Completed",)
-    """States that end the waiting successfully."""
+    """Job states that end an SDK waiter's waiting successfully."""
 
     also_failed: Collection[str] = ()
     """Further states that end the waiting with a failure, although they are not final."""
 
     @property
     def failed(self) -> list[str]:
-        """States in which the waiter gives up."""
+        """Job states in which an SDK waiter gives up."""
         return sorted({*self.lifecycle.terminal, *self.also_failed} - {*self.wanted})
 
     def as_model(self) -> dict[str, Any]:
-        """Returns the waiter in botocore's format."""
+        """Returns the SDK waiter in botocore's format."""
         ends = [("success", state) for state in self.wanted] + [("failure", state) for state in self.failed]
         return {
             "operation": self.operation,

@@ -74,7 +74,7 @@ class StandingFile:
         self._is_due = False
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Takes an event of the run."""
+        """Updates the stored state of an ordered run by an event of the run."""
         with self._lock:
             if isinstance(event, Note):
                 self._change(note=event.text)
@@ -109,7 +109,7 @@ class StandingFile:
             timer.start()
 
     def write(self) -> None:
-        """Writes the current state."""
+        """Writes the current state of an ordered run."""
         with self._lock:
             self._is_due = False
             write_standing(self._folder, self._standing)
@@ -188,7 +188,7 @@ class SpecRuns:
         return read_standing(self._runs / run_id)
 
     def going(self) -> list[str]:
-        """Returns the ids of running runs, newest first."""
+        """Returns the ids of ordered runs that are running, newest first."""
         return sorted(filter(self.is_going, self._open()), key=lambda name: name.rpartition("-")[2], reverse=True)
 
     def is_going(self, run_id: str) -> bool:

@@ -32,7 +32,7 @@ IDLE_POLL_S = 1.0
 """Seconds between two polls without jobs. The endpoint wakes it for a new job, so only other processes' jobs wait."""
 
 END_S = 5.0
-"""Time limit for shutting down."""
+"""Time limit for shutting down the job worker's process, in seconds."""
 
 NICENESS = 5
 """Niceness of the process: the endpoint has priority, and simulations get the remaining processor time, nearly all."""

@@ -23,7 +23,7 @@ class Channel:
 
     @classmethod
     def pair(cls) -> tuple["Channel", "Channel"]:
-        """Creates a new pipe, and returns both ends."""
+        """Creates a new message pipe, and returns both ends."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         return cls(ours), cls(theirs)
 
@@ -35,7 +35,7 @@ class Channel:
         return cls(end)
 
     def fileno(self) -> int:
-        """Returns the file descriptor."""
+        """Returns the file descriptor of this end of the pipe."""
         return self._end.fileno()
 
     def send(self, message: Mapping[str, Any]) -> None:

@@ -14,10 +14,10 @@ class JobPool:
     """A kind of job with the number of such jobs that may run at once."""
 
     kind: str
-    """Kind of the jobs, as in their ARNs."""
+    """Kind of the jobs of a pool, as in their ARNs."""
 
     operation: str
-    """Operation that creates such jobs."""
+    """API operation that creates the jobs of a pool."""
 
     at_once: int
     """Limit of such jobs that run at the same time; the others wait, oldest first."""

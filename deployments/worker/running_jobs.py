@@ -68,7 +68,7 @@ class Jobs:
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
     def counts(self) -> Counter[str]:
-        """Returns the numbers of running jobs, by kind."""
+        """Returns the numbers of running jobs of this worker, by kind."""
         return Counter(pool.kind for pool in list(self._running.values()))
 
     def begin_some(self, pool: JobPool) -> None:

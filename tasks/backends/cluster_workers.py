@@ -29,7 +29,7 @@ class _Machine:
     ends_in_a_row: int = 0
     not_before: float = 0.0
     refuses: bool = False
-    """Whether its last job worker could not use its settings."""
+    """Whether the machine's last job worker could not use its settings."""
 
     reason: str = ""
     """Reason why its last job worker ended, unless it ended well."""

@@ -29,7 +29,7 @@ class Ended(NamedTuple):
     host: str
     exit_code: int
     last_words: str
-    """Last lines that it wrote to standard error."""
+    """Last lines that the job worker wrote to standard error."""
 
     @property
     def reason(self) -> str:

@@ -57,7 +57,7 @@ class Member:
     """A file or folder in a tar or zip archive."""
 
     name: str
-    """Name as in the archive."""
+    """Name of the member, as in the archive."""
     is_folder: bool
     executable: bool
     open: Callable[[], AbstractContextManager[IO[bytes]]]

@@ -24,13 +24,13 @@ class ArchiveLimits:
     """Limits of an archive's content; the bytes unpacked count, not the sizes in its headers."""
 
     total_bytes: int = 20 << 30
-    """Limit of the bytes of all files together."""
+    """Limit of the unpacked bytes of all files of an archive together."""
     file_bytes: int = 10 << 30
-    """Limit of the bytes of each file."""
+    """Limit of the unpacked bytes of each file of an archive."""
     entries: int = 100_000
-    """Limit of the number of files and folders."""
+    """Limit of the number of files and folders in an archive."""
     depth: int = 32
-    """Limit of the components of a path."""
+    """Limit of the number of components of a path in an archive."""
     ratio: int = 200
     """Limit of the ratio of unpacked to archived bytes; it applies above `unsuspicious_bytes`."""
     unsuspicious_bytes: int = 256 << 20

@@ -27,7 +27,7 @@ class _Marks(NamedTuple):
 
     tags: frozenset[str]
     program: str
-    """XML attribute of a node that names its program."""
+    """XML attribute of a launch file's node that names the node's program."""
     substitutions: re.Pattern[str]
 
 

@@ -59,10 +59,10 @@ class ClientToken:
     """The operation's name; tokens of different operations have nothing to do with each other."""
 
     token: str
-    """The caller's token."""
+    """Client token (idempotency token) as the caller sent it."""
 
     request_hash: str
-    """Hash of the request; equal for equal requests."""
+    """Hash of the request with a client token; equal for equal requests."""
 
     owner: str = ""
     """Owner of the token: an access key or a job; empty: a caller without either."""

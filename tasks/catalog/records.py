@@ -18,7 +18,7 @@ class NewResource:
 
     id: str
     name: str = ""
-    """Name of the resource; empty if it has none."""
+    """Name of the new resource; empty if it has none."""
 
     status: str = ""
     """State in its lifecycle; kinds without a lifecycle may have any text."""
@@ -41,10 +41,10 @@ class Resource(NewResource):
 
     created_at: datetime
     updated_at: datetime
-    """Time of the last change of status, name or document."""
+    """Time of the last change of a resource's status, name or document."""
 
     revision: int
-    """Number of the changes (also of tags), from 1."""
+    """Revision of a resource: the number of its changes (also of tags), from 1."""
 
     @staticmethod
     def new(
@@ -95,13 +95,13 @@ class Ownership:
     """Name of the lease's current or last owner; `None`: no process has held it."""
 
     since: datetime | None
-    """Time at which the owner took the lease."""
+    """Time at which the current or last owner took a job's lease."""
 
     is_held: bool
-    """Whether the owner holds the lease and it has not expired."""
+    """Whether the owner holds the job's lease and it has not expired."""
 
     is_released: bool
-    """Whether the owner has released the lease."""
+    """Whether the owner has released the job's lease."""
 
     lost_owner: str | None
     """Previous owner whose lease expired before another took it; `None`: there is none."""
@@ -115,7 +115,7 @@ class Page:
     """One page of a list of resources, with the token for the next page."""
 
     resources: tuple[Resource, ...]
-    """Resources of the page, newest first."""
+    """Catalog resources of a list's page, newest first."""
 
     next_token: str | None
-    """Token that asks for the next page; `None` on the last."""
+    """Token that requests the next page of a list; `None` on the last."""

@@ -159,7 +159,7 @@ class _Check:
     buckets: set[str] = field(default_factory=set[str])
 
     def run(self) -> ConsistencyReport:
-        """Runs all checks, and returns the report."""
+        """Runs all consistency checks of catalog and object store, and returns the report."""
         self.buckets.add(self.service.settings.bucket)
         checked = [each for page in self._pages() for each in run_all(self._checked, page)]
         findings = [finding for _, _, found in checked for finding in found]

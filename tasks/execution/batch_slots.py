@@ -122,7 +122,7 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """Number of slots this worker holds."""
+        """Number of concurrency slots of a batch that this worker holds."""
         with self._changed:
             return len(self._free) + len(self._used)
 

@@ -192,10 +192,10 @@ class GivenUp:
     """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
 
     failure_code: str
-    """Failure code of the kind of job."""
+    """Failure code that jobs of a kind get when they are given up."""
 
     tell: Callable[[Resource, Service], None]
-    """Function that is called after the job has ended."""
+    """Function that is called after a given-up job has ended."""
 
 
 def _given_up(kind: str) -> GivenUp | None:

@@ -127,7 +127,7 @@ def _state_of_returned(returned: Any) -> State[Any]:
 
 Result = TypeVar("Result")
 Ended: TypeAlias = concurrent.futures.Future[Any]
-"""Future of an item's final state."""
+"""Future of the final state of one item of a Prefect `map`."""
 
 Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
 """Function that describes the result of a map, from the final states of its items in order."""
@@ -148,7 +148,7 @@ class ItemFuture(PrefectConcurrentFuture[Result]):
 
     @property
     def state(self) -> State[Any]:
-        """State of this item, independent of the other items."""
+        """Prefect state of this item of a `map`, independent of the other items."""
         future = self.wrapped_future
         if future.done():
             return _state_of(future)

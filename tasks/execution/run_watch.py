@@ -33,7 +33,7 @@ from .orphans import end_orphan, watching_parent
 from .prefect_settings import asking_once, on_same_server
 
 BEAT_S = 10.0
-"""Interval between two heartbeats, in seconds."""
+"""Interval between two heartbeats of a flow run, in seconds."""
 
 _LOOK_S = 2.0
 """Interval between two polls of the server for cancelled runs, in seconds."""
@@ -53,11 +53,11 @@ class _Watched:
     """Function that returns whether this process still does the run's work."""
 
     parts: set[UUID] = field(default_factory=set[UUID])
-    """Ids of subflow runs in it that have not ended."""
+    """Ids of subflow runs in a watched flow run that have not ended."""
 
     beat_at: float = 0.0
     is_told: bool = False
-    """Whether its callback `cancel` was called."""
+    """Whether the flow run's callback `cancel` was called."""
 
 
 @dataclass

@@ -267,7 +267,7 @@ class OpenRollout:
     """A rollout whose robots may have open orders."""
 
     job: str
-    """ARN of the deployment job."""
+    """ARN of the deployment job of a rollout."""
 
     revision: int
     """Revision number of the stored rollout; it grows with each change."""
@@ -282,7 +282,7 @@ class OpenRollout:
     """Files that robots download, by the robot's ARN; robots that cannot get the application are missing."""
 
     launch: DeploymentLaunchConfig
-    """Launch configuration of the application."""
+    """Launch configuration of the application in a rollout."""
 
 
 def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:

@@ -48,7 +48,7 @@ class SaidBefore:
     proceeded: bool = False
     installed: bool = False
     errors: tuple[str, ...] = ()
-    """Last error texts, oldest first."""
+    """Last error texts of a robot about its order, oldest first."""
 
     withheld: ReportedCode | None = None
     """Reason why the server could not send the file at the robot's last request."""

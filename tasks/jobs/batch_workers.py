@@ -114,7 +114,7 @@ class BatchWorker:
             running = concurrent.futures.wait(running, pause_s, concurrent.futures.FIRST_COMPLETED).not_done
 
     def _is_over(self) -> bool:
-        """Whether there are no more jobs to take."""
+        """Whether there are no more jobs of the batch to take."""
         self._status, _ = self._service.catalog.standing(self._batch)
         if is_terminal(_BATCH, self._status) or self._status in STOPPING:
             return True
@@ -292,7 +292,7 @@ class BatchTrials:
         self._total = sum(self._planned)
         self._next_look_s = 0.0
         self.counts = TrialCounts(0, self._total) if self._total else None
-        """Counts at the last poll; `None`: no job has trials."""
+        """Counts of a batch's trials at the last poll; `None`: no job has trials."""
 
     def look(self, *, now: bool = False) -> bool:
         """Counts the finished trials again, at most every two seconds.

@@ -191,7 +191,7 @@ class KeptOutputs:
     job: Resource
     run_id: str
     folder: Path
-    """Folder of the run."""
+    """Folder of the job's run whose upload failed."""
 
     @property
     def output_dir(self) -> Path:

@@ -226,7 +226,7 @@ class OwnOrder:
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        """Begins the order."""
+        """Begins the order of a job that this process will run itself."""
         return self
 
     def __exit__(

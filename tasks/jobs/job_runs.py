@@ -124,7 +124,7 @@ class _Next(Enum):
 
     NONE = auto()
     RESTART = auto()
-    """Start a new run, because a restart was requested."""
+    """Next step of a job: start a new run, because a restart was requested."""
 
     GO_ON = auto()
     """Continue a killed run from its last checkpoint, else from the start."""
@@ -406,11 +406,11 @@ class JobRun:
     # Stopping
 
     def _is_stopped(self) -> bool:
-        """Whether the job has to end."""
+        """Whether the running simulation job has to end."""
         return self._why_stop() is not None
 
     def _why_stop(self) -> StopReason | None:
-        """Returns the reason why the job has to end, or `None`."""
+        """Returns the reason why the running simulation job has to end, or `None`."""
         return self._asked()[1]
 
     def _note_answers(self) -> None:

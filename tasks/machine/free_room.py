@@ -39,7 +39,7 @@ class Room:
     """Free bytes on the disk of the data home."""
 
     running: int
-    """Number of running jobs."""
+    """Number of jobs that run on the machine."""
 
     growing: int
     """Number of jobs that began a moment ago, and whose memory use may still grow."""

@@ -27,12 +27,12 @@ class Slots:
     """The free and the held slots of a machine at one moment."""
 
     free: tuple[int, ...]
-    """Numbers of the slots that no process held."""
+    """Numbers of the machine slots that no process held."""
 
     holders: tuple[Holder, ...]
 
     def by_batch(self) -> Counter[str | None]:
-        """Counts the running jobs by batch."""
+        """Counts the jobs in machine slots by batch."""
         return Counter(holder.batch for holder in self.holders)
 
 

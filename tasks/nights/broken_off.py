@@ -40,13 +40,13 @@ class BrokenOff:
     order: Order
     folder: Path
     died_at: datetime
-    """Time of the last sign of life of its process."""
+    """Time of the last sign of life of an interrupted run's process."""
     limits: tuple[str, ...]
     """Reason why no process resumes it automatically, in words; empty: one does."""
     differences: tuple[str, ...]
     """Differences between this process's environment and the one that the run needs; empty: none."""
     command: str
-    """Command that resumes the run as it was ordered."""
+    """Command that resumes an interrupted run as it was ordered."""
 
     @property
     def why_left(self) -> str:

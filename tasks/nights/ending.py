@@ -38,7 +38,7 @@ class Outlasting(Protocol):
     """Interface of a function that calls another one again until the catalog's database answers."""
 
     def __call__(self, call: Callable[[], Result], /) -> Result:
-        """Returns what the call returns."""
+        """Calls a function, again after outages of the catalog's database, and returns its result."""
         ...
 
 

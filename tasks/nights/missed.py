@@ -44,7 +44,7 @@ class DueRun:
     """A scheduled run of a deployment, as Prefect lists it."""
 
     state: str
-    """Type of its Prefect state: `SCHEDULED`, `COMPLETED`."""
+    """Type of a scheduled run's Prefect state: `SCHEDULED`, `COMPLETED`."""
     state_name: str
     message: str
     has_begun: bool
@@ -105,7 +105,7 @@ def _known(home: Path, deployment: str) -> NightSchedule | None:
 
 
 def _write(home: Path, schedule: NightSchedule) -> None:
-    """Writes a schedule's record atomically."""
+    """Writes the record of a schedule atomically."""
     folder = home / _FOLDER
     part = folder / f".{schedule.deployment}.part"
     part.write_text(schedule.model_dump_json(indent=2))

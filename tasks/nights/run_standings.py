@@ -27,11 +27,11 @@ class StandingRun:
 
     run_id: str
     name: str
-    """Name of the specification."""
+    """Name of the specification of a run."""
     folder: Path
     outcome: RunOutcome
     steps: Sequence[StepRecord]
-    """Steps that were ordered so far, in order."""
+    """Steps of a run that were ordered so far, in order."""
     jobs: Sequence[JobRecord]
     """Simulation jobs known so far, and requests that have no job (yet)."""
     record: RunRecord | None = None

@@ -133,7 +133,7 @@ class LongWaits:
                 listener(Note(f"no message can be sent: {problem}"))
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Handles a progress event."""
+        """Handles a progress event of a run: notices long waits for disk space, and forwards the event."""
         self._listener(event)
         if isinstance(event, StepProgress):
             self._since_s = (self._since_s or self._clock()) if event.waits_for == "disk" else None

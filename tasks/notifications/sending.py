@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _logger = logging.getLogger(__name__)
 
 TIMEOUT_S = 60.0
-"""Time limit for all channels together, in seconds."""
+"""Time limit for sending a notification to all channels together, in seconds."""
 
 
 def send(

@@ -51,7 +51,7 @@ class _Chosen:
     holders: Mapping[str, str]
     """Holder of a resource, by the resource's ARN: the kept job, run or deployment that names it."""
     worlds: list[Resource]
-    """Worlds to be deleted."""
+    """Worlds that a garbage collection deletes."""
     notes: list[str]
 
 

@@ -37,7 +37,7 @@ class Unit:
     candidate: Candidate
     state: str
     folder: Path | None = None
-    """Folder of the run; `None`: there is none."""
+    """Folder of the run that may be deleted; `None`: there is none."""
     record: RunRecord | None = None
     orders: tuple[str, ...] = ()
     """ARNs of the jobs and batches that the unit created or refers to."""

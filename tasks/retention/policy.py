@@ -18,9 +18,9 @@ class Candidate:
     failed: bool = False
     """Whether the run did not succeed."""
     busy: str = ""
-    """Reason why it cannot be deleted now; empty if it can."""
+    """Reason why a run or world cannot be deleted now; empty if it can."""
     begun: bool = False
-    """Whether its deletion has begun, so that only being in use keeps it."""
+    """Whether the deletion of the run or world has begun, so that only being in use keeps it."""
 
 
 def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: datetime) -> dict[str, str]:

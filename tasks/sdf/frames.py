@@ -59,7 +59,7 @@ class Scope:
 
     element: ET.Element
     nested: Mapping[str, "Scope"] = field(default_factory=dict)
-    """Scopes of nested models, by name."""
+    """Frame scopes of nested SDF models, by name."""
     placement_frame: str = ""
     pose_of_model: Pose | None = None
     """Pose that an `<include>` gives the model in place of its own."""
@@ -156,7 +156,7 @@ class Scope:
         return name
 
     def model_pose(self, name: str) -> Pose:
-        """Returns the pose of a nested model."""
+        """Returns the pose of a nested SDF model."""
         return self.pose_of(self.nested[name])
 
     def pose_of(self, model: "Scope") -> Pose:

@@ -27,11 +27,11 @@ class JointPlace:
     element: ET.Element
     scope: Scope
     pose: Pose
-    """Pose of the model in the world's frame."""
+    """Pose of the joint's model in the world's frame."""
     prefix: str
-    """Path of the model; empty: the joint is in the world."""
+    """Path of the joint's model; empty: the joint is in the world."""
     version: str
-    """SDF version of the file."""
+    """SDF version of the file that a joint is in."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ class Lookup:
     def __init__(self, world: Path, given: Sequence[Path], environment: Mapping[str, str]) -> None:
         self._package = _package_of(world)
         self.folders = list(dict.fromkeys(_search_folders(world, self._package, given, environment)))
-        """Folders that are searched, in order."""
+        """Folders in which Gazebo models and meshes are searched, in order."""
         self._fuel = _fuel_caches(environment)
         roots = dict.fromkeys(folder.resolve() for folder in (*self.folders, *self._fuel))
         self._roots = [folder for folder in roots if folder != folder.parent]
@@ -81,7 +81,7 @@ class Lookup:
         return found if found is not None and found.is_dir() else None
 
     def similar(self, uri: str) -> list[str]:
-        """Returns up to three existing models with similar names."""
+        """Returns up to three existing Gazebo models with similar names."""
         wanted = next((part for part in reversed(_rest(uri).split("/")) if part), "")
         there: dict[str, str] = {}
         for folder in self.folders:

@@ -144,7 +144,7 @@ def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPa
 
 
 def _sound(part: MeshPart) -> MeshPart:
-    """Removes triangles with non-finite corners."""
+    """Removes triangles with non-finite corners from a mesh part."""
     good = np.isfinite(part.triangles).all(axis=(1, 2)) & (np.abs(part.triangles) < _MOST_COORDINATE_M).all(axis=(1, 2))
     if good.all():
         return part

@@ -36,7 +36,7 @@ class Pose:
         return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
     def inverse(self) -> "Pose":
-        """Returns the inverse pose."""
+        """Returns the inverse of a pose."""
         return Pose(-self.rotation.T @ self.position, self.rotation.T)
 
 
@@ -67,9 +67,9 @@ class Geometry:
     radius of a sphere, height of a prism.
     """
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Normal of a plane."""
+    """Normal of an SDF plane."""
     file: Path | None = None
-    """File of a mesh or heightmap."""
+    """File of an SDF mesh or heightmap."""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     submesh: str | None = None
     is_centred: bool = False
@@ -77,7 +77,7 @@ class Geometry:
     outlines: tuple[tuple[tuple[float, float], ...], ...] = ()
     """Corners of each part of a prism; a hole is joined to the outline around it by an edge in both directions."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of a heightmap in its link, in metres."""
+    """Position of an SDF heightmap in its link, in metres."""
 
     @property
     def said(self) -> str:
@@ -101,7 +101,7 @@ class Collision:
 
     name: str
     pose: Pose
-    """Pose in the world's frame."""
+    """Pose of a collision shape in the world's frame."""
     geometry: Geometry
     friction: float
 
@@ -148,11 +148,11 @@ class Joint:
     path: str
     kind: JointKind
     parent: str
-    """Path of the parent link, or `world`."""
+    """Path of a joint's parent link, or `world`."""
     child: str
     pose: Pose
     axis: Vector
-    """Direction of the axis in the world's frame."""
+    """Direction of a joint's axis in the world's frame."""
     lower: float | None
     """Lower limit of the position, in radians or metres; `None`: unlimited."""
     upper: float | None
@@ -194,7 +194,7 @@ class Omissions:
         return kind in self._found
 
     def names(self, kind: str) -> list[str]:
-        """Returns the names of the left-out elements of a kind."""
+        """Returns the names of the elements of a kind that an import left out."""
         return sorted(set(self._found.get(kind, [])))
 
     def as_list(self, most_names: int = 12) -> list[LeftOut]:
@@ -222,10 +222,10 @@ class SdfWorld:
     """Kind of each model by its path: the name of the folder that it was included from, or its own name."""
     left_out: Omissions = field(default_factory=Omissions)
     files: set[Path] = field(default_factory=set)
-    """Paths of all files that were read."""
+    """Paths of all files that were read for an SDF world."""
 
     def geometries(self) -> Iterator[Geometry]:
-        """Yields the shapes of all links."""
+        """Yields the shapes of all links of an SDF world."""
         for link in self.links:
             yield from (each.geometry for each in (*link.collisions, *link.visuals))
 

@@ -36,17 +36,17 @@ class Patience:
     """Seconds after which a failing call is not repeated any more."""
 
     first_pause_s: float = 1.0
-    """Seconds until the first retry after a failure."""
+    """Time until the first retry after an object store failed, in seconds."""
 
     stopped: Stopped = never
-    """Function that returns whether to stop waiting."""
+    """Function that returns whether to stop waiting for an object store."""
 
     note: Callable[[str], None] = _say_nothing
     """Function that is told in words that calls wait for a store, and that it answers again."""
 
     sleep: Callable[[float], None] = time.sleep
     clock: Callable[[], float] = time.monotonic
-    """Seconds on a clock that only runs forward."""
+    """Clock that only runs forward, in seconds."""
 
     def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
         """Calls a function until the object store answers, or waiting is over.

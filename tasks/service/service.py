@@ -142,7 +142,7 @@ class Progress:
     """The resource that the next part waits for; `None`: it waits for none."""
 
     trials: TrialCounts | None = None
-    """The trials of all parts; `None`: there are none."""
+    """Counts of the trials of a job's parts; `None`: there are none."""
 
 
 def _ignore(progress: Progress) -> None:
@@ -187,10 +187,10 @@ class Service:
 
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)
-    """Source of ids, and of seeds that requests do not give."""
+    """Random source of resource ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
-    """Time intervals for stores and servers."""
+    """Time intervals for waiting and retrying with stores and servers."""
 
     report_progress: Callable[[Progress], None] = _ignore
     """Function that is called after every change while a job operation runs; from several threads."""

@@ -82,7 +82,7 @@ class ObjectInfo:
     key: str
     size_bytes: int
     etag: str
-    """Changes whenever the content changes; without quotes."""
+    """ETag of an object, without quotes; it changes whenever the content changes."""
     modified_at: datetime | None = field(default=None, compare=False)
     """Time at which it was stored; `None`: not known, as of a new object. It is ignored when objects are compared."""
 
@@ -105,7 +105,7 @@ class ObjectStore(Protocol):
     """
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists."""
+        """Creates a bucket of the object store unless it exists."""
         ...
 
     def check_writable(self, bucket: str, key: str) -> None:
@@ -170,11 +170,11 @@ class ObjectStore(Protocol):
         ...
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object in the object store."""
         ...
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object in the object store."""
         ...
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:

@@ -57,7 +57,7 @@ class DirectoryStore:
         self._incoming = self._root / ".incoming"  # no bucket's name starts with a dot
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists."""
+        """Creates a bucket (a folder) unless it exists."""
         check_bucket(bucket)
         with os_failures(f"create the bucket {bucket} in {self._root}"):
             for folder in (self._incoming, self._root / bucket):
@@ -147,12 +147,12 @@ class DirectoryStore:
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object, which is a local file."""
         with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
             return source.read()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object, which is a local file."""
         with self._opened(bucket, key) as (_, info):
             return info
 

@@ -71,9 +71,9 @@ class FolderFile:
     """A regular file in a folder: relative name and path."""
 
     name: str
-    """Path below the folder, with `/` between components."""
+    """Path of a file below the folder, with `/` between components."""
     path: Path
-    """Path of the file itself."""
+    """Full path of a file in the folder."""
 
 
 def regular_files(folder: Path) -> list[FolderFile]:

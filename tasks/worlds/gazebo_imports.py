@@ -27,7 +27,7 @@ class GazeboImport:
     start: tuple[float, float, float, float | None] | None = None
     """Start position: x, y, yaw, and approximate height of the floor (`None`: unknown)."""
     start_from: str | None = None
-    """Launch file from which the start position is read."""
+    """Launch file from which a Gazebo world's start position is read; `None`: there is none."""
     loose: Literal["hold", "free"] = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)

@@ -39,9 +39,9 @@ class LaunchFile:
     arguments: Sequence[Mapping[str, float]]
     """Arguments of the file itself, then those of each file that it includes."""
     package: str = ""
-    """Name of the ROS package that it is in; empty: none."""
+    """Name of the ROS package that a launch file is in; empty: none."""
     origin: str = ""
-    """Path from the package on; empty: the name of the file."""
+    """Path of a launch file from its package on; empty: the name of the file."""
 
     def names_package(self, package: str) -> bool:
         """Whether the file's text refers to a package, in the syntax of ROS 1 or ROS 2."""
@@ -53,7 +53,7 @@ class LaunchFile:
 
 @dataclass(frozen=True, slots=True)
 class LaunchStart:
-    """Start of a robot in a world, from a launch file."""
+    """Start pose of a robot in a world, from a launch file."""
 
     x_m: float
     y_m: float

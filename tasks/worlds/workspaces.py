@@ -20,7 +20,7 @@ from ..storage import unpack
 from .launch_starts import LaunchFile, LaunchStart, find_start, is_read, read_launch_file
 
 ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
-"""File name suffixes of archives."""
+"""File name suffixes of a ROS workspace's archives."""
 
 _NOT_SOURCES = frozenset({"build", "log", "devel", "node_modules", "__pycache__"})
 """Folders of a workspace that contain only generated files, and no worlds of the user."""
@@ -49,7 +49,7 @@ class WorkspaceWorld:
     name: str
     """Short name: the file name without suffix, with its package (or whole path) if several are called so."""
     place: str
-    """Name of its package, and the path in it."""
+    """Name of a world file's ROS package, and the file's path in it."""
     path: Path
     start: LaunchStart | None
     """Start position from a launch file; `None`: no launch file has one."""

@@ -34,12 +34,12 @@ class FoundWorld:
     """A world whose files are on this machine, with its origin."""
 
     name: str
-    """Id of the world, or name of the folder."""
+    """Id of a world, or name of its folder."""
     folder: Path
     """Folder of the world's bundle on this machine."""
     world: World
     content: str
-    """SHA-256 of the folder's content, in hexadecimal digits."""
+    """SHA-256 of a world folder's content, in hexadecimal digits."""
     arn: str | None = None
     template_arn: str | None = None
     template_name: str | None = None
@@ -51,7 +51,7 @@ class FoundWorld:
     stored_content: str | None = None
     """Content hash under which the bundle was stored."""
     stored: StoredPlace | None = None
-    """Place of the stored bundle and its manifest."""
+    """Place of a world's stored bundle and its manifest in the object store."""
 
 
 def find_world(wanted: str) -> FoundWorld:
@@ -175,7 +175,7 @@ def _found(folder: Path, name: str | None = None, **origin: str | int | StoredPl
 
 
 def _first(error: ValueError) -> str:
-    """Returns the first problem of a validation error."""
+    """Returns the first problem of a pydantic validation error."""
     from pydantic import ValidationError
 
     if not isinstance(error, ValidationError):

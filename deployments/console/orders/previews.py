@@ -70,7 +70,7 @@ class Previews:
         return answer["svg"]
 
     def close(self) -> None:
-        """Ends the child process."""
+        """Ends the child process that draws floor plans."""
         with self._drawing:
             self._end()
 

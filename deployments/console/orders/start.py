@@ -67,7 +67,7 @@ class Draft:
     """Values of its parameters as text; parameters that are left empty have their defaults."""
 
     declared: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
-    """Parameters that it declares; empty if it cannot be read."""
+    """Parameters that a visitor's specification declares; empty if it cannot be read."""
 
     spec: CheckedSpec | None = None
     problems: list[ShownProblem] = field(default_factory=list)

@@ -65,7 +65,7 @@ class WorldsDraft:
     """Content of the web console's form for ordering worlds."""
 
     template: str = ""
-    """Id of an existing template; empty: a new one is made."""
+    """Id of an existing world template; empty: a new one is made."""
 
     name: str = "my flat"
     outline: str = "4:3"
@@ -88,7 +88,7 @@ class WorldsDraft:
         return str(int(self.plans) * int(self.interiors)) if is_known and len(self.plans + self.interiors) < 8 else ""
 
     def with_room(self) -> "WorldsDraft":
-        """Returns the form with one more room, if allowed."""
+        """Returns the world order form with one more room, if allowed."""
         more = RoomFields("Bathroom", _free_name(self), "10")
         return replace(self, rooms=(*self.rooms, more)[:MOST_ROOMS])
 
@@ -103,11 +103,11 @@ class WorldsDraft:
         return replace(self, rooms=tuple(self.rooms[number] for number in kept), ways=moved)
 
     def with_way(self) -> "WorldsDraft":
-        """Returns the form with one more connection, if allowed."""
+        """Returns the world order form with one more connection, if allowed."""
         return replace(self, ways=(*self.ways, WayFields("0", str(min(1, len(self.rooms) - 1))))[:MOST_WAYS])
 
     def without_way(self, index: int) -> "WorldsDraft":
-        """Returns the form without a connection."""
+        """Returns the world order form without a connection."""
         return replace(self, ways=tuple(way for number, way in enumerate(self.ways) if number != index))
 
 

@@ -45,7 +45,7 @@ class AccessKey:
 
     @property
     def is_confined(self) -> bool:
-        """Whether the key is restricted to some resources."""
+        """Whether the access key is restricted to some resources."""
         return bool(self.names or self.tags)
 
     def permits(self, name: str | None, tags: Mapping[str, str]) -> bool:
@@ -127,7 +127,7 @@ class Call:
     operation: str | None = None
     resources: Sequence[str] = ()
     outcome: str = "ok"
-    """Result of the call: `ok`, or the error's name."""
+    """Result of an API call in the audit log: `ok`, or the error's name."""
 
     job: str | None = None
     """ARN of the simulation job whose process sent it; `None`: another program did."""

@@ -11,4 +11,4 @@ NAMED = ("deployment-fleet", "robot")
 """Kinds of resources that the console's search finds by name."""
 
 TEMPLATES = (Path(__file__).with_name("templates"), FOLDER)
-"""Folders of the pages' templates."""
+"""Folders of the templates of fleet pages."""

@@ -162,4 +162,4 @@ PAGES = {
     "/deployments/{id}": show_deployment,
     "/deployments/{id}/live": follow_deployment,
 }
-"""Handlers of pages, by URL path."""
+"""Handlers of the console's fleet pages, by URL path."""

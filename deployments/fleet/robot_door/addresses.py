@@ -75,10 +75,10 @@ class Addresses:
         if not _TENANT.fullmatch(tenant):
             raise ConfigurationError(f"tenant: {tenant!r} is not right; 1 to 64 letters, digits, '-' and '_' are")
         self.prefix = f"/{tenant}/controller/v1/"
-        """URL path prefix of robots."""
+        """URL path prefix of robots at the update server."""
 
         self.enrolment_prefix = f"/{tenant}/agents/v1/"
-        """URL path prefix at which agents enrol."""
+        """URL path prefix at which robot agents enrol."""
 
         self._enrolment = re.compile(rf"{re.escape(self.enrolment_prefix)}(?P<robot>{ROBOT_ID})/enrolment/?")
         self._path = re.compile(rf"{re.escape(self.prefix)}(?P<robot>{ROBOT_ID})(?:{_REST.pattern})/?")

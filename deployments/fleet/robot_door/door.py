@@ -56,7 +56,7 @@ class LastSeen:
         self._seen[robot] = at_s
 
     def flush(self) -> None:
-        """Hands on the collected poll times."""
+        """Passes on the collected poll times of robots."""
         seen, self._seen = self._seen, {}
         if seen:
             self._hand_on(seen)
@@ -80,13 +80,13 @@ class DoorSettings:
     """Time between two polls while an order is open or expected, in seconds; more if too many robots poll so often."""
 
     active_polls_per_s: int = 250
-    """Limit of the polls of such robots per second."""
+    """Limit of the polls per second of robots that have an order or expect one."""
 
     last_seen_s: float = 3.0
     """Time for which polls of robots are collected before they are reported, in seconds."""
 
     tenant: str = "DEFAULT"
-    """First part of every URL path."""
+    """First part of every URL path of the update server (hawkBit's tenant)."""
 
     public_url: str | None = None
     """URL at which robots reach this server, without a path; `None`: as each request's `Host` says."""
@@ -158,7 +158,7 @@ class RobotDoor:
         return self._addresses.prefix, self._addresses.enrolment_prefix
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers one request, or lives with the server."""
+        """Answers one request of a robot, or the server's start and end (ASGI)."""
         if scope["type"] == "http":
             await self._answer(scope, receive, send)
         elif scope["type"] == "lifespan":
@@ -168,7 +168,7 @@ class RobotDoor:
             await send({"type": "lifespan.shutdown.complete"})
 
     async def close(self) -> None:
-        """Hands on collected poll times, and ends the threads."""
+        """Passes on the collected poll times of robots, and ends the threads."""
         self._last_seen.flush()
         await asyncio.to_thread(self._threads.shutdown)
         self._downloads.close()

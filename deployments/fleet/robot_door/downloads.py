@@ -92,11 +92,11 @@ class ServedFile:
     """An unchangeable file that can be downloaded by robots."""
 
     name: str
-    """Name of the file in errors."""
+    """Name of a served file in error messages."""
 
     size_bytes: int
     sha256: str
-    """SHA-256 of the file, used as its `ETag`."""
+    """SHA-256 of a served file, used as its `ETag`."""
 
     read: Callable[[int, int], bytes]
     """Function that reads that many bytes from an offset on; called from several threads."""
@@ -114,7 +114,7 @@ class Downloads:
         self._threads = ThreadPoolExecutor(_READERS, thread_name_prefix="robot-downloads")
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Ends the threads that read files."""
         self._threads.shutdown(cancel_futures=True)
 
     async def run(self, call: Callable[[], Result]) -> Result:

@@ -37,10 +37,10 @@ class DoorRefusal(RobomakerError):
     def __init__(self, status: int, message: str, headers: Headers = ()) -> None:
         super().__init__(message)
         self.status = status
-        """HTTP status of the response."""
+        """HTTP status of the response that refuses a robot's request."""
 
         self.headers = tuple(headers)
-        """HTTP headers in addition to the usual ones."""
+        """HTTP headers of the refusal in addition to the usual ones."""
 
 
 async def send_document(send: Send, document: bytes) -> None:

@@ -27,7 +27,7 @@ class Order:
 
     action_id: int
     target: str
-    """Path of the deployment document in the TUF repository."""
+    """Path of an order's deployment document in the TUF repository."""
 
     tags: Mapping[str, str] = field(default_factory=dict)
     """Tags of the robot, which its application gets as environment variables."""
@@ -53,7 +53,7 @@ class File:
     """A file of the update repository, as its signed metadata describes it."""
 
     address: str
-    """Path of the file below the repository's targets."""
+    """Path of an update file below the TUF repository's targets."""
 
     length: int
     sha256: str
@@ -66,17 +66,17 @@ class Version:
     application: str
     version: str
     sha256: str
-    """SHA-256 of the version's archive, in hexadecimal digits."""
+    """SHA-256 of an application version's archive, in hexadecimal digits."""
 
     launch: Launch
     job: str
-    """ARN of the deployment job that installed the version."""
+    """ARN of the deployment job that installed an application version."""
 
     tags: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def folder(self) -> str:
-        """Folder of the version, relative to the agent's home."""
+        """Folder of an application version, relative to the agent's home."""
         return f"versions/{self.application}/{self.version}-{self.sha256[:12]}"
 
 
@@ -99,7 +99,7 @@ class Document:
     version: str
     job: str
     bundle: str
-    """Target path of the application's archive."""
+    """Target path (TUF) of the application's archive in a deployment document."""
 
     condition: str | None
     launch: Launch

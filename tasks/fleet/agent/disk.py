@@ -12,7 +12,7 @@ from .settings import Home
 
 
 def prepare(home: Home) -> None:
-    """Creates the folders of the agent's home."""
+    """Creates the folders of the robot agent's home."""
     for folder in (home.folder, home.versions, home.logs):
         folder.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o755)

@@ -23,7 +23,7 @@ Work = Union[ChildWork, ScriptWork, Watch]
 """Work that runs while the agent polls the server."""
 
 Begun = Union[Work, Sequence[Event]]
-"""Running work, or the events of work that is done already."""
+"""Running work of a phase, or the events of work that is done already."""
 
 
 _ROS_HEALTH_S = 10.0
@@ -73,7 +73,7 @@ class Effects:
         }
 
     def begin(self, state: State) -> Begun:
-        """Starts the action of the current phase."""
+        """Starts the action of a deployment's current phase on the robot."""
         try:
             return self._begin[state.phase](state)
         except StepFailed as error:

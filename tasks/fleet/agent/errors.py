@@ -50,4 +50,4 @@ NUMBERS = {
 """Number of each failure code in messages to the server (`DeploymentJobErrorCode`)."""
 
 NAMES = {number: name for name, number in NUMBERS.items()}
-"""Failure code by number."""
+"""Failure code of a deployment by its number on the wire."""

@@ -58,7 +58,7 @@ class Keeper(Protocol):
     """Interface of the storage for the agent's state: the journal."""
 
     def save(self, state: State) -> None:
-        """Stores a state durably."""
+        """Stores the agent's state so that it survives a power loss."""
 
 
 class Agent:
@@ -104,10 +104,10 @@ class Agent:
         self._begun: tuple[Phase, Order | None] | None = None
         self._again_s: float | None = None
         self.is_stopping = False
-        """Whether the loop should end; signal handlers set it."""
+        """Whether the agent's main loop should end; signal handlers set it."""
 
     def run(self) -> None:
-        """Runs the main loop until `is_stopping`."""
+        """Runs the agent's main loop until `is_stopping`."""
         self.start()
         self._notifier.ready()
         while not self.is_stopping:
@@ -125,7 +125,7 @@ class Agent:
             self._start_application()
 
     def step(self) -> None:
-        """Does one pass of the main loop."""
+        """Does one pass of the agent's main loop."""
         self._look_at_application()
         self._look_at_work()
         self._settle()
@@ -242,7 +242,7 @@ class Agent:
 
 
 def _told(state: State) -> str:
-    """Returns the log line for a new phase."""
+    """Returns the agent's log line for a new phase of a deployment."""
     if state.order is not None:
         return f"order {state.order.action_id}: {state.phase.value}" + (
             f", {state.failure[1]}" if state.failure else ""

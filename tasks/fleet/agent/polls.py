@@ -24,21 +24,21 @@ class Wire(Protocol):
     """Interface to the update server, as the agent uses it."""
 
     def poll(self) -> Poll:
-        """Asks the server whether there is an order."""
+        """Asks the update server whether there is an order for this robot."""
         ...
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order from the server."""
+        """Reads an order for this robot from the update server."""
 
     def tell_end(self, end: End) -> bool:
-        """Reports how an order ended."""
+        """Reports to the update server how an order ended."""
         ...
 
     def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
-        """Reports the current step and progress."""
+        """Reports the current step and progress of an order to the update server."""
 
     def refuse_cancellation(self, action_id: int) -> None:
-        """Reports that an order can no longer be cancelled."""
+        """Reports to the update server that an order can no longer be cancelled."""
 
     def tell_attributes(self, attributes: Mapping[str, str]) -> bool:
         """Reports the robot's attributes; returns whether the server has taken them."""
@@ -79,7 +79,7 @@ class Polls:
         self._told_attributes: Mapping[str, str] | None = None
         self._deliver_s = 0.0
         self.due_s = monotonic()
-        """Time of the next poll, by the monotonic clock."""
+        """Time of the next poll of the update server, by the monotonic clock in seconds."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
         """Polls the server once; returns new orders, cancellations and withdrawals as events."""
@@ -99,7 +99,7 @@ class Polls:
         return events
 
     def deliver(self, end: End) -> list[Event]:
-        """Reports how an order ended, when that is due."""
+        """Reports to the update server how an order ended, when that is due."""
         if self._monotonic() < self._deliver_s:
             return []
         order = end.order
@@ -115,7 +115,7 @@ class Polls:
         return []
 
     def tell_step(self, state: State, percent: int | None = None) -> None:
-        """Reports the current step if it is new."""
+        """Reports the current step of an order to the update server if it is new."""
         if state.order is None:
             return
         step = STEPS[state.phase]

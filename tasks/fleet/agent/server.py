@@ -46,7 +46,7 @@ class Refused(AgentError):
     def __init__(self, status: int, path: str) -> None:
         super().__init__(f"it answers {path or 'polls'} with HTTP status {status}")
         self.status = status
-        """HTTP status."""
+        """HTTP status of the update server's refusal."""
 
 
 def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client.HTTPConnection:

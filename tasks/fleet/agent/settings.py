@@ -32,7 +32,7 @@ class Connection:
 
     @property
     def base(self) -> str:
-        """URL path of the robot at the server."""
+        """URL path of this robot at the update server."""
         return f"/{self.tenant}/controller/v1/{self.robot}"
 
 

@@ -73,17 +73,17 @@ class End:
 
     order: Order
     execution: str
-    """Execution state to report: `closed` or `canceled`."""
+    """Execution state of an ended order to report: `closed` or `canceled`."""
 
     finished: str
-    """Result to report: `success` or `failure`."""
+    """Result of an ended order to report: `success` or `failure`."""
 
     code: int | None = None
     details: tuple[str, ...] = ()
     is_delivered: bool = False
 
     def is_of(self, order: Order) -> bool:
-        """Whether the result is that of an order."""
+        """Whether this stored result is that of a given order."""
         return self.order.action_id == order.action_id and self.order.target in ("", order.target)
 
 
@@ -105,22 +105,22 @@ class State:
 
     phase: Phase = Phase.IDLE
     order: Order | None = None
-    """Open order; `None` when idle."""
+    """Open order of the robot; `None` when idle."""
 
     deployment: Deployment | None = None
     """Deployment of the open order, once its document was verified."""
 
     good: Version | None = None
-    """Last version that proved healthy."""
+    """Last application version that proved healthy on the robot."""
 
     previous: Version | None = None
-    """Healthy version before the last one; it stays on disk."""
+    """Healthy application version before the last one; it stays on disk."""
 
     failure: tuple[str, str] | None = None
     """Failure code and reason, while the agent returns to the previous version."""
 
     end: End | None = None
-    """Result of the latest order; `None`: no order has ended."""
+    """Result of the robot's latest order; `None`: no order has ended."""
 
     restarts: int = 0
     """Number of the agent's restarts since it began to try the new version."""
@@ -177,14 +177,14 @@ class Checked:
 
 @dataclass(frozen=True)
 class Passed:
-    """Agent event: a phase succeeded."""
+    """Agent event: a phase of an installation succeeded."""
 
     phase: Phase
 
 
 @dataclass(frozen=True)
 class Failed:
-    """Agent event: a phase failed."""
+    """Agent event: a phase of an installation failed."""
 
     phase: Phase
     code: str

@@ -26,7 +26,7 @@ class PlannedChange:
     """The change that a deployment would make to one robot."""
 
     robot: str
-    """Name of the robot."""
+    """Name of a robot in a deployment's forecast."""
 
     wave: int | None
     """Number of the robot's wave, from 1; `None`: it cannot get the application."""
@@ -53,7 +53,7 @@ class DryRun:
     """
 
     at_once: int
-    """Limit of the robots that have orders at the same time."""
+    """Limit of the robots that have orders at the same time in a deployment."""
 
     requires_approval: bool
     rolls_back: bool

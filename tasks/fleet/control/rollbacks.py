@@ -30,13 +30,13 @@ _KEPT = ("concurrentDeploymentPercentage", "robotDeploymentTimeoutInSeconds", "m
 
 @dataclass(frozen=True)
 class _Return:
-    """Robots that go back to the same version."""
+    """Group of robots that go back to the same version in a rollback."""
 
     earlier: Resource
-    """Earlier deployment job that had installed this version."""
+    """Earlier deployment job that had installed the version to return to."""
 
     version: str
-    """Application, version and launch configuration, as text."""
+    """Version to return to: application, version and launch configuration, as text."""
 
     robots: tuple[str, ...]
 

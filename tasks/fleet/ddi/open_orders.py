@@ -35,16 +35,16 @@ class RobotState:
 
     token_hash: bytes
     order: RobotOrder | None = None
-    """Open order of the robot; `None`: it has none."""
+    """Open update order of a robot; `None`: it has none."""
 
     is_cancelling: bool = False
-    """Whether the robot is asked to cancel its order."""
+    """Whether a robot is asked to cancel its update order."""
 
     is_fetched: bool = False
-    """Whether the robot has read the order."""
+    """Whether a robot has read its update order."""
 
     feedbacks: int = 0
-    """Number of feedback messages about the order."""
+    """Number of a robot's feedback messages about its update order."""
 
     is_expected: bool = False
     """Whether an order will follow soon, so that the robot polls as often as with one."""
@@ -56,10 +56,10 @@ class RobotState:
     """Number of the newest order that the robot ever had here."""
 
     last_feedback: Feedback | None = None
-    """Feedback that closed the last order."""
+    """Feedback message of a robot that closed its last update order."""
 
     def has(self, action_id: int) -> bool:
-        """Whether the robot has an open order of this action id."""
+        """Whether the robot has an open update order of this action id."""
         return self.order is not None and self.order.action_id == action_id
 
 

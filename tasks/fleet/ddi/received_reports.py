@@ -62,10 +62,10 @@ class Feedback:
     execution: Execution
     finished: Finished
     count: int | None = None
-    """Number of steps that are done."""
+    """Number of an installation's steps that are done, as the robot reports it."""
 
     of: int | None = None
-    """Number of all steps."""
+    """Number of all steps of an installation, as the robot reports it."""
 
     code: int | None = None
     """Failure code of the project's own agent; third-party updaters send none."""
@@ -231,7 +231,7 @@ class OrderFetched:
     robot: str
     action_id: int
     at_s: float
-    """Time of the report, in seconds since 1970."""
+    """Time of a robot's report, in seconds since 1970."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-"""Folder of the report's templates and style sheet."""
+"""Folder of the templates and style sheet of deployment reports."""
 
 STYLES = (FOLDER / "rollout.css",)
-"""Style sheets for other pages with the same charts."""
+"""Style sheets for other pages with the charts of deployment reports."""

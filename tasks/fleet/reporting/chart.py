@@ -26,7 +26,7 @@ class Scale:
 
     @property
     def length_s(self) -> float:
-        """Length of the time axis in seconds; always above 0."""
+        """Length of a deployment chart's time axis in seconds; always above 0."""
         return max(self.until_s - self.from_s, 0.1)
 
     def part(self, at_s: float) -> float:

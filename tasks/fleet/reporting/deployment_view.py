@@ -58,7 +58,7 @@ class WaveView:
     number: int
     count: int
     ends: Sequence[tuple[RobotEnd, int]]
-    """Number of the wave's robots by result, the worst first."""
+    """Number of a deployment wave's robots by result, the worst first."""
     robots: Sequence[RobotView]
     """Robots of the wave with a row each; empty in a large fleet."""
     blocks: Markup
@@ -84,7 +84,7 @@ class RolloutPage:
     began_at: datetime
     took: str
     counts: Sequence[tuple[RobotEnd, int]]
-    """Number of robots by result, the worst first."""
+    """Number of a deployment's robots by result, the worst first."""
     numbers: Sequence[tuple[str, str]]
     """Key figures of the deployment: names and values."""
     facts: Sequence[Fact]
@@ -93,12 +93,12 @@ class RolloutPage:
     waves: Sequence[WaveView] = ()
     robots: Sequence[RobotView] = ()
     hidden: int = 0
-    """Number of robots that the table leaves out."""
+    """Number of robots that the report's table leaves out."""
     marks: Markup = Markup()  # noqa: RUF009 - it does not change
     axis: Markup = Markup()  # noqa: RUF009
     failures: Markup = Markup()  # noqa: RUF009
     pauses: Sequence[tuple[datetime, str]] = ()
-    """Start and duration of each pause."""
+    """Start and duration of each pause of a deployment."""
     phases: Mapping[Phase, str] = field(default_factory=lambda: PHASES)
     threshold: int = 0
     breached_after: str = ""

@@ -47,7 +47,7 @@ class RobotEnd:
     """Result of a deployment for one robot, for the report."""
 
     outcome: Outcome
-    """Kind of result, which determines sign and colour."""
+    """Kind of a robot's deployment result, which determines sign and colour."""
 
     word: str
 

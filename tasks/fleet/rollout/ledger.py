@@ -108,7 +108,7 @@ class Ledger:
 
     @property
     def status(self) -> str:
-        """Status of the deployment job."""
+        """Status of the rollout's deployment job."""
         return self._rollout.status
 
     @property

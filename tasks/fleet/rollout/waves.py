@@ -37,7 +37,7 @@ def _groups(robots: list[str], size: int) -> list[tuple[str, ...]]:
 
 
 def waits(state: RobotDeploymentState) -> bool:
-    """Whether a robot waits for its first order."""
+    """Whether a robot waits for its first order in a rollout."""
     return state.order == "none" and not state.has_ended
 
 
@@ -119,7 +119,7 @@ class Group:
     failed: int = 0
 
     def count(self, state: RobotDeploymentState, sign: int) -> None:
-        """Adds a robot to the counts, or removes it (`sign` -1)."""
+        """Adds a robot to the counts of a rollout, or removes it (`sign` -1)."""
         if state.gone is not None and state.outcome is None:
             return
         self.robots += sign
@@ -128,7 +128,7 @@ class Group:
 
     @property
     def has_ended(self) -> bool:
-        """Whether every robot of the group has ended."""
+        """Whether every robot of the group has ended its deployment."""
         return self.ended == self.robots
 
     def breach(self, threshold_percentage: int) -> str | None:

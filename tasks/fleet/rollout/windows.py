@@ -86,7 +86,7 @@ def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
 
 
 MOST_PAUSES = 100
-"""Limit of the stored pauses; earlier ones are deleted."""
+"""Limit of the stored pauses of a rollout; earlier ones are deleted."""
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:

@@ -107,10 +107,10 @@ class RenewedRoot(NamedTuple):
     version: int
     expires: datetime
     missing: int
-    """Number of missing signatures; 0: it is published."""
+    """Number of signatures that a new TUF root still lacks; 0: it is published."""
 
     new_keys: list[Path]
-    """Files of new root keys, which have signed it already."""
+    """Files of new TUF root keys, which have signed the new root already."""
 
 
 def renew_root(

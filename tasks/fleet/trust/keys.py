@@ -78,7 +78,7 @@ class KeyFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        """Path of the folder."""
+        """Path of the folder with signing keys."""
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -151,11 +151,11 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.keys = KeyFolder(folder)
-        """Signing keys in the folder."""
+        """TUF signing keys of this machine."""
 
     @property
     def folder(self) -> Path:
-        """The folder with the keys and state."""
+        """Folder with this machine's TUF keys and last known repository state."""
         return self.keys.path
 
     def root(self) -> Metadata[Root] | None:

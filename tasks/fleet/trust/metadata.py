@@ -58,10 +58,10 @@ class Changes:
     """Changes to make to the update repository: files to add and remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
-    """New targets to add, by application and path."""
+    """New target files of the TUF repository, by application and path."""
 
     remove: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """Paths of targets to remove, by application."""
+    """Paths of target files to remove from the TUF repository, by application."""
 
     resign: frozenset[str] = frozenset()
     """Roles that are signed again without changes; their metadata must have been read."""
@@ -73,7 +73,7 @@ class Next:
 
     repository: Repository
     files: tuple[tuple[str, int, bytes], ...]
-    """Role, version and content of each file to write."""
+    """TUF role, version and content of each metadata file to write."""
 
     timestamp: bytes
 

@@ -51,7 +51,7 @@ class Publisher:
     """Publishes signed updates for robots from one machine; several may do so concurrently."""
 
     files: RepositoryFiles
-    """Storage of the repository's files."""
+    """Storage of the TUF repository's files."""
 
     machine: Machine
     """Keys, and the last repository state that this machine has seen."""
@@ -60,7 +60,7 @@ class Publisher:
     """Function that returns the time, with its zone."""
 
     random_bytes: RandomBytes
-    """Source of random bytes for new keys."""
+    """Source of random bytes for new signing keys."""
 
     attestation_key: Callable[[], Key] | None = None
     """Function that returns this machine's public attestation key; `None`: roots made here name no such key."""

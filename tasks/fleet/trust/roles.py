@@ -22,7 +22,7 @@ KEY_ROLES = ("root", *ONLINE_ROLES, APPLICATIONS)
 """Roles, and groups of roles, that have keys of their own."""
 
 FOLDER = "robots/repository"
-"""Prefix of the repository's keys in the service's bucket."""
+"""Key prefix of the TUF repository in the service's bucket."""
 
 _APPLICATION_ROLE = "application-"
 
@@ -32,7 +32,7 @@ class Lifetime:
     """Time for which a TUF role's signatures are valid, and after which they are renewed."""
 
     valid: timedelta
-    """Validity, counted from the time of the signature."""
+    """Validity of a TUF role's signature, counted from the time of signing."""
 
     renew_before: timedelta
     """Remaining validity below which it is signed again; for the root, people are warned."""

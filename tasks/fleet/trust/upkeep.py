@@ -117,7 +117,7 @@ class Unneeded:
     """Files of the update repository that no deployment needs and that can be deleted."""
 
     targets: Mapping[str, frozenset[str]]
-    """Paths of targets, by application."""
+    """Paths of TUF target files that no deployment needs, by application."""
 
     objects: tuple[ObjectInfo, ...]
     """Objects to delete: contents of these targets, contents that nothing names, and old metadata."""

@@ -185,13 +185,13 @@ class Look:
 
     job: Resource
     at_s: float
-    """Time of the snapshot, in seconds since the epoch."""
+    """Time of a deployment's snapshot, in seconds since the epoch."""
 
     rollout: Rollout | None = None
     """States of the robots; `None`: the deployment has not begun."""
 
     waves: Sequence[tuple[str, ...]] = ()
-    """ARNs of the robots of each wave."""
+    """ARNs of the robots of each wave of a deployment."""
 
     @property
     def has_ended(self) -> bool:

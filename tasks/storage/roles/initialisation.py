@@ -58,7 +58,7 @@ class MinioUsers:
         )
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the MinIO server."""
         return self._ask("look for a user", lambda: self._admin.user_info(name), missing="404") is not None
 
     def ensure(self, name: str, policy: str) -> None:
@@ -188,15 +188,15 @@ class _Users(Protocol):
     """Interface for the users of an S3 server."""
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the S3 server."""
         ...
 
     def ensure(self, name: str, policy: str) -> None:
-        """Sets the policy of a user."""
+        """Sets the policy of a user on the S3 server."""
         ...
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates an access key; returns its id and secret."""
+        """Creates an access key for a user of the S3 server; returns its id and secret."""
         ...
 
 
@@ -237,17 +237,17 @@ class IamUsers:
         self._iam: Any = session.client("iam", region_name=region, endpoint_url=endpoint)
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the server, by its IAM interface."""
         return self.ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Creates a user unless it exists, and sets its policy."""
+        """Creates a user by the IAM interface unless it exists, and sets its policy."""
         self.ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
         request = {"UserName": name, "PolicyName": _POLICY, "PolicyDocument": policy}
         self.ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates an access key; returns its id and secret."""
+        """Creates an access key of a user by the IAM interface; returns its id and secret."""
         made = self.ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
         return made["AccessKeyId"], made["SecretAccessKey"]
 

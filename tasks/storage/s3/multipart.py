@@ -41,7 +41,7 @@ class _Upload:
 
 
 class _Sent(NamedTuple):
-    """Part that the server has stored."""
+    """Part of a multipart upload that the server has stored."""
 
     part: "CompletedPartTypeDef"
     """Entry of the part in the request that completes the upload."""

@@ -262,7 +262,7 @@ class S3Store:
         return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object on the S3 server."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
@@ -270,7 +270,7 @@ class S3Store:
         return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object on the S3 server."""
         _check(bucket, key)
         with self._failures(f"read {bucket}/{key}"):
             return _info(bucket, key, self._head(bucket, key))

@@ -33,12 +33,12 @@ class Scene(Protocol):
 
     @property
     def world(self) -> World:
-        """Content of `world.json`."""
+        """World record: the content of `world.json`."""
         ...
 
     @property
     def model(self) -> mujoco.MjModel:
-        """Compiled model of `world.xml`."""
+        """MuJoCo model compiled from `world.xml`."""
         ...
 
 

@@ -49,7 +49,7 @@ _STANDING = 0.1
 """Upward part of a plane's normal below which the plane is a wall and no floor."""
 _MARGIN_M = 1.0
 _MOST_SIDE_M = 200.0
-"""Limit of the side of a map, in metres; 4,000 cells."""
+"""Limit of the side of an occupancy map, in metres; 4,000 cells."""
 _BARE_SIDE_M = 20.0
 """Side of the map of a world that consists of an infinite plane only, in metres."""
 _SEEN_DEPTH_M = 1.5
@@ -71,15 +71,15 @@ class Ground:
     grid: OccupancyGrid
     """Occupancy grid with all obstacles; no cell is marked as free yet."""
     supported: NDArray[np.bool_]
-    """Cells that have a floor."""
+    """Mask of the map cells that have a floor."""
     owners: NDArray[np.int32]
-    """Number of the geom that occupies a cell; -1: none."""
+    """Id of the geom that occupies each map cell; -1: none."""
     blocked: NDArray[np.bool_]
-    """Cells that something fixed occupies."""
+    """Mask of the map cells that a fixed object occupies."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the cells with a floor and without obstacle."""
+        """Mask of the map cells with a floor and without an obstacle."""
         return self.supported & ~self.grid.occupied
 
 

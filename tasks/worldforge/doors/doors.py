@@ -19,7 +19,7 @@ from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_cor
 from .door_parts import HANDLE_M, leaf_outlines, lintel_over, open_box
 
 THICKNESS_M = 0.04
-"""Thickness of the leaf, in metres."""
+"""Thickness of a door's leaf, in metres."""
 GAP_M = 0.005
 """Gap between a door leaf and its frame, in metres, on every side but the floor's."""
 BOTTOM_M = 0.01
@@ -48,9 +48,9 @@ class Hanging(NamedTuple):
 
     hinge: Point
     along: Point
-    """Unit vector from the hinge along the closed leaf."""
+    """Unit vector from a door's hinge along the closed leaf."""
     into: Point
-    """Unit vector into the room it opens into."""
+    """Unit vector into the room that a door opens into."""
     leaf_m: float
     room: Room
     cost: float

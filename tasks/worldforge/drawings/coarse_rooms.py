@@ -107,7 +107,7 @@ def _fields(cells: NDArray[np.bool_], upright: Sequence[int], level: Sequence[in
 
 
 def _largest(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns a mask of the largest connected part of a room."""
+    """Returns a mask of the largest connected part of a room on a map."""
     labels: Regions = np.asarray(ndimage.label(fields)[0]).astype(np.int64)  # pyright: ignore[reportIndexIssue]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0

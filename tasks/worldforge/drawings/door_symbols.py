@@ -69,7 +69,7 @@ class SymbolPart(NamedTuple):
     """Whether the shape is directly in the symbol's own group, and not in a nested group."""
     swings: tuple[Swing, ...] = ()
     lines: tuple[Line, ...] = ()
-    """Straight lines of the shape; door leaves are among them."""
+    """Straight lines of a drawn door symbol's shape; door leaves are among them."""
 
 
 def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Iterator[Doorway]:

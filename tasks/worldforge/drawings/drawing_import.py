@@ -40,7 +40,7 @@ READERS: Mapping[str, tuple[DrawingForm, Reader]] = {".svg": ("svg", read_svg), 
 """Form of a drawing and the function that reads it, by the ending of the file's name."""
 
 MAPS = (".yaml", ".yml")
-"""File name suffixes of maps."""
+"""File name suffixes of Nav2 maps that can be imported."""
 
 
 class Source(NamedTuple):
@@ -48,7 +48,7 @@ class Source(NamedTuple):
 
     drawing: Path
     notes: Path | None = None
-    """The YAML file that the notes were read from."""
+    """Path of the YAML file with notes beside a drawing; `None`: there is none."""
 
 
 def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool = True) -> World:

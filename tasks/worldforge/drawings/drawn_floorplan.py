@@ -54,7 +54,7 @@ class MadePlan(NamedTuple):
 
     floorplan: Floorplan
     open_percents: dict[int, float]
-    """Opening of the doors, in percent, by index in `passages`."""
+    """Opening of drawn doors in percent, by the doorway's index in the floor plan's `passages`."""
     on_faces: bool
     origin_m: Point
     """Position of the world's origin in the drawing, in metres."""

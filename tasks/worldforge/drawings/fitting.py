@@ -41,7 +41,7 @@ class DrawnWay(NamedTuple):
     lines: tuple[Line, ...]
     """Lines from end to end along which it may be: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
-    """Opening of a door; None: the drawing does not say."""
+    """Opening of a drawn door in percent; `None`: the drawing does not say."""
     told: bool | None = True
     """Whether the first of several lines is likelier, where all are in walls.
 

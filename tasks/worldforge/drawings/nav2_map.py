@@ -60,7 +60,7 @@ _LONG = 2.5
 
 
 class _Map(NamedTuple):
-    """Free cells, rows from south to north."""
+    """Mask of the free cells of a Nav2 map, rows from south to north."""
 
     free: Cells
     resolution_m: float

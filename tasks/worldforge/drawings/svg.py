@@ -145,7 +145,7 @@ class _Reader:
         self.unread: Counter[str] = Counter()
 
     def read(self) -> None:
-        """Collects the shapes and texts of the drawing."""
+        """Collects the shapes and texts of an SVG drawing."""
         box = view_box(self._root)
         size = box[2:] if box else self._of(self._root, lambda: viewport_size(self._root, (0.0, 0.0)))
         own = self._element(self._root)

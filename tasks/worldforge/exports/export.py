@@ -113,7 +113,7 @@ def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
 
 
 class _Export:
-    """Writes one archive."""
+    """Writes the archive of a world export."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
@@ -133,7 +133,7 @@ class _Export:
         self._part("", {"index.json": json.dumps(index, indent=1, ensure_ascii=False) + "\n"})
 
     def _world(self, name: str, bundle: Path, shared: SharedModels) -> dict[str, Any]:
-        """Adds a world's files; returns its entry for the index."""
+        """Adds a world's files to the export; returns its entry for the index."""
         folder = f"{WORLDS}/worlds/{name}"
         scene = read_scene(bundle)
         anew = _written_anew(scene, bundle)

@@ -145,10 +145,7 @@ def _smooth(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArra
 
 
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
-    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none.
-
-    None for a mesh that has none.
-    """
+    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none."""
     start = int(model.mesh_texcoordadr[mesh])
     if start < 0:
         return None

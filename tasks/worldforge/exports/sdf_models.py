@@ -23,7 +23,7 @@ class SharedModels:
 
     def __init__(self) -> None:
         self.files: dict[str, dict[str, str]] = {}
-        """Files of each model's folder, by the model's name."""
+        """Files of each shared Gazebo model's folder, by the model's name."""
         self._things: dict[str, Thing] = {}
 
     def add(self, thing: Thing, scene: Scene) -> str:
@@ -76,7 +76,7 @@ _AXES: tuple[Matrix, ...] = (
     np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
     np.eye(3),
 )
-"""Rotations that bring z to x, y and z."""
+"""Rotation matrices that turn the z axis to x, y and z."""
 
 
 def _is_permutation(turned: Matrix) -> bool:
@@ -139,7 +139,7 @@ class SdfWorld:
     """Gazebo files that belong to one exported world alone."""
 
     world: str
-    """Content of the `.world` file."""
+    """Content of the Gazebo `.world` file."""
     building: dict[str, str]
     """Files of the building's Gazebo model, by path."""
     models: tuple[str, ...]

@@ -23,7 +23,7 @@ class Prim:
     kind: str
     """USD type of the prim: `Xform`, `Cube`, …"""
     name: str
-    """Valid USD name, see `prim_name`."""
+    """Valid USD name of the prim, see `prim_name`."""
     schemas: list[str] = field(default_factory=list)
     """USD API schemas that are applied to the prim."""
     metadata: list[str] = field(default_factory=list)

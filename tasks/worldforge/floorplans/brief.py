@@ -225,12 +225,12 @@ class TargetedSet(Protocol):
 
     @property
     def Name(self) -> str:  # noqa: N802 (the service's name)
-        """Name of the set in the template."""
+        """Name of a material or furniture set in the template."""
         ...
 
     @property
     def TargetSet(self) -> RoomTarget:  # noqa: N802 (the service's name)
-        """Rooms that the set applies to."""
+        """Rooms that a material or furniture set applies to."""
         ...
 
 

@@ -210,9 +210,9 @@ class Lines(NamedTuple):
     """Room borders on one straight line, separated by the side on which the room is."""
 
     below: list[tuple[int, int, int]]
-    """(start, end, room) of rooms left of or below the line."""
+    """Room borders left of or below a line: (start, end, room)."""
     above: list[tuple[int, int, int]]
-    """(start, end, room) of rooms right of or above the line."""
+    """Room borders right of or above a line: (start, end, room)."""
 
 
 def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
@@ -262,7 +262,7 @@ class Side(NamedTuple):
 
 
 def border(rooms: Sequence[Corners]) -> list[Side]:
-    """Lists the sides of rooms that face the outside."""
+    """Lists the sides of rooms that face the outside of the building."""
     found: list[Side] = []
     for (horizontal, at), (below, above) in lines(rooms).items():
         for own, others in ((below, above), (above, below)):

@@ -94,7 +94,7 @@ class Pool(NamedTuple):
 
     lists: list[Shortlist]
     places: list[tuple[int, int]]
-    """Index of each plan's shortlist, and its index there."""
+    """Index of each candidate plan's shortlist, and its index there."""
     odds: list[float]
 
 

@@ -89,7 +89,7 @@ class PlanEvaluator:
         return cost if cost > limit else cost + self._neighbours(plan)
 
     def is_valid(self, plan: Partition) -> bool:
-        """Whether every room is wide enough and reachable."""
+        """Whether every room of a floor plan is wide enough and reachable."""
         wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
         return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
 

@@ -30,7 +30,7 @@ _LIVING = 240
 _CHILDREN = 3
 """Changed copies of each surviving tree per generation; in the first generation, the random trees themselves."""
 _KEPT = 1200
-"""Trees that the search returns, from all generations."""
+"""Number of slicing trees that the search returns, from all generations."""
 _MOST_CHANGES = 3
 _SEED = 1
 

@@ -18,7 +18,7 @@ _TREES = 24_000
 """Approximate number of trees with a notch that are evaluated; with more, a search takes notably longer."""
 
 _BRED = 300
-"""Number of the best trees of many rooms that get notches."""
+"""Number of the best slicing trees of many rooms that get notches."""
 
 _SETTLED, _REFINED = 960, 240
 """Numbers of best plans: those whose walls are taken into account, and of these, those that are refined."""

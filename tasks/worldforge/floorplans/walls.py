@@ -60,7 +60,7 @@ class Run(NamedTuple):
     thickness: int
 
     def node(self, at: int) -> Node:
-        """Returns the junction at one end of the stretch."""
+        """Returns the wall junction at one end of the stretch of wall."""
         return (at, self.at) if self.horizontal else (self.at, at)
 
 
@@ -155,14 +155,14 @@ class FloorShape(NamedTuple):
     """Size and shape of a room's floor, inside the walls."""
 
     area: float
-    """Floor area in square grid units."""
+    """Floor area of a room in square grid units."""
     ratio: float
-    """Length over width of the floor."""
+    """Length over width of a room's floor."""
 
 
 @lru_cache(maxsize=16)
 def floor_shapes(plan: Partition) -> tuple[FloorShape, ...]:
-    """Measures the floors of all rooms."""
+    """Measures area and aspect ratio of the floors of all rooms."""
     if plan.is_full:
         return tuple(map(FloorShape, floor_areas(plan), floor_ratios(plan)))
     pieces = build_walls(plan, [])

@@ -20,9 +20,9 @@ class Solid(NamedTuple):
     shape: Shape
     center: Vector
     size: Vector
-    """Full extents along its own x, y and z."""
+    """Full extents of a furniture part along its own x, y and z, in metres."""
     axis: Axis
-    """Direction of a cylinder in its own frame."""
+    """Direction of a cylindrical furniture part in its own frame."""
     yaw: float
     """Rotation of the part's own frame about z, in radians; 0 for everything parallel to the walls."""
     color: Color

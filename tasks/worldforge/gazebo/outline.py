@@ -65,13 +65,13 @@ class Drawn:
     ground: Ground
     grid: OccupancyGrid
     loose: Sequence[str]
-    """Names of bodies that move freely."""
+    """Names of the imported world's bodies that move freely."""
     kinds: Mapping[str, str]
-    """Kind of furniture of each piece, by name."""
+    """Kind of furniture of each piece of an imported world, by name."""
     fixed: Sequence[str]
-    """Names of pieces that never move."""
+    """Names of the imported world's pieces that never move."""
     rooms: Sequence["NamedArea"] = ()
-    """Rooms that the notes file names."""
+    """Rooms of an imported world that the notes file names."""
 
 
 class NamedArea(NamedTuple):
@@ -208,7 +208,7 @@ def _ceiling_m(drawn: Drawn) -> float:
 
 
 def _movable(drawn: Drawn) -> NDArray[np.bool_]:
-    """Returns the cells that only movable objects occupy."""
+    """Returns the map cells that only movable objects occupy."""
     return on_map(drawn.ground.grid.occupied & ~drawn.ground.blocked, drawn.ground, drawn.grid)
 
 

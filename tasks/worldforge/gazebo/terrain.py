@@ -28,7 +28,7 @@ class Terrain:
     heights_m: NDArray[np.float64]
     """Heights above the lowest point, in metres, shape (rows from south to north, columns from west to east)."""
     size: tuple[float, float, float]
-    """Extents along x and y, and range of heights, in metres."""
+    """Extents of terrain along x and y, and range of its heights, in metres."""
     is_closed: bool
     """Whether the mesh has a bottom, so that it is solid below the surface in the file, too."""
 

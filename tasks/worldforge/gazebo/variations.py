@@ -121,11 +121,11 @@ class _Model:
         self._bodies = {body.get("name", ""): body for body in found.findall("body")}
 
     def text(self) -> str:
-        """Returns the MJCF as it is now."""
+        """Returns the current MJCF text of the world."""
         return ET.tostring(self._root, encoding="unicode") + "\n"
 
     def move(self, name: str, by: Move) -> Change:
-        """Moves a loose body; objects on it stay where they are."""
+        """Moves a loose body of the world; objects on it stay where they are."""
         loose = [each for each, body in self._bodies.items() if body.find("freejoint") is not None]
         if name not in loose:
             raise ConfigurationError(f"{name}: there is no such loose body; {_alternatives(name, loose)}")
@@ -144,7 +144,7 @@ class _Model:
         return Change(what="moved", thing=name, before=f"at ({x:.2f}, {y:.2f})", after=after)
 
     def remove(self, name: str) -> Change:
-        """Removes a movable body or a fixed piece."""
+        """Removes a movable body or a fixed piece from the world."""
         parts = [self._bodies[name]] if name in self._bodies else self._geoms(self._world, name)
         self._check(name, bool(parts))
         for part in parts:

@@ -38,10 +38,10 @@ class OccupancyGrid:
     """Grid map of a world: occupied cells, and cells that are known at all."""
 
     origin: Point
-    """South-west corner of cell `[0, 0]`, in metres."""
+    """South-west corner of map cell `[0, 0]`, in metres."""
 
     occupied: NDArray[np.bool_]
-    """Whether each cell is occupied, shape (rows, columns)."""
+    """Whether each map cell is occupied, shape (rows, columns)."""
 
     known: NDArray[np.bool_]
     """Whether each cell is known, shape (rows, columns).
@@ -50,11 +50,11 @@ class OccupancyGrid:
     """
 
     resolution_m: float = RESOLUTION_M
-    """Side of a cell, in metres."""
+    """Side of a map cell, in metres."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the cells that are known and not occupied."""
+        """Mask of the map cells that are known and not occupied."""
         return self.known & ~self.occupied
 
     def cell(self, point: Point) -> tuple[int, int]:
@@ -226,7 +226,7 @@ def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bo
 
 
 def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
-    """Returns a mask of the cells inside a room's polygon."""
+    """Returns a mask of the map cells inside a room's polygon."""
     xs, ys = zip(*room.polygon, strict=True)
     # Only what is around the room is looked at.
     (west, east), (south, north) = (

@@ -22,21 +22,21 @@ class Part:
     """A geometric primitive of a piece of furniture, in the piece's frame."""
 
     name: str
-    """Name that is unique in its piece of furniture."""
+    """Name of a furniture part that is unique in its piece."""
     shape: Shape
-    """Kind of primitive; `axis` is the direction of a cylinder."""
+    """Kind of primitive of a furniture part; `axis` is the direction of a cylinder."""
     center: Vector
-    """Centre in metres."""
+    """Centre of a furniture part, in metres."""
     size: Vector
-    """Full extents along x, y and z, in metres."""
+    """Full extents of a furniture part along x, y and z, in metres."""
     color: Color
-    """Red, green, blue and opacity, 0 to 1."""
+    """Colour of a furniture part: red, green, blue and opacity, 0 to 1."""
     solid: bool
-    """Whether the part collides."""
+    """Whether a furniture part collides."""
     axis: Axis = "z"
-    """Direction of a cylinder; other shapes have none."""
+    """Direction of a cylindrical furniture part; other shapes have none."""
     drawn: bool = True
-    """Whether the part is drawn; an undrawn part collides."""
+    """Whether a furniture part is drawn; an undrawn part collides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +46,19 @@ class Style:
     form: str
     """Form that the builder makes, such as `round` or `three-seat`."""
     width_m: float
-    """Width across the facing direction, in metres."""
+    """Width of a furniture style across the facing direction, in metres."""
     depth_m: float
-    """Depth along the facing direction, in metres."""
+    """Depth of a furniture style along the facing direction, in metres."""
     height_m: float
-    """Height in metres."""
+    """Height of a furniture style, in metres."""
     colors: str
-    """Name of the colour scheme."""
+    """Name of a furniture style's colour scheme."""
     main: Color
-    """Colour of body, frame and legs."""
+    """Colour of a furniture style's body, frame and legs."""
     accent: Color
-    """Colour of tops, fronts and metal."""
+    """Colour of a furniture style's tops, fronts and metal."""
     soft: Color
-    """Colour of cushions, covers and screens."""
+    """Colour of a furniture style's cushions, covers and screens."""
 
     @property
     def name(self) -> str:
@@ -116,13 +116,13 @@ def styles(form: str, size: tuple[float, float, float], *schemes: str) -> tuple[
 
 
 def box(name: str, x: Span, y: Span, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """Makes a box between two bounds on each axis."""
+    """Makes a box as furniture part, between two bounds on each axis."""
     center = ((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)
     return Part(name, "box", center, (x[1] - x[0], y[1] - y[0], z[1] - z[0]), color, solid)
 
 
 def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """Makes an upright cylinder."""
+    """Makes an upright cylinder as furniture part."""
     center = (at[0], at[1], (z[0] + z[1]) / 2)
     return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
 
@@ -160,12 +160,12 @@ def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis,
 
 
 def rounded(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
-    """Makes an ellipsoid."""
+    """Makes an ellipsoid as furniture part."""
     return Part(name, "ellipsoid", center, size, color, solid)
 
 
 def legs(style: Style, z: Span, thickness: float, color: Color, *, inset: float = 0.03) -> list[Part]:
-    """Makes four square legs under the corners."""
+    """Makes four square legs under the corners of a piece of furniture."""
     x, y = style.half_depth_m - inset - thickness, style.half_width_m - inset - thickness
     spots = {"front-left": (x, y), "front-right": (x, -y - thickness)}
     spots |= {"back-left": (-x - thickness, y), "back-right": (-x - thickness, -y - thickness)}
@@ -224,6 +224,6 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
-    """Makes a board over the whole footprint."""
+    """Makes a board over the whole footprint of a piece of furniture."""
     x, y = style.half_depth_m - inset, style.half_width_m - inset
     return box(name, (-x, x), (-y, y), z, color, solid=solid)

@@ -27,7 +27,7 @@ FLUSH_M = 0.004
 
 _STEP_M = 0.3
 OPEN_SCORE = -2.0
-"""Lowest score of a pose away from walls."""
+"""Lowest score of a furniture pose away from walls."""
 
 _END_ON_SCORE = -3.0
 _CORNER_M = 0.2

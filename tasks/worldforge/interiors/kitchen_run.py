@@ -55,7 +55,7 @@ class Halves(NamedTuple):
     cooking: list[Unit]
     """Units of the first half, from the fridge to the worktop beside the stove."""
     washing: list[Unit]
-    """Units of the second half, from the sink on."""
+    """Units of the second half of a kitchen's row, from the sink on."""
     corner: Unit
     counters: list[Unit]
     """Counters of each size, with which a wall can be filled."""

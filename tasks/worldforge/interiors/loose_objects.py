@@ -60,7 +60,7 @@ _MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
 """Kinds of objects on the floor by room type, where a template requests more than fit on furniture."""
 
 _SMALLEST = ("ToyBlock",)
-"""Kinds of objects that still fit where others do not."""
+"""Kinds of loose objects that still fit where others do not."""
 
 _ANCHORS: dict[str, tuple[str, ...]] = {
     "Clothes": ("Beds", "Storage", "Dressers"),
@@ -80,7 +80,7 @@ _MANY_TRIES = 60
 _ANCHOR_REACH_M = 0.9
 _SHOE_GAP_M = 0.02
 _APART_M = 0.02
-"""Smallest gap between objects on one table, in metres."""
+"""Smallest gap between loose objects on one table, in metres."""
 
 
 def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> list[Furniture]:

@@ -55,13 +55,13 @@ class Side(NamedTuple):
     """Start of the wall along its axis, on the corners' centre lines, in metres."""
     high: float
     face: float
-    """Coordinate of the wall's face across the axis, in metres."""
+    """Coordinate of a wall's face across the wall, in metres."""
     quarter: int
     """Direction from the wall into the room, in quarter turns from +x."""
 
     @property
     def axis(self) -> int:
-        """0 for a side along x, 1 for one along y."""
+        """Axis along which a room's side runs: 0 for x, 1 for y."""
         return 1 - self.quarter % 2
 
     def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:

@@ -61,7 +61,7 @@ class Ways:
 
     @property
     def joined(self) -> bool:
-        """Whether all points of `join` are connected by paths."""
+        """Whether all doors of the room (the points of `join`) are connected by paths."""
         return self._open is not None
 
     def _nearest_free(self, row: int, column: int) -> tuple[int, int]:

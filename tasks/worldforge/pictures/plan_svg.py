@@ -169,7 +169,7 @@ def _more_styles(plan: Floorplan) -> str:
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Scale and position of the world on the page."""
+    """Scale and position of the world on the floor plan's page."""
 
     scale: float
     origin_x: float

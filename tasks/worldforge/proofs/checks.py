@@ -41,11 +41,11 @@ class Site:
 
     scan: Scan
     first: OccupancyGrid
-    """Map with everything in its initial state."""
+    """Occupancy map with everything in its initial state."""
     opened: OccupancyGrid
     """Map with the doors fully open, since a robot can push them; the same object if they are so initially."""
     origin_clear: bool
-    """Whether the robot's start is free."""
+    """Whether the robot's start position is free of obstacles."""
     is_planned: bool
     """Whether the world has a floor plan of rooms and doors; imported worlds have none."""
 

@@ -26,7 +26,7 @@ Cells = NDArray[np.bool_]
 
 
 class _Expected(NamedTuple):
-    """Cells that a map must or may show."""
+    """Map cells that a correct map must show, and those that it may show."""
 
     must_occupy: Cells
     may_occupy: Cells
@@ -121,7 +121,7 @@ def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
 
 
 def _there(scan: Scan, place: Point) -> str:
-    """Returns the name of the part at a position."""
+    """Returns the name of the solid part at a position."""
     for geom, outline in scan.slices:
         xs, ys = zip(*outline, strict=True)
         if min(xs) - 0.05 < place[0] < max(xs) + 0.05 and min(ys) - 0.05 < place[1] < max(ys) + 0.05:

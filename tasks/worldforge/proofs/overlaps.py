@@ -21,9 +21,9 @@ class Overlap(NamedTuple):
     depth_m: float
     """Distance by which one of the parts would have to be moved to separate them, in metres."""
     parts: tuple[str, str]
-    """Names of the two geoms; empty for geoms without name."""
+    """Names of two overlapping geoms; empty for geoms without name."""
     geoms: tuple[int, int]
-    """Ids of the two geoms."""
+    """Ids of two overlapping geoms."""
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:

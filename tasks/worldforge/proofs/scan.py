@@ -47,7 +47,7 @@ class Scan:
 
     data: mujoco.MjData = field(init=False)
     names: list[str] = field(init=False)
-    """Name of each geom."""
+    """Name of each geom of the world's model."""
     pieces: list[str] = field(init=False)
     """Name of the piece that each geom is part of: a body, a piece of furniture, a wall, a room's floor."""
     solid: NDArray[np.bool_] = field(init=False)
@@ -183,7 +183,7 @@ class LidarScan:
     ends: Points
     """End point of each ray on the surface that it hits; NaN if it hits nothing."""
     geoms: NDArray[np.int32]
-    """Geom id that each ray hits; -1: none."""
+    """Id of the geom that each lidar ray hits; -1: none."""
 
 
 def lidar_scan(scan: Scan, place: Point) -> LidarScan:

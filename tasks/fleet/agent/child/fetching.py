@@ -35,7 +35,7 @@ class HttpStatus(Exception):
     def __init__(self, status: int) -> None:
         super().__init__(f"HTTP status {status}")
         self.status = status
-        """HTTP status."""
+        """HTTP status of the update server's error."""
 
 
 Source = Callable[[str, int], Part]

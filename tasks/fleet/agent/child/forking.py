@@ -79,12 +79,12 @@ class Child:
             return None
 
     def end(self) -> int | None:
-        """Waits for the child's end; returns the exit code."""
+        """Waits for the end of the agent's child process; returns the exit code."""
         self._process.join(_KILLED_WITHIN_S)
         return self._process.exitcode
 
     def kill(self) -> None:
-        """Kills the child process."""
+        """Kills the agent's child process."""
         self._process.kill()
         self.end()
 

@@ -109,7 +109,7 @@ class Application:
         return f"version {self._version.version} keeps restarting: {self._how or 'it cannot be started'}"
 
     def fall_back(self, *, was_steady: bool = False) -> None:
-        """Makes the next start wait, longer after each failure."""
+        """Delays the next start of the robot's application, longer after each failure."""
         self._failures = 0 if was_steady else self._failures + 1
         pause_s = 0.0 if was_steady else min(_LONGEST_PAUSE_S, 2.0 ** min(self._failures, 10) / 2)
         self.due_s = self._monotonic() + pause_s

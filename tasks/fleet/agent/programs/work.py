@@ -33,7 +33,7 @@ class ChildWork:
         self._has_answered = False
         self._is_over = False
         self.percent: int | None = None
-        """Percentage of the phase that is done; `None`: unknown."""
+        """Percentage of the installation phase that is done; `None`: unknown."""
 
         self.later: str | None = None
         """Reason why the phase must be tried again later; `None`: there is none."""
@@ -136,7 +136,7 @@ class ScriptWork:
         return [Failed(self._phase, self._code, f"{self._name} ended with {how}{self._said()}")]
 
     def stop(self) -> None:
-        """Ends the script."""
+        """Ends the running pre- or post-launch script."""
         _kill(self._process)
 
     def _said(self) -> str:
@@ -174,7 +174,7 @@ class Watch:
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """Returns the result of the health check, once known."""
+        """Returns the result of a new version's health check, once known."""
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:
@@ -186,7 +186,7 @@ class Watch:
         return self._checking.poll()
 
     def stop(self) -> None:
-        """Ends the health command."""
+        """Ends the health command of a new version."""
         if self._checking is not None:
             self._checking.stop()
 
