@@ -1,1 +1,1 @@
-"""Ways to reach the flows: command line, specifications, Prefect deployments."""
+"""Ways to use the flows: command line, HTTP endpoint, web console, specifications, Prefect deployments."""

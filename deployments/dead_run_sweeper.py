@@ -1,4 +1,4 @@
-"""Closes runs of dead processes in Prefect, by their records, in a thread; removes limits of ended batches."""
+"""Thread that closes flow runs of dead processes in Prefect by their records, and deletes limits of ended batches."""
 
 import logging
 import os
@@ -113,7 +113,7 @@ class RecordedEnds:
             return None
 
     def _end_of_run(self, run: FlowRun) -> State[Any] | None:
-        """The end of a run of a specification: only the flow run that wrote the record has ended so."""
+        """Returns the end state of a run of a specification, if this flow run wrote the run's record; else `None`."""
         began = run.start_time or run.created
         for path in (self._settings.home / "runs").glob(f"*/{RECORD_NAME}"):
             with suppress(OSError):
@@ -127,7 +127,10 @@ class RecordedEnds:
         return None
 
     def _end_of_job(self, run: FlowRun, arn: str) -> State[Any] | None:
-        """The end of a job, if a flow run that was called dead is the last that carried it out."""
+        """Returns the end state of a job, if this flow run, which was marked dead, is the last that ran it.
+
+        Returns `None` for all others.
+        """
         if not was_silent(run):
             return None  # somebody saw that it died
         with Service.opened(self._settings) as service:
@@ -140,7 +143,7 @@ class RecordedEnds:
             return end_state(result, None, verdict_fails_run=self._settings.verdict_fails_run)
 
     def _is_last(self, run: FlowRun) -> bool:
-        """Whether no later flow run carried out the same job: its end would be that one's."""
+        """Whether no later flow run ran the same job, so that the job's end is this one's."""
         named = FlowRunFilter(name=FlowRunFilterName(any_=[run.name]))
         began = run.start_time or run.created
         return all(
@@ -150,22 +153,24 @@ class RecordedEnds:
 
 
 SWEEP_S = 5.0
-"""Time from one sweep to the next while a flow run is open."""
+"""Interval between two sweeps while a flow run is open, in seconds."""
 
 IDLE_SWEEP_S = 60.0
-"""Seconds between two sweeps once no flow run has been open for as long: they find only late reports."""
+"""Interval between two sweeps after a minute without open flow runs, in seconds; they find only late reports."""
 
 IDLE_LOOK_S = 20.0
-"""Seconds between two polls for open flow runs then; less than `SILENCE_S`, so that a run that dies is closed no
-later for it."""
+"""Interval between two polls for open flow runs then, in seconds.
+
+It is less than `SILENCE_S`, so that a run that dies is closed no later for it.
+"""
 
 _LIMITS_S = 60.0
-"""Seconds between two checks of the batches' concurrency limits."""
+"""Interval between two checks of the batches' concurrency limits, in seconds."""
 
 _RETRY_S = 1.0
 
 _CLOCKS_S = 10.0
-"""Time that the clock of a server's machine may be behind this one's, so that no end of a run is missed."""
+"""Largest delay of a server machine's clock against this one's, in seconds, so that no end of a run is missed."""
 
 
 def close_dead_runs(settings: Settings) -> None:
@@ -221,7 +226,7 @@ class _Pace:
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
-        """Returns whether to clean up now, and records that."""
+        """Returns whether to sweep dead flow runs now, and records that."""
         now_s = time.monotonic()
         if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
             self._answers_since_s = now_s  # it slept, and may have slept together with those it judges
@@ -234,7 +239,7 @@ class _Pace:
         return True
 
     def has_heard_all(self) -> bool:
-        """Whether the server has been up for as long as a flow run may be silent."""
+        """Whether the server has been up for as long as a flow run may be silent, so that silent runs are dead."""
         return time.monotonic() - self._answers_since_s > UNHEARD_S
 
 

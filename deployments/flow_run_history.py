@@ -1,7 +1,7 @@
-"""Old flow runs of the local Prefect server, removed through its API with their task runs, logs and artifacts.
+"""Deletes old flow runs of the local Prefect server through its API, with their task runs, logs and artifacts.
 
-Only runs of this package's flows go, and only on the server that this package started: what else is run there, and any
-other server, belongs to somebody. Its database then gives back to the system what nothing uses.
+Only runs of this package's flows are deleted, and only on the server that this package started: other flows there, and
+other servers, belong to somebody else. Unused space in its database is then returned to the system.
 """
 
 import os
@@ -22,14 +22,14 @@ from .prefect_server.secret import auth_string
 
 _NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
 _PAGE = 50
-"""The most that Prefect removes at once."""
+"""Limit of the flow runs that Prefect deletes at once."""
 
 
 def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime, *, act: bool) -> GcFlowRuns:
     """Deletes old flow runs from the local Prefect server's database, and shrinks it.
 
     Args:
-        settings: whose local server.
+        settings: settings of the data home with the local server.
         policy: retention policy; without an age every flow run is kept.
         now: the time.
         act: whether anything is changed.
@@ -52,7 +52,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
     """Deletes concurrency limits of finished batches from the local Prefect server.
 
     Args:
-        settings: whose local server.
+        settings: settings of the data home with the local server.
         service: the service, with its catalog and object store.
         act: whether anything is changed.
 
@@ -122,7 +122,7 @@ def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:
 
 
 def _remove(client: Any, chosen: dict[str, Any]) -> None:
-    """Removes them page by page: artifacts first, which nothing would find without their flow runs."""
+    """Deletes flow runs page by page: artifacts first, which could not be found without their flow runs."""
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
 
     while runs := client.read_flow_runs(**chosen, limit=_PAGE):

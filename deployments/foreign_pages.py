@@ -7,7 +7,7 @@ from typing import Literal
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 RawHeaders = Iterable[tuple[bytes, bytes]]
-"""Names in lower case, and values, as ASGI has them."""
+"""HTTP headers as in ASGI: names in lower case, and values."""
 
 _NAMES = (b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _READS = ("GET", "HEAD")
@@ -20,10 +20,10 @@ class Refusal:
     """Reason why an HTTP request from a foreign web page is refused."""
 
     status: int
-    """Status of the answer: 400 for a wrong `Host`, else 403."""
+    """HTTP status of the response: 400 for a wrong `Host`, else 403."""
 
     reason: str
-    """One sentence for the answer."""
+    """Sentence that tells why a request is refused."""
 
 
 def refusal(
@@ -58,8 +58,8 @@ def refusal(
 def foreign_site(method: str, headers: RawHeaders) -> str | None:
     """Returns the `Sec-Fetch-Site` header of a request that another site's page sent; `None` otherwise.
 
-    A person who follows a link from another site comes to a page of ours, which that site does not see: a navigation
-    of a whole tab is allowed.
+    If a person follows a link from another site, that site cannot read the page, so navigation of a whole tab is
+    allowed.
 
     Args:
         method: the method, in capitals.
@@ -104,7 +104,7 @@ _ADDED = (
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
-"""No page may frame ours or embed anything of it, and ours may talk to nothing but its own server."""
+"""HTTP headers added to every response: pages of this server can neither be framed nor talk to other servers."""
 
 _CORS = b"access-control-"
 

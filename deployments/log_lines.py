@@ -1,4 +1,4 @@
-"""Formats of log lines: text for people, or JSON for what collects logs."""
+"""Formats of log lines: text for people, or JSON for log collectors."""
 
 import logging
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Looks in Prefect for nights that were due and did not happen, keeps them in the data home, and tells of them."""
+"""Finds scheduled nights in Prefect that did not happen, records them in the data home, and sends notifications."""
 
 import logging
 from collections.abc import Iterator, Mapping
@@ -43,10 +43,10 @@ from .prefect_server.local_server import is_own_server
 
 _FLOW = "RunPipeline"
 _FIRST_LOOK = timedelta(days=7)
-"""Time back in which nights of a deployment without runs are judged: what `doctor` and messages show."""
+"""Time back in which nights of a deployment without runs are judged, as shown by `doctor` and notifications."""
 
 _PAGE = 200
-"""The most that Prefect gives at once: of a night each day it is more than half a year."""
+"""Limit of the flow runs that Prefect returns at once: with a night each day it is more than half a year."""
 
 _logger = logging.getLogger(__name__)
 
@@ -91,9 +91,9 @@ def without_worker(settings: Settings) -> list[tuple[str, str]]:
 
 
 def _never_begun(settings: Settings, client: SyncPrefectClient, now: datetime) -> Iterator[NightSchedule]:
-    """The deployments with a schedule whose runs will have this data home, and of which none has ever begun.
+    """Yields schedules of this data home's deployments of which no run has ever begun.
 
-    A run that begins notes its deployment itself.
+    A run that begins records its deployment itself.
     """
     known = {each.deployment for each in schedules_of(settings.home)}
     ours = FlowFilter(name=FlowFilterName(any_=[_FLOW]))
@@ -117,14 +117,20 @@ def _never_begun(settings: Settings, client: SyncPrefectClient, now: datetime) -
 
 
 def _is_of_home(deployment: DeploymentResponse, server: str, settings: Settings) -> bool:
-    """Whether runs of a deployment have this data home: it names it, or names none and is on the home's own server."""
+    """Whether runs of a deployment use this data home.
+
+    It names the home, or names none and is on the home's own server.
+    """
     environ = deployment.job_variables.get("env")
     named = cast("Mapping[str, object]", environ).get("ROBOMAKER_HOME") if isinstance(environ, Mapping) else None
     return Path(str(named)) == settings.home if named else is_own_server(server, settings)
 
 
 def _name_of_spec(deployment: DeploymentResponse) -> str:
-    """The name of the specification of a deployment; that of the deployment, where it cannot be read here."""
+    """Returns the name of a deployment's specification.
+
+    It is the deployment's name if the specification cannot be read here.
+    """
     text, path = deployment.parameters.get("text"), deployment.parameters.get("spec")
     try:
         text = Path(str(path)).read_text() if path else str(text)

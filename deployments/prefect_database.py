@@ -1,4 +1,4 @@
-"""The file of the local Prefect server's database: made quickly, and able to give back what removed runs took.
+"""Database file of the local Prefect server: creates it quickly, and returns the space of deleted runs to the disk.
 
 SQLite keeps the pages that are free, and uses them again. A file that is made with `auto_vacuum` can give them back in
 small steps while the server works; another one is written anew, once, when no server runs.
@@ -23,10 +23,10 @@ _ELSEWHERE = {"PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CO
 _INCREMENTAL = 2
 _logger = logging.getLogger(__name__)
 _STEP_PAGES = 500
-"""Number of pages that are given back at once; the server waits for the lock meanwhile, some milliseconds."""
+"""Number of database pages freed at once; the server waits for the lock meanwhile, some milliseconds."""
 _PATIENCE_S = 30.0
 WORTH_BYTES = 1_000_000
-"""Less than this is left free: the next run needs it."""
+"""Unused bytes below which the file is not shrunk, as the next run needs them."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class DatabaseSize:
 
     size_bytes: int
     free_bytes: int
-    """Size of the unused pages, in bytes."""
+    """Size of a database's unused pages, in bytes."""
 
 
 def database_file(settings: Settings) -> Path:
@@ -128,7 +128,7 @@ def shrink_database(path: Path) -> None:
 
 
 def _apply_steps(path: Path) -> None:
-    """Applies Prefect's steps for SQLite as its `_migrations/env.py` does, and leaves one file."""
+    """Applies Prefect's migrations for SQLite as its `_migrations/env.py` does, and leaves one file."""
     import sqlalchemy
     from alembic.runtime.environment import EnvironmentContext
     from alembic.script import ScriptDirectory

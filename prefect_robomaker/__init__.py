@@ -1,4 +1,4 @@
-"""RoboMaker's operations as Prefect flows: what users import, each name loaded when it is first used.
+"""RoboMaker's operations as Prefect flows: the public API, with each name loaded when it is first used.
 
 ```python
 from prefect_robomaker import CreateWorldGenerationJob, Service, call

@@ -1,4 +1,4 @@
-"""`python -m prefect_robomaker` is the `robomaker` command, also where that is on no path."""
+"""Entry point of `python -m prefect_robomaker`, which is the `robomaker` command."""
 
 import sys
 

@@ -1,1 +1,1 @@
-"""The steps that flows are made of, and the engines behind them."""
+"""Steps that flows consist of, and the engines behind them: catalog, storage, WorldForge, runtime, reporting."""

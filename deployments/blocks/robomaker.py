@@ -1,4 +1,4 @@
-"""The blocks. Each knows the variables of the environment that it stands for.
+"""Prefect blocks that hold settings; each converts to the environment variables that it stands for.
 
 `_block_type_slug` is part of what deployments keep (`deploying/job_variables.py`): renaming one breaks them.
 """
@@ -16,7 +16,7 @@ _PAGE = "https://pypi.org/project/prefect-robomaker/"
 
 
 class _WithLogo:
-    """Gives a block type the logo that our own server has; a server elsewhere shows none."""
+    """Base class that gives a block type a logo, which only this package's own Prefect server has."""
 
     @classmethod
     def _to_block_type(cls) -> Any:

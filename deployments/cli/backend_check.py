@@ -1,4 +1,4 @@
-"""Whether a backend works: one small job is run there, as part of a batch."""
+"""Checks a backend by running one small job there, as part of a batch."""
 
 import sys
 import time
@@ -49,13 +49,13 @@ def check_backend(settings: Settings) -> Finding:
 
 
 def _tell(note: str) -> None:
-    """Prints a note about the check's progress."""
+    """Prints a note about the progress of a backend's check."""
     sys.stderr.write(f"{note}\n")
     sys.stderr.flush()
 
 
 def _request(service: Any) -> dict[str, Any]:
-    """A batch of one small job, whose applications are made if need be."""
+    """Makes the request for a batch of one small job; creates its applications if necessary."""
     from ...tasks.operations.applications import reuse_application
     from ...tasks.operations.registry import call
 

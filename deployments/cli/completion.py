@@ -1,6 +1,6 @@
-"""Completion of words in shells: commands, options, operations, runs, specification files.
+"""Shell completion of commands, options, operations, runs and specification files.
 
-The shell calls `robomaker` itself at each press of the tabulator key, so what it offers is what there is now.
+The shell calls `robomaker` itself at each press of the Tab key, so the completions are always current.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from .grammar import CommandParser
 Completer: TypeAlias = Callable[..., object]
 
 _PLENTY = 50
-"""Runs that are offered, the latest first: more than one reads through."""
+"""Limit of the runs that are offered as completions, the latest first."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """All arguments of all commands; argcomplete has to see them before it begins."""
+    """Yields all arguments of all commands, as argcomplete needs them before it begins."""
     if isinstance(parser, CommandParser):
         parser.declare()
     for action in parser._actions:

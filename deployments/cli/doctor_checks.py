@@ -26,9 +26,12 @@ Health = Literal["ok", "warning", "broken"]
 
 _LITTLE_SPACE_BYTES = 2 * 1024**3
 _LONGEST_WALK_S = 2.0
-"""Time to measure a data home: that of 100,000 files takes one second here, and people wait for `doctor`."""
+"""Time limit for measuring the data home, in seconds.
+
+100,000 files take one second here, and people wait for `doctor`.
+"""
 _BYTES_OF_BLOCK = 512
-"""Unit of `st_blocks`, whatever the file system's blocks are."""
+"""Unit of `st_blocks` in bytes, whatever block size the file system has."""
 _BYTES_THAT_COUNT = 500_000
 _LARGEST = 3
 _FALLING_BALL = """
@@ -39,7 +42,7 @@ physics.step(10)
 assert physics.data.qpos[2] < 0, f"a ball did not fall: {physics.data.qpos}"
 """
 _MOST_MISSED = 7
-"""Nights that are named: those of a week."""
+"""Limit of the missed nights that are named: those of a week."""
 _SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqlalchemy", "boto3")
 
 
@@ -51,7 +54,7 @@ class Finding:
     health: Health
     found: str
     remedy: str = ""
-    """Advice on what to do; empty: nothing is to be done."""
+    """Advice on how to fix a problem that `robomaker doctor` found; empty: nothing."""
 
 
 def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
@@ -203,11 +206,11 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
 
 
 def _used_in_words(home: Path, until_s: float) -> str:
-    """Disk space of a data home and of its largest folders: `23 MB (objects 15 MB, prefect 7 MB)`.
+    """Describes the disk space of a data home and of its largest folders: `23 MB (objects 15 MB, prefect 7 MB)`.
 
     Args:
         home: the data home.
-        until_s: when looking ends, on the monotonic clock; a size that is not known by then is called `at least`.
+        until_s: time limit on the monotonic clock; a size that is not known by then is called `at least`.
     """
     sizes: dict[str, int] = {}
     for entry in sorted(home.iterdir()):
@@ -270,7 +273,7 @@ def check_roles(settings: Settings) -> Finding:
 
 
 def check_server(settings: Settings) -> Finding:
-    """Checks the Prefect server that would be used."""
+    """Checks the Prefect server that runs on this machine would use."""
     status = server_status(settings)
     if status.configured_elsewhere and not status.running:
         remedy = "start that server, or unset PREFECT_API_URL to use a local one"

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, NoReturn, Protocol, cast
 from ...schemas.wings import WINGS
 
 COMMANDS = Path(__file__).with_name("commands")
-"""The folder of the groups of commands; each wing's folder `commands` is one more group."""
+"""Folder with the groups of commands; folders `commands` of optional parts are one more group each."""
 
 _DEPLOYMENTS = __name__.rpartition(".cli.")[0]
 
@@ -39,19 +39,19 @@ class Command(NamedTuple):
 
     name: str
     path: Path
-    """Its module, or the folder of its commands."""
+    """Path of its module, or of the folder with its subcommands."""
 
     module: str
-    """Full name of that module or package."""
+    """Full name of a command's module or package."""
 
     summary: str
-    """One line for the list of commands."""
+    """Line about a command for the list of commands."""
 
     description: str
     """First paragraph of the command's own help."""
 
     def load(self) -> CommandModule:
-        """Imports the command's module."""
+        """Imports the module of a command."""
         return cast("CommandModule", importlib.import_module(self.module))
 
 
@@ -135,7 +135,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] - argparse overloads it
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parses arguments; unknown ones are an error at once."""
+        """Parses command line arguments; unknown ones are an error at once."""
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")
@@ -220,7 +220,7 @@ def _add_commands(commands: "argparse._SubParsersAction[Any]", found: Iterable[C
 
 
 class _GroupedCommands(argparse._SubParsersAction):  # pyright: ignore[reportMissingTypeArgument] - only its stub has some
-    """Commands that help lists under headings."""
+    """argparse action whose commands the help lists under headings."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -234,7 +234,7 @@ class _GroupedCommands(argparse._SubParsersAction):  # pyright: ignore[reportMis
 
 
 class _Formatter(argparse.RawDescriptionHelpFormatter):
-    """Lists commands without a line for the list itself, under headings where they have some."""
+    """Help formatter that leaves out the line of the command list itself, and adds headings."""
 
     def add_argument(self, action: argparse.Action) -> None:
         """Reserves space in the help for the longest command name."""

@@ -1,4 +1,4 @@
-"""Carrying a stored job to its end, in this process: for `perform`, and for `call --wait`."""
+"""Runs a stored job to completion in this process, for the commands `perform` and `call --wait`."""
 
 import logging
 import sys
@@ -60,7 +60,10 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
 
 def _run_of(arn: str, service: "Service") -> "OpenRun | None":
-    """Takes over the run that ordered a job, if its process has died: this process finishes the run after the job."""
+    """Takes over the interrupted run that ordered a job, so that this process can resume it.
+
+    Returns `None` if there is none.
+    """
     from ...tasks.nights.broken_off import broken_off
     from ...tasks.nights.open_runs import OpenRun
 
@@ -73,7 +76,7 @@ def _run_of(arn: str, service: "Service") -> "OpenRun | None":
 
 
 def _finish(run: "OpenRun", settings: Settings) -> None:
-    """Finishes a run, and says so on standard error."""
+    """Resumes an interrupted run, and reports the result on standard error."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
     from ...tasks.nights.run_orders import as_ordered, ordered_spec
@@ -109,7 +112,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
 
 
 def _warn_on_stderr() -> None:
-    """Shows our own warnings, such as of a Prefect server that has died; Prefect's logging hides those of others."""
+    """Prints this package's warnings, such as of a dead Prefect server, which Prefect's logging setup would hide."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("robomaker: %(message)s"))
     logger = logging.getLogger("prefect_robomaker")

@@ -1,4 +1,4 @@
-"""The entry point of the `robomaker` command: arguments in, exit code out."""
+"""Entry point of the `robomaker` command: runs the words of a command line, returns the exit code."""
 
 import os
 import signal
@@ -80,7 +80,7 @@ def _execute(words: Sequence[str]) -> int:
 
 
 def _report(error: Exception, *, debug: bool) -> int:
-    """Prints the error, and returns the exit code."""
+    """Prints the error that ended a command, and returns the exit code."""
     from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 
     if debug:

@@ -1,4 +1,4 @@
-"""Running a specification for `run` and `rerun`: progress, report, summary, exit code."""
+"""Runs a specification for `run` and `rerun`: progress display, report, summary, exit code."""
 
 import argparse
 import os
@@ -100,16 +100,16 @@ def carry_out(
 def check_before_start(
     spec: CheckedSpec, settings: Settings, *, checks_templates: bool, against: Against | None = None
 ) -> None:
-    """Refuses what cannot run before a server is started and Prefect is imported.
+    """Raises errors for a run that cannot start, before a server is started and Prefect is imported.
 
     Args:
         spec: the specification.
         settings: settings of the run.
-        checks_templates: whether the templates that it names are looked at, too.
-        against: the earlier run beside which it is carried out; `None`: none.
+        checks_templates: whether the templates that it names are checked, too.
+        against: the earlier run that it is compared with; `None`: none.
 
     Raises:
-        RobomakerError: what is wrong.
+        RobomakerError: the run cannot start; the message says why.
     """
     from ...tasks.inspection.preflight import check_named, check_templates
     from ...tasks.service.service import Service
@@ -138,7 +138,7 @@ def run_beside_others(
     cut: "Cut | None" = None,
     challenge: Challenge | None = None,
 ) -> RunRecord:
-    """Runs a specification, and meanwhile sees to runs whose processes died; see `run_spec`."""
+    """Runs a specification, and resumes interrupted runs meanwhile; see `run_spec`."""
     from ...flows.pipelines import run_spec
     from ...tasks.nights.run_orders import tell_of_left
     from ...tasks.nights.taking_up import TakingUp
@@ -155,7 +155,7 @@ def run_beside_others(
 
 
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:
-    """Prints how the run ended; with a link to the server's pages, if it is to be asked for one, and to the console."""
+    """Prints the result of a run, with links to its pages on the Prefect server and in the console."""
     from ...tasks.reporting.console_pages import pages_here
     from .output.comparison import changed_lines
     from .output.summary import print_summary

@@ -1,4 +1,4 @@
-"""The plan of a specification before it runs: order of steps, amounts, limits."""
+"""Plan of a specification before it runs: order of steps, numbers of worlds, jobs and trials, time limits."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,23 +32,23 @@ class PlannedStep:
     operation: str
     needs: list[str]
     worlds: int | None = None
-    """Worlds it makes, where the file says it."""
+    """Number of worlds that the step makes, if the file says it."""
 
     jobs: int | None = None
-    """Simulation jobs it makes at most, where the file says it."""
+    """Limit of simulation jobs that the step creates, if the file says it."""
 
     trials: int | None = None
-    """Trials of its jobs in all, where the file says it; a job without trials is one."""
+    """Number of trials of all its jobs, if the file says it; a job without trials counts as one."""
 
     concurrency: int | None = None
     job_limit_s: int | None = None
-    """The longest `maxJobDurationInSeconds` of its jobs, where the file says it."""
+    """Longest `maxJobDurationInSeconds` of its jobs, if the file says it."""
 
     timeout_s: int | None = None
-    """The batch's `timeoutInSeconds`, where the file says it."""
+    """Value of the batch's `timeoutInSeconds`, if the file says it."""
 
     detail: str = ""
-    """The same in words."""
+    """Text with these numbers."""
 
 
 def planned(spec: CheckedSpec) -> list[PlannedStep]:
@@ -137,19 +137,19 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
 
 
 def _written(requests: Node) -> list[Node]:
-    """The requests for jobs that the file has."""
+    """Returns the requests for jobs that are written in the file."""
     construct = for_each_of(requests)
     return [construct.entries["value"]] if construct else list(requests.items) if isinstance(requests, ListNode) else []
 
 
 def _trials(request: Node) -> int:
-    """Trials of a request; one without trials is one."""
+    """Returns the number of trials of a request; 1 without trials."""
     written = plain(request)
     return max(1, planned_trials(written)) if isinstance(written, Mapping) else 1
 
 
 def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
-    """Trials of all jobs of a batch; `None` where only a run can tell."""
+    """Returns the number of trials of all jobs of a batch; `None` if it is only known during the run."""
     written = _written(requests)
     if for_each_of(requests) is None:
         return sum(map(_trials, written)) or None
@@ -157,7 +157,7 @@ def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
 
 
 def _worlds(step: CheckedStep, jobs: int) -> set[str]:
-    """Names for the different worlds that a step's jobs drive in, equal for steps that take the same ones."""
+    """Returns names for the different worlds that a step's jobs use, equal for steps with the same worlds."""
     requests = child(step.input, "createSimulationJobRequests") or ListNode(step.place, (step.input,))
     written = [_world(each) for each in _written(requests)]
     construct = for_each_of(requests)
@@ -168,7 +168,7 @@ def _worlds(step: CheckedStep, jobs: int) -> set[str]:
 
 
 def _world(request: Node) -> str:
-    """The world of a request, as it is written; empty: none."""
+    """Returns the world of a request, as written in the file; empty if there is none."""
     found: Node | None = request
     for key in _WORLD:
         found = child(found, key) if found is not None else None
@@ -190,7 +190,7 @@ def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | Non
 
 
 def _entries(node: Node, outputs: dict[str, dict[str, Any]]) -> list[Any] | None:
-    """The entries of a list; `None` where only a run can tell."""
+    """Returns the entries of a list in the file; `None` if they are only known during the run."""
     if isinstance(node, ListNode):
         return list(node.items)
     try:
@@ -209,7 +209,7 @@ def _number(node: Node, *keys: str) -> int | None:
 
 
 def _limits(requests: Sequence[Node]) -> list[int]:
-    """Limits of jobs in seconds, where they are written as numbers."""
+    """Returns the time limits of jobs in seconds that are written as numbers."""
     found = (_number(request, "maxJobDurationInSeconds") for request in requests)
     return [seconds for seconds in found if seconds is not None]
 

@@ -1,4 +1,4 @@
-"""The Prefect server of this process: chooses it, starts it if needed, and reports its state in a line."""
+"""Prefect server of a command's process: finds or starts it, waits for it, describes its state."""
 
 import os
 import sys
@@ -62,7 +62,7 @@ def _use(url: str, settings: Settings) -> None:
 
 
 def _import_runs(url: str, settings: Settings) -> None:
-    """Imports Prefect and the code that carries out runs, which takes seconds, while a new server starts."""
+    """Imports Prefect and the code that runs jobs while a new server starts, as both take seconds."""
     _use(url, settings)
     from ...flows import pipelines
 
@@ -73,7 +73,7 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
     """Makes all requests to the Prefect server wait together while it is unreachable.
 
     Args:
-        api_url: what `use_server` returned.
+        api_url: API URL of the Prefect server, from `use_server`.
         settings: the data home's.
         tell: tells the user at once that the server is away, and when it is back; called from any thread.
 
@@ -90,7 +90,7 @@ def waiting_for_server(api_url: str, settings: Settings, tell: Callable[[str], N
     """Makes all requests to the Prefect server wait together while it is unreachable, inside the `with` block.
 
     Args:
-        api_url: what `use_server` returned.
+        api_url: API URL of the Prefect server, from `use_server`.
         settings: the data home's.
         tell: tells the user at once that the server is away, and when it is back; called from any thread.
     """
@@ -112,7 +112,7 @@ def tell_after_outage(outage: "Outage", settings: Settings) -> None:
     """Reports to the Prefect server, at a run's end, the ends of flow runs that it missed during an outage.
 
     Args:
-        outage: what `wait_for_server_once` returned.
+        outage: outage tracker from `wait_for_server_once`.
         settings: settings of the data home that knows how its runs ended.
     """
     from ..dead_run_sweeper import close_dead_runs_once
@@ -134,7 +134,7 @@ def pages(api_url: str, secret: str | None) -> str:
     """Returns the URL of the Prefect server's web pages, with a one-time login if needed.
 
     Args:
-        api_url: what `use_server` returned.
+        api_url: API URL of the Prefect server, from `use_server`.
         secret: the auth string with which the server is used, if any.
     """
     # Only a server on this machine can be ours; nothing that logs in is sent anywhere else.

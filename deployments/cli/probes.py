@@ -1,4 +1,4 @@
-"""Probes of specifications for `plan --probe`: cut down, run for real, and what that forecasts."""
+"""Probes of specifications for `plan --probe`: runs a small part of a specification, and forecasts the whole run."""
 
 import math
 import os
@@ -73,11 +73,11 @@ class CpuTimes:
 
     listener: ProgressListener
     by_step: dict[str, float] = field(default_factory=dict[str, float])
-    """Seconds, by the step's name."""
+    """CPU time of each step in seconds, by the step's name."""
     _before_s: float = 0.0
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Takes one event."""
+        """Records the CPU time of a step from an event of the run."""
         if isinstance(event, StepStarted):
             self._before_s = _of_children_s()
         elif isinstance(event, StepEnded):
@@ -130,17 +130,23 @@ def run_pass(
 
 
 AGAIN_BELOW_S = 30.0
-"""A first pass that took less is followed by another: starting things may be most of what it took."""
+"""Duration of a first pass below which a second one follows, in seconds.
+
+Most of a short pass may be start-up time.
+"""
 MORE_BELOW_S = 10.0
-"""One that took less runs several jobs in each place then: of short jobs, what lies between two counts, too."""
+"""Duration of a first pass below which the second one runs several jobs per slot, in seconds.
+
+For short jobs, the time between two jobs counts, too.
+"""
 _ROUNDS = 4
 _MOST_KINDS = 12
 """Limit on the kinds of jobs of which one runs in any case."""
 _FIRST_TRIALS, _MOST_TRIALS = 4, 1000
 _TRIALS_S = 20.0
-"""About how long the trials of a job may take in the second pass: what a run takes around them is hardly seen then."""
+"""Approximate time for the trials of a job in the second pass, in seconds; the run's overhead is then negligible."""
 _WORLDS_PER_CPU = 3
-"""The first world of a processor also waits for the process that makes it."""
+"""Number of worlds per processor in a probe: the first one also waits for the process that makes it."""
 
 
 def probe(
@@ -154,7 +160,7 @@ def probe(
     Args:
         spec: the specification; `check_probed` accepts it.
         settings: settings of the run, with the backend.
-        machines: how many there are to be, and what they cost.
+        machines: number of machines, and their price.
         listener: called with the progress of the probe.
         spec_path: the file that the specification is from.
 
@@ -204,7 +210,7 @@ def trials_within(seconds: float, first: RunRecord) -> int:
 
 
 def _assumed(settings: Settings, last: RunRecord, whole: Mapping[str, WholeStep], *, is_alone: bool) -> list[str]:
-    """Lists the assumptions of a forecast, in words."""
+    """Lists the assumptions of a run's forecast, in words."""
     jobs = sum(len(step.jobs) for step in whole.values())
     told = []
     if jobs > len(last.jobs):

@@ -1,4 +1,4 @@
-"""Serving: the endpoint for SDKs, and a worker beside it that carries out the jobs they ask for."""
+"""Runs `robomaker serve`: the endpoint for SDKs, and a job worker beside it that runs their jobs."""
 
 import argparse
 import json
@@ -179,7 +179,7 @@ def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def _stop(worker: WorkerProcess) -> None:
-    """Ends the worker; a second Ctrl-C ends it at once."""
+    """Stops the job worker; a second Ctrl-C kills it at once."""
     try:
         interrupted = worker.stop()
     except KeyboardInterrupt:
@@ -190,7 +190,7 @@ def _stop(worker: WorkerProcess) -> None:
 
 
 def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: str) -> None:
-    """Prints the endpoint's URL, and how to use it."""
+    """Prints the endpoint's URL and instructions for using it."""
     region = settings.region
     variables = {"AWS_ENDPOINT_URL_ROBOMAKER": facts["url"], "AWS_REGION": region, "AWS_DEFAULT_REGION": region}
     if not signed:
@@ -226,7 +226,7 @@ def _max_jobs(given: int | None, settings: Settings) -> int:
 
 
 def _check_port(host: str, port: int) -> None:
-    """Finds out before anything is started that the port is taken."""
+    """Raises an error if the port is taken, before anything is started."""
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"--port is {port}; it has to be a number from 1 to 65535, or 0 for any that is free")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -250,7 +250,7 @@ def _url(arguments: argparse.Namespace, port: int) -> str:
 
 
 def _end_on_hang_up() -> None:
-    """A terminal that closes ends the server as Ctrl-C does, unless nohup says otherwise."""
+    """Makes a closed terminal (SIGHUP) end the server like Ctrl-C, unless nohup ignores the signal."""
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
 

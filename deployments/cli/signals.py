@@ -1,4 +1,4 @@
-"""SIGTERM and SIGHUP end a command as Ctrl-C does: what runs is cancelled, and its summary is printed."""
+"""Makes SIGTERM and SIGHUP end a command like Ctrl-C: running jobs are cancelled, and the summary is printed."""
 
 import os
 import signal

@@ -1,7 +1,7 @@
-"""Versions of packages that are known not to work together, though each would install beside the other.
+"""Known conflicts between package versions that can be installed together but do not work together.
 
-Bounds of this package keep them apart; they meet where somebody changes an environment by hand, or another package
-asks for what it needs. `robomaker doctor` tells of them.
+Version bounds of this package prevent them; they occur if somebody changes an environment by hand, or another package
+requires such a version. `robomaker doctor` reports them.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,10 +17,10 @@ class Conflict:
     first: str
     second: str
     effect: str
-    """Effect that users see."""
+    """Effect of a package version conflict that users see."""
 
     remedy: str
-    """Requirement that ends it."""
+    """Version requirement that resolves a package conflict."""
 
 
 CONFLICTS = (

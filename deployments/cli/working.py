@@ -1,4 +1,4 @@
-"""Working for a batch: this process is a job worker of it."""
+"""Runs this process as a job worker of a batch (`robomaker work`)."""
 
 import logging
 import os

@@ -1,4 +1,4 @@
-"""The console: pages that show what runs, what failed, each job, and all worlds, at the address of `robomaker serve`.
+"""Web console of `robomaker serve`: pages that show running and failed jobs, each run, and all worlds.
 
 ```
 request ── guard (Host, Origin) ── who is it (visit) ── a page (overview, batches, jobs, worlds, runs)

@@ -1,4 +1,4 @@
-"""Caches of what pages of batches show: summaries, lines of jobs, pictures; only what changed is read again."""
+"""Caches for pages of batches: summaries, rows of jobs, pictures; only changed resources are read again."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -40,10 +40,10 @@ class BatchBriefs:
 
 
 _MOST_KEPT = 10_000
-"""Jobs; each takes some two kilobytes. One batch may have more."""
+"""Limit of cached jobs, of some two kilobytes each. One batch may have more."""
 
 Known = Mapping[str, tuple[Resource, JobLine]]
-"""Each job, of whose document little is read, and its line, by ARN; the oldest first."""
+"""Job (with few members of its document) and its row, by ARN; the oldest first."""
 
 
 class JobLines:

@@ -1,4 +1,4 @@
-"""Batches: the list of them, and the page of one, whose grid fills while its jobs end."""
+"""Pages of simulation job batches: the list, and the page of one with a grid that fills while its jobs end."""
 
 import time
 from collections import Counter
@@ -26,14 +26,14 @@ from .visit import Visit
 
 BATCH = "simulation-job-batch"
 _PAGE_LENGTH = 20
-"""Batches hold all their requests, and each costs milliseconds to read."""
+"""Number of batches in a page of the list: batches hold all their requests, and each costs milliseconds to read."""
 
 _MOST_SHOWN = 24
 """Number of failures that a batch's page shows with their reasons."""
 
 _MOST_POSTERS = 12
 _LOOKED_AT = 200
-"""Number of the newest batches that are looked at for those of a run."""
+"""Number of the newest batches that are searched for those of a run."""
 
 _EVERY_S = 1.0
 _BROKEN = Look("broken", "not created")
@@ -48,7 +48,7 @@ class BatchLine:
     look: Look
     total: int
     done: int
-    """Number of its jobs that have ended."""
+    """Number of a batch's jobs that have ended."""
     spec_run: str
     created_at: datetime
     updated_at: datetime
@@ -65,12 +65,12 @@ class Tile:
 
     @property
     def title(self) -> str:
-        """Tooltip of the tile: job id or request number, and state."""
+        """Tooltip of a request's tile: job id or request number, and state."""
         return f"{self.job.id if self.job else f'request {self.number}'}: {self.look.value}"
 
     @property
     def html(self) -> str:
-        """HTML of the tile."""
+        """HTML of a request's tile on a batch's page."""
         title = escape(self.title)
         inside = f"{icon(self.look.icon)}<span>{self.number}</span>"
         if self.job is None:
@@ -98,18 +98,18 @@ class BatchView:
 
     @property
     def grid(self) -> Markup:
-        """HTML of all tiles, as list items."""
+        """HTML of all request tiles of a batch, as list items."""
         items = (f'<li id="tile-{tile.number}">{tile.html}</li>' for tile in self.tiles)
         return Markup("".join(items))  # noqa: S704 - each text in it is escaped
 
     @cached_property
     def counts(self) -> dict[Look, int]:
-        """Numbers of requests by state, most frequent first."""
+        """Numbers of a batch's requests by state, most frequent first."""
         return dict(Counter(tile.look for tile in self.tiles).most_common())
 
     @property
     def times(self) -> str:
-        """Total time of all jobs by activity, as text."""
+        """Total time of all jobs of a batch by activity, as text."""
         parts_s: Counter[str] = Counter()
         for tile in self.tiles:
             parts_s.update(tile.job.parts_s if tile.job is not None else {})
@@ -117,17 +117,17 @@ class BatchView:
 
     @property
     def shares(self) -> list[tuple[str, int]]:
-        """Numbers of requests by CSS class, for the progress bar."""
+        """Numbers of a batch's requests by CSS class, for the progress bar."""
         return [(look.key, count) for look, count in self.counts.items()]
 
     @property
     def ended(self) -> int:
-        """Number of requests that are finished."""
+        """Number of a batch's requests that are finished."""
         return sum(count for look, count in self.counts.items() if look not in UNFINISHED)
 
     @cached_property
     def failures(self) -> list[JobLine]:
-        """Jobs that failed or broke, latest first."""
+        """Jobs of a batch that failed or broke, latest first."""
         found = [tile.job for tile in self.tiles if tile.job is not None and tile.job.is_failure]
         return sorted(found, key=lambda job: job.updated_at, reverse=True)
 
@@ -235,7 +235,7 @@ def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
 
 
 def _jobs(visit: Visit, batch: str) -> list[JobLine]:
-    """The jobs of a batch that the visitor may see."""
+    """Returns the rows of a batch's jobs that the visitor may see."""
     known = visit.context.job_lines.of(batch).values()
     if visit.sees_all:
         return [line for _, line in known]

@@ -1,4 +1,4 @@
-"""The console as an ASGI application beside the endpoint, and the addresses of its pages."""
+"""Web console as an ASGI application in front of the API endpoint, and the URLs of its pages."""
 
 import logging
 import re
@@ -53,7 +53,7 @@ _ACTS = {
     ("batches", "cancel"): ("CancelSimulationJobBatch", "batch"),
     ("generations", "cancel"): ("CancelWorldGenerationJob", "job"),
 }
-"""Operations, and the member that names what they are done to, by the address of the form."""
+"""Operation of each form, and the member that takes the resource's ARN, by the form's URL parts."""
 
 _OTHERS: Mapping[tuple[str, str], Callable[[Visit], Response]] = {
     ("runs", "cancel"): going.cancel,
@@ -61,7 +61,7 @@ _OTHERS: Mapping[tuple[str, str], Callable[[Visit], Response]] = {
     ("runs", "take-up"): going.take_up,
     ("batches", "again"): going.failed_of_batch,
 }
-"""Acts that are more than one call, by the address of the form."""
+"""Handlers of forms that make more than one call, by the form's URL parts."""
 
 
 def carry_out(visit: Visit) -> Response:
@@ -102,7 +102,7 @@ _ADDED = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
 )
-"""Headers of every answer that does not have others: nothing but the console's own files runs, loads or is asked."""
+"""HTTP headers added to every response: browsers run and load only the console's own files."""
 
 _PAGES: dict[str, Page] = {
     "": overview.show,
@@ -130,7 +130,7 @@ _PAGES: dict[str, Page] = {
 
 _LOGIN, _LOGOUT, _ASSETS = "/login", "/logout", "/assets/{version}/{name}"
 _SAMPLES = {"int": "1", "float": "1.5", "uuid": str(uuid.UUID(int=1))}
-"""Values of parameters by their types in paths; others are texts."""
+"""Sample values of URL parameters, by their types in paths; others are texts."""
 
 
 def add_page(module: str, path: str, page: Page) -> None:
@@ -160,7 +160,7 @@ def _pattern(path: str) -> re.Pattern[str]:
 
 
 def _sample(path: str) -> str:
-    """A path that fits a pattern."""
+    """Returns a path that matches a URL pattern."""
     return re.sub(r"{\w+:?(\w*)}", lambda found: _SAMPLES.get(found[1], "x"), path)
 
 
@@ -202,7 +202,7 @@ class Console:
         spec_runs: SpecRuns | None = None,
     ) -> None:
         self.checks_signatures = access_keys is not None
-        """Whether requests of clients have to be signed."""
+        """Whether API requests of clients have to be signed."""
 
         self._endpoint = endpoint
         self._context = Context(
@@ -234,7 +234,7 @@ class Console:
         self._context.streams.end()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         path = scope.get("path", "")
         if scope["type"] != "http" or not (path == HOME or path.startswith(f"{HOME}/")):
             await self._endpoint(scope, receive, send)
@@ -248,7 +248,10 @@ class Console:
             await answer(scope, receive, _guarded(send, seen))
 
     def _why_not(self, scope: Scope) -> str | None:
-        """Reason why a request gets no page: a simulation job's code sent it, or may have."""
+        """Returns why a request gets no page; `None` if it does.
+
+        Programs of a simulation job, which are not trusted, get none.
+        """
         if (callers := self._endpoint.job_callers) is None:
             return None
         try:
@@ -331,7 +334,7 @@ def _status_of(error: Exception) -> tuple[int, str]:
 
 
 def _told(request: Request, error: Exception) -> Response:
-    """The answer where there is no page, or not with this method."""
+    """Returns the error response where there is no page, or none with this HTTP method."""
     assert isinstance(error, HTTPException)
     page = render("plain_problem.html.j2", title=HTTPStatus(error.status_code).phrase, path=request.url.path)
     return Response(page, error.status_code, headers=error.headers, media_type="text/html")
@@ -348,7 +351,10 @@ def _send_asset(request: Request) -> Response:
 
 
 def _is_any_host(host: str) -> bool:
-    """With access keys the server may be known by any name: a page of another one knows none of them."""
+    """Whether a `Host` header is accepted if there are access keys.
+
+    Any name is accepted, as a page of another site has no session.
+    """
     return bool(host)
 
 

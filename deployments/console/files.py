@@ -1,4 +1,4 @@
-"""Stored files as browsers get them: with types that run nothing, and by ranges, so that videos can be wound."""
+"""Sends stored files to browsers: with media types that execute nothing, and by byte ranges for seeking in videos."""
 
 import os
 import tempfile
@@ -18,7 +18,10 @@ _TYPES = {
     ".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg", ".json": _TEXT, ".log": _TEXT, ".txt": _TEXT,
     ".yaml": _TEXT, ".csv": _TEXT, ".pgm": "image/x-portable-graymap",
 }  # fmt: skip
-"""Types that browsers show; everything else they save, HTML and SVG too, since outputs may be anybody's."""
+"""Media types that browsers show, by file suffix.
+
+Browsers only save all other files, HTML and SVG too, since outputs may come from anybody.
+"""
 
 _HEADERS = {
     "content-security-policy": (
@@ -80,7 +83,7 @@ def tail_of(place: StoredPlace, name: str, service: Service, most_bytes: int) ->
 
 
 def _local(bucket: str, key: str, service: Service) -> tuple[Path, bool]:
-    """The object's own file, or a copy; and whether it is one, which the caller removes."""
+    """Returns the object's own local file, or a downloaded copy, and whether it is a copy, which the caller deletes."""
     path = service.store.local_path(bucket, key)
     if path is not None and path.is_file() and not path.is_symlink():
         return path, False
@@ -96,10 +99,10 @@ def _local(bucket: str, key: str, service: Service) -> tuple[Path, bool]:
 
 
 class _SentCopy(FileResponse):
-    """Sends a file and removes it, also when the client asks for a part that there is not, or leaves."""
+    """File response that deletes the file afterwards, also if the range is invalid or the client disconnects."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers the request."""
+        """Sends the file to the browser, and deletes it afterwards."""
         try:
             await super().__call__(scope, receive, send)
         finally:

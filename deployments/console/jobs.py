@@ -1,4 +1,4 @@
-"""Simulation jobs: the list of them, and the page of one with plan, requirements, log, recording and video."""
+"""Pages of simulation jobs: the list, and the page of one with plan, requirements, log, recording and video."""
 
 import os
 from collections.abc import Iterator
@@ -144,7 +144,7 @@ def _run_folder(job: Resource, visit: Visit) -> Path | None:
 def _new_lines(run: Path | None, read: dict[str, int], last: list[str]) -> str:
     """Returns the new lines in the logs of a run since they were last read.
 
-    The application may have put a link in the place of the folder or of a log; none is followed.
+    An application may have put a link in the place of the folder or of a log, so links are not followed.
     """
     parts: list[str] = []
 

@@ -1,4 +1,4 @@
-"""Sights of a run on this machine while it runs: its notes, its live view, and the path that its robot has driven."""
+"""Live state of a run on this machine: its notes, its live view, and the path that its robot has driven."""
 
 import json
 import re
@@ -26,11 +26,11 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.
-        name: name of the note.
+        name: name of the file.
         most_bytes: most bytes of it that are read.
 
     Returns:
-        Its first bytes; none where it cannot be read.
+        Its first bytes; empty if it cannot be read.
     """
     found: list[bytes] = []
 
@@ -64,7 +64,7 @@ def live_view_of(run: Path | None) -> str:
 
 
 DRIVE = "drive"
-"""Id of the part of the plan that has the path."""
+"""Element id of the part of the plan that shows the driven path."""
 
 _MOST_BYTES = 512 * 1024
 _MOST_POINTS = 500

@@ -1,4 +1,4 @@
-"""Logging in with an access key, and finding out who asks for a page."""
+"""Login with an access key, and identification of the visitor of a request."""
 
 import logging
 from collections.abc import Awaitable, Callable

@@ -1,4 +1,4 @@
-"""The first page of the console, and its search by ARN, id, name or tag."""
+"""First page of the console, with current jobs and runs, and the search by ARN, id, name or tag."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ _MOST_RUNNING = 12
 """Limit on the unfinished resources that are shown of each kind."""
 
 _LOOKED_AT = 200
-"""Number of the newest jobs that are looked at for failures."""
+"""Number of the newest jobs that are searched for failures."""
 
 _MOST_FAILURES = 8
 _EVERY_S = 2.0
@@ -74,7 +74,7 @@ def _now(visit: Visit) -> dict[str, Any]:
 
 
 def _open(visit: Visit) -> list[Resource]:
-    """The newest resources that have not ended, but for jobs of batches."""
+    """Returns the newest unfinished resources, except jobs of batches."""
     # Who sees only some may see none of the newest.
     most = _MOST_RUNNING if visit.sees_all else _LOOKED_AT
     found = visit.seen(visit.service.catalog.newest(_OPEN, not_below=BATCH, limit=most, members=()))

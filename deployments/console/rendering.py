@@ -1,4 +1,4 @@
-"""Templates, style and script of the console; those of reports are beneath them, so that all pages look alike."""
+"""Renders the console's templates, style and script, which extend those of reports, so that all pages look alike."""
 
 import hashlib
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from ...tasks.reporting import outcomes, page_environment, page_styles, report_s
 
 _FOLDER = Path(__file__).parent
 HOME = "/console"
-"""Path prefix of all console pages."""
+"""URL path prefix of all pages of the web console."""
 
 
 def render(template: str, /, **values: Any) -> str:
@@ -63,10 +63,10 @@ FOLDERS: dict[str, str] = {
     "world": "worlds",
     "world-generation-job": "generations",
 }
-"""Folders of the pages of resources, by kind; the modules in `pages` add theirs."""
+"""First URL part of the pages of each kind of resource; the modules in `pages` add theirs."""
 
 MENU = [(1, "runs", "Runs"), (2, "batches", "Batches"), (3, "jobs", "Jobs"), (4, "worlds", "Worlds")]
-"""Entries of the menu: place, folder, title; the modules in `pages` add theirs."""
+"""Entries of the menu (position, folder, title); the modules in `pages` add theirs."""
 
 
 def ago(moment: datetime) -> str:

@@ -1,4 +1,4 @@
-"""Runs of specifications, by the records in their folders."""
+"""Pages of finished runs of specifications, from the records in their folders."""
 
 import re
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from .visit import Visit
 _MOST_LATEST = 5
 _MOST_SHOWN = 40
 _MOST_LOOKED_AT = 200
-"""Number of the newest runs that are looked at for those that a visitor may see."""
+"""Number of the newest runs that are searched for those that a visitor may see."""
 
 _FILE_LINK = re.compile(r'href="(file://[^"]*)"')
 _OPEN_PAGE = {"content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}
@@ -69,7 +69,7 @@ def send_report(visit: Visit) -> Response:
 
 
 def _with_own_links(report: str, record: RunRecord) -> str:
-    """A report whose links to files of this machine, which no browser follows from here, lead to pages of the jobs."""
+    """Returns a report whose links to local files, which browsers cannot open, lead to the jobs' pages instead."""
     jobs = {job.output_uri.rstrip("/"): job.arn.rpartition("/")[2] for job in record.jobs if job.output_uri and job.arn}
 
     def own(found: re.Match[str]) -> str:
@@ -160,7 +160,7 @@ def _since(path: Path, runs: Path) -> SinceLastRun | None:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, changed_at: int) -> RunRecord | None:
-    """A record; kept until its file changes."""
+    """Reads a run's record; cached until its file changes."""
     del changed_at
     try:
         return read_record(path)

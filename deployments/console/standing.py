@@ -1,4 +1,4 @@
-"""States of simulation jobs in the words, colours and symbols of reports, also of those that have not ended."""
+"""Display of job states in the web console (text, colour, icon as in reports), also of unfinished jobs."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -22,13 +22,13 @@ class Look:
     """Display of a state in the web console: text, CSS class and icon."""
 
     key: str
-    """Class of style."""
+    """CSS class of a resource's state."""
     value: str
-    """Word."""
+    """Text of the state."""
 
     @property
     def icon(self) -> str:
-        """HTML of the state's icon."""
+        """HTML icon of a resource's state."""
         return _ICONS.get(self.key, self.key)
 
 
@@ -45,7 +45,7 @@ class JobLine:
     status: str
     look: Look
     number: int
-    """Its place in its batch, from 1; 0: it is in none."""
+    """Number of the job in its batch, from 1; 0: it is in no batch."""
     reason: str
     created_at: datetime
     updated_at: datetime
@@ -53,7 +53,7 @@ class JobLine:
     outputs: StoredPlace | None
     tags: dict[str, str]
     parts_s: dict[str, float]
-    """Time that it took, in seconds, by what took the time."""
+    """Time that a job took, in seconds, by activity."""
 
     @property
     def is_failure(self) -> bool:

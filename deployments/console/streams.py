@@ -1,4 +1,4 @@
-"""Server-sent events: parts of a page that change, sent while a browser shows it and the server runs."""
+"""Server-sent events: streams changed parts of a page to browsers that show it."""
 
 import asyncio
 import json
@@ -15,12 +15,12 @@ from ...schemas.wire.errors import RobomakerError
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 MOST_STREAMS = 64
-"""Limit on the pages that are followed at once."""
+"""Limit of console pages that are followed live at once."""
 
 _SIGN_OF_LIFE_S = 15.0
 
 Look = Callable[[], Iterator[tuple[str, Any]]]
-"""Looks for news: names of events and what they say, as JSON; `end` is the last one."""
+"""Function that returns new events: name and JSON data; the event `end` is the last one."""
 
 
 class Streams:
@@ -31,7 +31,7 @@ class Streams:
         self._ended = asyncio.Event()
 
     def end(self) -> None:
-        """Ends all streams, so that the server can stop."""
+        """Ends all live update streams, so that the server can stop."""
         self._ended.set()
 
     def follow(self, look: Look, every_s: float) -> StreamingResponse:
@@ -79,14 +79,14 @@ class Streams:
 
 
 class _Stream(StreamingResponse):
-    """Sends events, if not too many pages are followed already; counted here, where the event loop is alone."""
+    """Response that sends events, if not too many pages are followed already; streams are counted in the event loop."""
 
     def __init__(self, streams: Streams, events: AsyncIterator[bytes], headers: Mapping[str, str]) -> None:
         super().__init__(events, media_type="text/event-stream", headers=headers)
         self._streams = streams
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers the request."""
+        """Sends the response to the browser (ASGI)."""
         async with self._streams.admitted() as has_room:
             if has_room:
                 await super().__call__(scope, receive, send)
@@ -96,7 +96,7 @@ class _Stream(StreamingResponse):
 
 
 def _looked(look: Look) -> list[tuple[str, Any]] | None:
-    """The news; `None`: it cannot be looked any more. The stream ends, and the browser asks again, or shows why not."""
+    """Polls for events; `None` if that fails: the stream ends, and the browser reconnects, or shows the reason."""
     try:
         return list(look())
     except RobomakerError as error:
@@ -118,7 +118,7 @@ class Parts:
         self._sent: dict[str, str] = {}
 
     def news(self, parts: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
-        """Yields the parts that changed since the last call."""
+        """Yields the page parts that changed since the last call."""
         changed = {name: html for name, html in parts.items() if self._sent.get(name) != html}
         self._sent.update(changed)
         if changed:

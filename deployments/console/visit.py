@@ -1,4 +1,4 @@
-"""A visit of the console: who asks for what; and the sessions of those who have logged in."""
+"""Visit: a visitor's request to the console with the visitor's rights; and login sessions."""
 
 import hmac
 import secrets
@@ -26,7 +26,7 @@ from .rendering import render
 from .streams import Look, Streams
 
 LIFETIME_S = 12 * 3600
-"""Time that a session lasts."""
+"""Lifetime of a login session, in seconds."""
 
 _MOST_FAILURES = 10
 _FAILURES_WITHIN_S = 60.0
@@ -64,7 +64,7 @@ class Sessions:
         self._new_token = new_token
         self._sessions: dict[str, Session] = {}
         self._failures: dict[str, deque[float]] = {}
-        """Times of the last failed logins, by address."""
+        """Times of the latest failed logins, by IP address."""
         self._lock = threading.Lock()
 
     def log_in(self, key_id: str, secret: str, client: str = "") -> str:
@@ -101,7 +101,7 @@ class Sessions:
         return session if session is not None and session.ends_at_s > self._clock() else None
 
     def log_out(self, token: str | None) -> None:
-        """Ends a session."""
+        """Ends a login session of the web console."""
         with self._lock:
             self._sessions.pop(token or "", None)
 
@@ -126,7 +126,7 @@ class Context:
     service: Service
     calls: Calls
     sessions: Sessions | None
-    """`None`: there are no access keys, and each visitor may do everything."""
+    """Login sessions; `None`: there are no access keys, and each visitor may do everything."""
 
     worker_status: Callable[[], Mapping[str, object]]
     streams: Streams
@@ -134,7 +134,7 @@ class Context:
     job_lines: JobLines
     posters: Posters
     failures: Failures
-    """Says what went wrong without places on this machine."""
+    """Converter of errors to messages without paths of this machine."""
     form_token: str
     """Secret token of forms where there are no sessions."""
 
@@ -150,7 +150,7 @@ class Visit:
     context: Context
     session: Session | None
     form: Mapping[str, str] = field(default_factory=dict)
-    """Fields of the form that the visitor sent."""
+    """Fields of the web form that the visitor submitted."""
 
     @property
     def service(self) -> Service:

@@ -1,4 +1,4 @@
-"""Worlds: the gallery by template or job, and the page of one with plan, proofs and its 3D page."""
+"""Pages of worlds: the gallery by template or job, and the page of one with plan, checks and 3D view."""
 
 import json
 from collections import Counter
@@ -26,10 +26,10 @@ _MOST_TEMPLATES = 30
 _MOST_JOBS = 10
 _TEMPLATE = "world-template"
 _KEPT = {"cache-control": "private, max-age=86400"}
-"""A world never changes."""
+"""HTTP header that lets browsers cache files of a world for a day, as worlds never change."""
 
 _OPEN_PAGE = {**_KEPT, "content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}
-"""For pages that say themselves what may run in them: they are of no origin, and see nothing of ours."""
+"""Headers of pages with their own scripts (3D view): a sandbox of another origin, which cannot access the console."""
 
 
 def show_all(visit: Visit) -> Response:

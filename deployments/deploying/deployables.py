@@ -1,4 +1,4 @@
-"""Deployables of a Prefect server, and what they need where they run: objects, packages, container images."""
+"""Flows that can be deployed to a Prefect server, and what they need to run: objects, packages, container images."""
 
 import hashlib
 import re
@@ -24,11 +24,11 @@ class Need:
 
     step: str
     uri: str
-    """`s3://BUCKET/KEY`, `python://MODULE`, or a container image."""
+    """URI of the needed object: `s3://BUCKET/KEY`, `python://MODULE`, or a container image."""
 
     @property
     def sentence(self) -> str:
-        """Description of the need, as a sentence."""
+        """Returns a sentence that describes the need."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):
@@ -58,7 +58,7 @@ def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
 
 
 def _is_there(store: ObjectStore, bucket: str, key: str) -> bool:
-    """Whether there is such an object, or one whose key begins so: data sources name prefixes, too."""
+    """Whether an object exists, or one whose key begins so: data sources name prefixes, too."""
     try:
         return next(iter(store.list(bucket, key)), None) is not None
     except BucketNotFoundError:
@@ -82,7 +82,7 @@ def _uris(value: Any) -> Iterator[str]:
 
 
 TAG = "robomaker"
-"""A tag of every deployment."""
+"""Tag of every Prefect deployment of this package."""
 _FLOWS = "prefect_robomaker.flows"
 _MOST_BYTES = 400_000  # Prefect takes 512 kB of parameters, as JSON
 
@@ -101,13 +101,13 @@ class Deployable:
     version: str | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict[str, Any])
     own_parameters: Mapping[str, Parameter] | None = None
-    """Parameters of its specification, which stand beside those of the flow; `None`: it is of no specification."""
+    """Parameters of its specification, in addition to those of the flow; `None`: it has no specification."""
 
     values: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Their values in runs that are given no others."""
+    """Default values of the specification's parameters in runs of a deployment."""
 
     missing: tuple[str, ...] = ()
-    """Those that each run has to be given, as there is no value for them."""
+    """Names of parameters without a value, which each run must be given."""
 
     @property
     def full_name(self) -> str:

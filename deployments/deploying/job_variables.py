@@ -1,4 +1,4 @@
-"""Job variables of runs in their work pool, and job templates of work pools with what the flows need."""
+"""Job variables of runs in Prefect work pools, and job templates of work pools for these flows."""
 
 import asyncio
 import re
@@ -30,7 +30,7 @@ BLOCK_VARIABLES: Mapping[str, Mapping[str, str]] = {
 }
 
 ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
-"""The content of a block by its type's slug and its name, without secrets; `None`: there is none."""
+"""Function that returns a block's content without secrets, by type slug and name; `None`: there is none."""
 
 
 def environment_of_words(words: Sequence[str]) -> dict[str, str]:
@@ -105,7 +105,7 @@ def check_image(kind: str, image: str | None) -> None:
 
 
 def _has(content: Mapping[str, Any], path: str) -> bool:
-    """Whether a block has a value there; secrets are hidden, not absent."""
+    """Whether a block has a value at a path; secrets are hidden but count as present."""
     found: Any = content
     for key in path.split("."):
         found = found.get(key) if isinstance(found, Mapping) else None

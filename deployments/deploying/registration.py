@@ -1,4 +1,4 @@
-"""Tells a Prefect server of deployments: makes new ones, changes the others in place, with forms and schedules."""
+"""Registers deployments on a Prefect server: creates or updates them, with parameter forms and schedules."""
 
 import asyncio
 import importlib
@@ -30,7 +30,7 @@ from .job_variables import environment_of_blocks
 
 _NOTHING = {"type": "null"}
 _AT_ONCE = frozenset({"string", "integer", "number", "array"})
-"""Types whose field is left empty for nothing; a switch cannot be, and an object's fields are many."""
+"""JSON types whose form field may be left empty for no value; switches cannot be, and objects have many fields."""
 _DEFAULT = re.compile(r"`?([\w.-]+)`? \(the default\)")
 
 
@@ -59,7 +59,7 @@ def form_schema(flow: Flow[..., Any], own: Mapping[str, Parameter] | None = None
 
 
 def _shown(schema: Any) -> Any:
-    """The same schema, and those in it, for a form."""
+    """Converts a JSON schema, and those nested in it, to one for Prefect's form."""
     if isinstance(schema, list):
         return [_shown(each) for each in schema]
     if not isinstance(schema, dict):
@@ -71,7 +71,7 @@ def _shown(schema: Any) -> Any:
 
 
 def _field(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of one field."""
+    """Converts the JSON schema of one field for Prefect's run form."""
     types = schema.get("anyOf", [])
     if _NOTHING in types and len(types) == 2:
         (given,) = [each for each in types if each != _NOTHING]
@@ -96,15 +96,15 @@ class Target:
 
     pool: str
     schedule: CronSchedule | None = None
-    """Absent: a schedule that a deployment has stays."""
+    """Schedule to set for a deployment; `None`: an existing one is kept."""
 
     unscheduled: bool = False
-    """Whether a schedule that a deployment has is taken away."""
+    """Whether an existing schedule of a deployment is removed."""
 
     image: str | None = None
     environment: tuple[tuple[str, str], ...] = ()
     blocks: tuple[str, ...] = ()
-    """`TYPE/NAME` of each block that gives settings."""
+    """Prefect blocks that provide settings, each `TYPE/NAME`."""
 
 
 @dataclass(frozen=True)
@@ -118,10 +118,10 @@ class Registered:
     change: Literal["created", "updated"]
     pool: str
     parameters: Mapping[str, Any]
-    """Values of the specification's parameters in runs that are given no others."""
+    """Default values of the specification's parameters in runs of a deployment."""
 
     missing: tuple[str, ...]
-    """Parameters that each run has to be given."""
+    """Parameters that each run of a deployment has to be given."""
 
     schedules: tuple[str, ...]
     """Cron expressions with their time zones, of active schedules."""
@@ -207,7 +207,7 @@ def _check_scheduled(
     there: Mapping[tuple[str, str], DeploymentResponse],
     client: SyncPrefectClient,
 ) -> None:
-    """Refuses a schedule whose runs would lack values, as they start by themselves."""
+    """Raises an error for a schedule whose runs would lack parameter values, as they start automatically."""
     if not deployable.missing:
         return
     before = there.get((str(client.create_flow_from_name(deployable.flow)), deployable.name))
@@ -325,7 +325,7 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
 
 
 def _comes_due(cron: str, timezone: str) -> bool:
-    """Whether the schedule has a next time that Prefect's server finds: one within the next decades."""
+    """Whether the schedule has a next time that Prefect's server finds, within the next decades."""
     from prefect.server.schemas.schedules import CronSchedule as ServersSchedule
 
     try:

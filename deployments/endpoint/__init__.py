@@ -1,4 +1,4 @@
-"""The service over HTTP, for clients that were written for it: the rest-json protocol with SigV4 signatures.
+"""HTTP endpoint with AWS RoboMaker's API: the rest-json protocol with SigV4 signatures.
 
 ```
 request ── connections (bodies) ── who may (origins, authentication) ── which operation (wire)

@@ -1,4 +1,4 @@
-"""The endpoint as an ASGI application, with its access log."""
+"""API endpoint as an ASGI application, with its access log."""
 
 import asyncio
 import logging
@@ -64,7 +64,7 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
         request: the HTTP request.
         status: HTTP status of the answer.
         error: name of the error that it tells of; `-`: of none.
-        duration_s: how long it took.
+        duration_s: duration of the request, in seconds.
     """
     if LOGGER.handlers:
         LOGGER.info(
@@ -123,7 +123,7 @@ class Endpoint:
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
-        """Whether requests have to be signed."""
+        """Whether API requests must be signed."""
 
         self._service = service
         self._operations = registry()
@@ -132,10 +132,10 @@ class Endpoint:
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
         self.calls = Calls(service, on_submitted, audit_log)
-        """Caller of operations; the console has the same."""
+        """Caller of operations, which the console uses, too."""
 
         self.job_callers = None if self.checks_signatures else JobCallers(service)
-        """Tells requests of jobs from others; `None`: signatures tell whose a request is."""
+        """Recogniser of requests that jobs send; `None`: signatures identify callers."""
 
         self._health = HealthPages(service, worker_status, is_open=access_keys is None, console=console)
         self._metrics = Metrics(service, access_keys, worker_status)
@@ -145,7 +145,7 @@ class Endpoint:
         self._in_progress = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         if scope["type"] == "http":
             await self._serve(ServiceRequest(scope, receive), send)
         elif scope["type"] == "lifespan":
@@ -176,7 +176,7 @@ class Endpoint:
         Args:
             request: the HTTP request.
             status: HTTP status of the answer.
-            duration_s: how long it took.
+            duration_s: duration of the request, in seconds.
             error: name of the error that the answer tells of; `-`: of none.
         """
         self._metrics.count(request.operation, status, duration_s)

@@ -1,4 +1,4 @@
-"""Limits of clients: connections, sizes of bodies, and times for asking and for reading the answer."""
+"""Limits for clients: number of connections, sizes of bodies, and time limits for requests and responses."""
 
 import asyncio
 import resource
@@ -13,12 +13,12 @@ from ...schemas.wire.errors import ThrottlingException
 from .messages import RequestEntityTooLargeException, RequestTimeoutException, ServiceRequest
 
 ENDS = "connection_ends"
-"""The member of a request's state that has the addresses of its connection: the client's, and this server's."""
+"""Key of a request's state with the addresses of its connection: the client's, and this server's."""
 HEAD_S = 15.0
 ANSWER_S = 60.0
 _MOST_CONNECTIONS = 8192
 _OTHER_FILES = 128
-"""Left to the catalog, logs and the job worker, of the files that a process may have open."""
+"""Number of open files that are reserved for catalog, logs and job worker."""
 
 
 def most_connections() -> int:
@@ -32,13 +32,13 @@ class ConnectionLimits:
     """Limits on a client's connections and times, against slow or greedy clients."""
 
     connections: int = field(default_factory=most_connections)
-    """Limit on connections; a new one takes the place of the one that has waited longest without asking anything."""
+    """Limit of connections; a new one replaces the one that has been idle longest."""
 
     head_s: float = HEAD_S
-    """Time that the head of a request may take, the first one from the connection's beginning."""
+    """Time limit for the head of a request, in seconds; for the first one from the connection's beginning."""
 
     answer_s: float = ANSWER_S
-    """Time that a client may keep the rest of an answer from being sent."""
+    """Time for which a client may stop reading its response, in seconds."""
 
 
 def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
@@ -49,7 +49,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
     """
 
     class Limited(_LimitedProtocol):
-        """HTTP connection with limits."""
+        """Protocol class of HTTP connections with the given limits."""
 
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
@@ -63,9 +63,9 @@ class _LimitedProtocol(H11Protocol):
 
     limits: ConnectionLimits
     _asking: asyncio.TimerHandle | None = None
-    """Runs while a head is awaited of which the connection has begun."""
+    """Timer that runs while a request's head is awaited."""
     _answering: asyncio.TimerHandle | None = None
-    """Runs while the client does not read."""
+    """Timer that runs while the client does not read its response."""
     _quiet_since = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -111,7 +111,7 @@ class _LimitedProtocol(H11Protocol):
 
     @property
     def quiet_since(self) -> float:
-        """Time since when no request is being answered."""
+        """Time since when no request is being answered on the connection."""
         return self._quiet_since
 
     def _end(self) -> None:
@@ -123,7 +123,7 @@ class _LimitedProtocol(H11Protocol):
 
 
 def _longest_quiet(connections: Any) -> _LimitedProtocol:
-    """The connection that others lose least by; the newest has asked nothing, so there is one."""
+    """Returns the connection that is closed for a new one: the one that has been idle longest."""
     # Those that end already are still among them until the loop's next turn, and longer with TLS.
     quiet = (each for each in connections if each.is_quiet and not each.transport.is_closing())
     return min(quiet, key=lambda each: each.quiet_since)
@@ -139,7 +139,7 @@ SMALL_BODY_BYTES = 64 * 1024
 
 SMALL_BODIES = 512
 LARGE_BODIES = 24
-"""Limit on the bodies that are received at once; together they fit into memory."""
+"""Limit of large bodies that are received at once; together they fit into memory."""
 
 SMALL_BODY_TIMEOUT_S = 15.0
 LARGE_BODY_TIMEOUT_S = 60.0
@@ -178,10 +178,10 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
     """Reads a request's body, with limits on size and time.
 
     Args:
-        request: whose body has not been read.
+        request: the request, whose body has not been read.
         declared: the header `Content-Length`.
-        max_bytes: how much is taken at most.
-        timeout_s: how long it may take.
+        max_bytes: size limit of the body, in bytes.
+        timeout_s: time limit for the body, in seconds.
 
     Raises:
         RequestEntityTooLargeException: the body is longer; the rest is left unread.

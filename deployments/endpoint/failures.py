@@ -1,4 +1,4 @@
-"""Answers to failed requests: everything about the client's mistakes, nothing about this machine."""
+"""Error responses: complete about the client's mistakes, silent about this machine."""
 
 import logging
 import re
@@ -67,7 +67,10 @@ def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:
 
 
 def _folder(path: Path) -> re.Pattern[str]:
-    """Finds a folder, but not its name within another path: `/data` is not in `s3://bucket/data`."""
+    """Returns a pattern that matches a folder, but not its name within another path.
+
+    The pattern of `/data` does not match in `s3://bucket/data`.
+    """
     return re.compile(rf"(?:(?<=file://)|(?<![\w./-])){re.escape(str(path))}(?![\w-])")
 
 
@@ -85,7 +88,7 @@ def _broken(error: Exception, operation: OperationShape | None, request_id: str)
 
 
 def _kind(error: Exception, operation: OperationShape | None) -> type[ServiceError]:
-    """503 where the operation declares it and it is true, else 500."""
+    """Returns the class of an error response: 503 if the operation declares it and it applies, else 500."""
     unavailable = isinstance(error, ServiceUnavailableException | StorageError)
     declared = operation is not None and ServiceUnavailableException in operation.errors
     return ServiceUnavailableException if unavailable and declared else InternalServerException

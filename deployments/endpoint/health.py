@@ -103,17 +103,20 @@ def _template() -> Template:
 
 PATH = "/metrics"
 _NO_OPERATION = "none"
-"""Label of requests to paths without an operation: one for all, as clients choose paths."""
+"""Metric label of requests to paths without an operation: one for all, as clients choose paths."""
 
 _BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
-"""A read takes 1 ms, a batch of 1,000 requests seconds."""
+"""Upper bounds of the histogram of request durations, in seconds.
+
+A read takes 1 ms, a batch of 1,000 requests seconds.
+"""
 
 
 class Metrics:
     """Prometheus metrics of the API server: requests and resources.
 
     Args:
-        service: whose resources are counted when somebody asks.
+        service: the service, whose resources are counted when metrics are read.
         access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
             some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
         worker_status: returns the job worker's status.
@@ -147,7 +150,7 @@ class Metrics:
         Args:
             operation: the operation that it asked for; `None`: none.
             status: HTTP status of its answer.
-            duration_s: how long it took.
+            duration_s: duration of the request, in seconds.
         """
         name = operation or _NO_OPERATION
         self._requests.labels(name, str(status)).inc()
@@ -185,7 +188,7 @@ class Metrics:
 
 
 class _Resources(Collector):
-    """Gauges that are read from the catalog at each scrape, since other processes change it."""
+    """Metrics collector that reads gauges from the catalog at each scrape, since other processes change it."""
 
     def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]]) -> None:
         self._service = service

@@ -1,6 +1,6 @@
-"""Refusals of services of AWS that are not served here, each in the protocol of the service that was asked for.
+"""Error responses for AWS services that are not served here, in the protocol of the requested service.
 
-SDKs in jobs are led here (`tasks.simulations.environment.aws_endpoints`): their keys are good here only.
+SDKs in jobs are led here (`tasks.simulations.environment.aws_endpoints`), as their keys are valid here only.
 """
 
 import re
@@ -17,7 +17,7 @@ Protocol = Literal["json", "query", "ec2", "rest-xml"]
 
 _SIGNED_FOR = re.compile(r"Credential=[^/,\s]+/\d{8}/[^/,\s]*/([a-z0-9-]{1,63})/aws4_request")
 _XML_SERVICES = frozenset({"s3", "s3express", "s3-outposts", "cloudfront", "route53"})
-"""Services whose REST interface is XML; that of all others is JSON."""
+"""AWS services whose REST protocol is XML; all others use JSON."""
 _STATUS = 403  # no SDK tries again after it
 _CODES = {"json": "AccessDeniedException", "query": "AccessDenied", "ec2": "UnauthorizedOperation"}
 _XML = {

@@ -1,4 +1,4 @@
-"""Runs the endpoint on a port, over HTTP or with a certificate, until it is told to stop."""
+"""Runs the endpoint on a port, over HTTP or HTTPS, until it is told to stop."""
 
 import contextlib
 import logging
@@ -65,10 +65,13 @@ class TlsFiles:
 LOGGER = logging.getLogger("robomaker.endpoint")
 
 KEEP_ALIVE_S = 75
-"""Time that an idle connection is kept: longer than SDKs keep theirs, so that they do not meet a closed one."""
+"""Time that an idle connection is kept open, in seconds.
+
+It is longer than SDKs keep theirs, so that they do not meet a closed one.
+"""
 
 GRACE_S = 30
-"""Seconds in which requests in progress may end after a signal to stop."""
+"""Time for requests in progress to finish after a signal to stop, in seconds."""
 
 _BACKLOG = 512
 
@@ -93,7 +96,7 @@ def run_server(
         ready: called with the port once requests are answered.
         stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
         tls: certificate and key for HTTPS; `None`: HTTP.
-        limits: how many connections, and how slow; `None`: the usual.
+        limits: limits of connections and times; `None`: the default ones.
         proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
@@ -150,7 +153,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's server, which says when it is ready, and returns when it is stopped."""
+    """uvicorn server that reports when it is ready, and returns when it is stopped."""
 
     def __init__(
         self,
@@ -165,12 +168,12 @@ class _Server(uvicorn.Server):
         self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer requests."""
+        """Starts to answer HTTP requests."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends endless streams, then waits for other responses."""
+        """Ends endless response streams, then waits for other responses."""
         self._stopping()
         await super().shutdown(sockets)
 

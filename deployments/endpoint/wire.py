@@ -1,4 +1,4 @@
-"""Translates HTTP to operations and back: the operation of a path, and members in path, query and body."""
+"""Translates HTTP requests to operations: finds the operation of a path, reads members from path, query and body."""
 
 import json
 import re
@@ -90,7 +90,7 @@ def _decoded(name: str, value: str) -> str:
 
 
 MAX_BODY_BYTES = 10 * 1024 * 1024
-"""Longest body; a batch of 1000 ordinary requests has some 2 MiB."""
+"""Largest body in bytes; a batch of 1000 ordinary requests has some 2 MiB."""
 
 MAX_MESSAGE_CHARACTERS = 4096
 _MAX_QUERY_MEMBERS = 1000
@@ -164,7 +164,7 @@ def _body_members(request: ServiceRequest) -> dict[str, Any]:
 
 
 def _check_content_type(content_type: str | None) -> None:
-    """Whether a body is JSON: SDKs send `application/json` or no type; other types are not JSON."""
+    """Raises an error if a body is not JSON: SDKs send `application/json` or no type."""
     if content_type is None:
         return
     kind = content_type.partition(";")[0].strip().lower()
@@ -178,12 +178,12 @@ def _kind(document: Any) -> str:
 
 
 class WireResponse(Response):
-    """HTTP response with the service's JSON."""
+    """HTTP response with JSON as the AWS service sends it."""
 
     media_type = "application/json"
 
     def render(self, content: Mapping[str, Any]) -> bytes:
-        """Serialises the members to JSON, in ASCII as AWS does."""
+        """Serialises the response's members to JSON, in ASCII as AWS does."""
         return json.dumps(content, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
 
 
@@ -200,7 +200,7 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
 
 
 def _seconds(value: object) -> float:
-    """A moment as seconds since 1970, to the millisecond as the service had it."""
+    """Converts a time to seconds since 1970, with milliseconds as AWS sent it."""
     if isinstance(value, datetime):
         return round(value.timestamp(), 3)
     raise TypeError(f"{value!r} has no JSON form")

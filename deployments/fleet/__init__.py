@@ -1,4 +1,4 @@
-"""The wing of fleets as it is reached: commands, console pages, the door of robots beside the endpoint, job workers.
+"""Access to fleets: commands, console pages, the update server for robots, and pools of deployment jobs.
 
-Nothing outside the wing imports it: registries find it by `schemas.wings`.
+No module outside this folder imports it: registries find it by `schemas.wings`.
 """

@@ -1,4 +1,4 @@
-"""Checks of `robomaker doctor` about fleets."""
+"""Checks of `robomaker doctor` for fleets."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ from ..cli.doctor_checks import Finding
 
 _PAGE = 500
 _SHOWN = 10
-"""Robots in trouble that are named."""
+"""Limit of the robots with problems that `robomaker doctor` names."""
 
 
 def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:
@@ -18,7 +18,7 @@ def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:
 
 
 def _check_robots(settings: Settings) -> Finding:
-    """Whether robots say that their applications keep restarting, of which deployments that succeeded know nothing."""
+    """Checks whether robots report that their applications keep restarting, which no deployment shows as a failure."""
     from ...schemas.fleet.documents import RobotDocument
     from ...tasks.fleet.fleet_records import ROBOT
     from ...tasks.service.service import Service

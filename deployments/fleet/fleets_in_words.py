@@ -1,4 +1,4 @@
-"""Fleets, rollouts and robots in lines of text, once or as long as somebody watches."""
+"""Formats fleets, rollouts and robots as text lines, once or continuously."""
 
 import shutil
 import time
@@ -19,7 +19,7 @@ from ...tasks.fleet.views.rollout_tables import notes_of
 from ..cli.output.answers import duration
 
 MOST_ROBOTS = 40
-"""Rows of a fleet's table unless all are wanted; robots with problems are among them."""
+"""Limit of rows in a fleet's table unless all are wanted; robots with problems are among them."""
 
 _MOST_FAILURES = 10
 _COLUMNS = ("robot", "status", "version", "seen", "kind", "order")
@@ -114,14 +114,14 @@ def order_text(order: OrderStanding | None) -> str:
 
 
 def _chosen(robots: Sequence[RobotStanding]) -> Sequence[RobotStanding]:
-    """The robots of a large fleet that are shown: at first those that failed, then those with an order."""
+    """Selects the robots of a large fleet that are shown: failed ones first, then those with an order."""
     if len(robots) <= MOST_ROBOTS:
         return robots
     return sorted(robots, key=lambda robot: (robot.status not in _BAD, robot.order is None))[:MOST_ROBOTS]
 
 
 def _failures(robots: Sequence[RobotStanding]) -> Iterator[Text]:
-    """Reason why robots failed, a line each, below the table."""
+    """Yields the reasons why robots failed, one line each, below the table."""
     failed = [robot for robot in robots if robot.failure_code is not None]
     for robot in failed[:_MOST_FAILURES]:
         reason = f": {robot.failure_reason}" if robot.failure_reason else ""
@@ -164,17 +164,17 @@ def _seen(robot: RobotStanding, now: datetime) -> str:
 
 
 MOST_LINES = 20
-"""Lines for single robots at once; of more that changed, only how many stand how."""
+"""Limit of lines for single robots at once; of more changes, only the numbers of robots by state are printed."""
 
 _OVER = {
     "PAUSED": "resumed",
     "APPROVAL": "approved",
     "MAINTENANCE_WINDOW": "its maintenance window is open",
 }
-"""Words for what it waits for no more."""
+"""Texts that say that a cause of waiting has ended."""
 
 HEARTBEAT_S = 60.0
-"""Seconds without a change after which a line of counts is printed."""
+"""Time without a change after which a line of counts is printed, in seconds."""
 
 
 class LineWatcher:

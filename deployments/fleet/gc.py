@@ -1,4 +1,4 @@
-"""Options of `robomaker gc` about fleets."""
+"""Options of `robomaker gc` for fleets."""
 
 import argparse
 from typing import Any

@@ -1,4 +1,4 @@
-"""A rollout while somebody watches: redrawn on a terminal, or told in lines."""
+"""Live display of a rollout: redrawn on a terminal, or printed as lines."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -62,7 +62,7 @@ def render(look: Look) -> Group:
 
 
 def _bar(counts: dict[str, int], total: int) -> Text:
-    """A bar whose parts differ in sign and colour; each part that is not empty is seen."""
+    """Draws a progress bar whose parts differ in sign and colour; each part that is not empty is visible."""
     bar, left = Text(), _BAR_WIDTH
     for word, style, sign in _PARTS:
         count = counts.get(word, 0)

@@ -1,4 +1,4 @@
-"""The pool of deployment jobs."""
+"""Pool of deployment jobs: how many run at once in a job worker."""
 
 from ..worker.job_pools import JobPool
 

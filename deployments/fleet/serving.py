@@ -1,4 +1,4 @@
-"""The doors of robots within the server: mounts them, lets agents in, and keeps the fleet's metadata fresh."""
+"""Update server for robots within `robomaker serve`: mounts it, enrols agents, renews the TUF metadata."""
 
 import asyncio
 import logging
@@ -75,7 +75,7 @@ def _read(path: Path, start: int, length: int) -> bytes:
 LOGGER = logging.getLogger("robomaker.robots")
 
 PAUSE_S = 600.0
-"""Seconds between two checks; the timestamp is signed again every six hours."""
+"""Interval between two checks of the metadata, in seconds; the timestamp is signed again every six hours."""
 
 
 class TrustUpkeep:
@@ -92,11 +92,11 @@ class TrustUpkeep:
         self._thread = threading.Thread(target=self._keep_up, name="trust-upkeep", daemon=True)
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Starts the thread that renews expiring signatures."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread, after its current check."""
+        """Stops the thread that renews expiring signatures, after its current check."""
         self._stopped.set()
         self._thread.join()
 
@@ -120,7 +120,7 @@ class TrustUpkeep:
         return ""
 
     def _tell(self, problem: str) -> None:
-        """Logs a problem once, and that it is over."""
+        """Logs a problem once, and once that it is over."""
         if problem != self._problem:
             LOGGER.warning("%s", problem or "the robots' repository is signed again")
         self._problem = problem
@@ -139,7 +139,7 @@ class RobotsBeside:
 
     def __init__(self, endpoint: ASGIApp, service: Service) -> None:
         self.checks_signatures = getattr(endpoint, "checks_signatures", False)
-        """Whether requests of clients have to be signed."""
+        """Whether API requests of clients must be signed."""
 
         self._endpoint = endpoint
         settings = FleetSettings.of(service.settings)
@@ -166,7 +166,7 @@ class RobotsBeside:
         self._watch.wake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request, or the server's start and end."""
+        """Serves one HTTP request, or the server's start and end (ASGI)."""
         if scope["type"] == "http" and scope["path"].startswith(self._door.prefixes):
             await self._door(scope, receive, send)
         elif scope["type"] == "lifespan":
@@ -175,7 +175,7 @@ class RobotsBeside:
             await self._endpoint(scope, receive, send)
 
     def _with_life(self, send: Send) -> Send:
-        """Begins and ends together with the endpoint."""
+        """Starts and stops the update server's threads together with the endpoint."""
 
         async def sent(message: Message) -> None:
             if message["type"] == "lifespan.startup.complete":

@@ -1,4 +1,4 @@
-"""Runs in Python: running a specification, and reading the results of runs, in scripts and notebooks.
+"""Python API for runs: running a specification and reading results, in scripts and notebooks.
 
 ```
 spec.yaml ──> run() ──┐

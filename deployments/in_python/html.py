@@ -1,4 +1,4 @@
-"""HTML of runs, jobs and worlds for notebooks: a small card without scripts, for light and dark pages."""
+"""HTML cards of runs, jobs and worlds for notebooks, without scripts, for light and dark pages."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ _COLOURS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("canceled", "timed out", "unfinished", "running"), "#8a4600"),
     }
 )
-"""Backgrounds of outcomes; white on each has a contrast above 5, whatever colour the notebook's page has."""
+"""Background colour of each outcome; white text on it has a contrast above 5 on any notebook page."""
 _OTHER_COLOUR = "#57606a"
 
 _CARD = "font-family:system-ui,sans-serif;font-size:14px;line-height:1.5;max-width:60rem;overflow-wrap:anywhere"
@@ -25,18 +25,18 @@ _IMAGE = "max-width:100%;max-height:24rem;height:auto;background:#fff;border-rad
 
 
 def badge(outcome: str) -> Markup:
-    """Makes a badge with an outcome: its word on a colour."""
+    """Makes an HTML badge with the word of an outcome on a coloured background."""
     colour = _COLOURS.get(outcome, _OTHER_COLOUR)
     return Markup('<span style="{};background:{}">{}</span>').format(_BADGE, colour, outcome)
 
 
 def card(title: str, outcome: str, *parts: Markup) -> Markup:
-    """Makes the card of a run, a job or a world.
+    """Makes the HTML card of a run, a job or a world.
 
     Args:
-        title: its name.
-        outcome: how it ended; empty: it is nothing that ends.
-        parts: what the card shows below.
+        title: name of the run, job or world.
+        outcome: outcome of the run or job; empty: there is none.
+        parts: content of the card below the title.
     """
     shown = Markup(" {}").format(badge(outcome)) if outcome else Markup("")
     head = Markup('<div><strong style="font-size:1.1em">{}</strong>{}</div>').format(title, shown)
@@ -79,7 +79,7 @@ def image(content: bytes, media_type: str, text: str) -> Markup:
 
     Args:
         content: the file.
-        media_type: its type: `image/png` or `image/svg+xml`.
+        media_type: media type of the image: `image/png` or `image/svg+xml`.
         text: the image in words.
     """
     if not content:

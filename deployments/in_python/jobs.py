@@ -1,4 +1,4 @@
-"""Simulation jobs of a run: how they ended, and what they stored."""
+"""Simulation jobs of a run: outcomes and stored outputs."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,27 +25,27 @@ from .worlds import World
 
 @dataclass(frozen=True)
 class Job:
-    """A simulation job of a run, or a request of which no job came."""
+    """Simulation job of a run, or a request that has no job."""
 
     record: JobRecord
-    """The record of it: requirements, metrics, inputs and more."""
+    """Record of the job: requirements, metrics, inputs and more."""
     world: World | None
-    """The world that it drove in; None: none."""
+    """World that a simulation job used; `None`: none."""
     _service: Service = field(repr=False, compare=False)
 
     @property
     def id(self) -> str:
-        """Id of the job, or `request 3` when no job came of it."""
+        """Id of the job, or `request 3` for a request without a job."""
         return self.record.label
 
     @property
     def name(self) -> str:
-        """Name of the job in every run of the specification."""
+        """Name of the job, the same in every run of the specification."""
         return self.record.test or self.record.label
 
     @property
     def status(self) -> str:
-        """Status in the service; of requests `NotCreated`, or `Pending` while no job has come of it yet."""
+        """Status in the service; for a request without a job `NotCreated`, or `Pending` if one may still come."""
         return self.record.status
 
     @property
@@ -55,17 +55,17 @@ class Job:
 
     @property
     def verdict(self) -> Verdict | None:
-        """The verdict; None: it did not end by itself, or has not ended."""
+        """Verdict of the job; `None`: it did not end by itself, or has not ended."""
         return self.record.verdict if self.record.status == "Completed" else None
 
     @property
     def reason(self) -> str:
-        """Reason why it did not pass, in words; empty: nothing is known, or it passed."""
+        """Reason why it did not pass, in words; empty: unknown, or it passed."""
         return self.record.failure_reason or self.record.verdict_reason or self.record.failure_code or ""
 
     @cached_property
     def outputs(self) -> dict[str, str]:
-        """Addresses of its output files by name, `file:///…` or `s3://…`; none, while it has stored nothing.
+        """Addresses of its output files by name, `file:///…` or `s3://…`; empty while nothing is stored.
 
         Raises:
             ResourceNotFoundException: the job was deleted.
@@ -90,7 +90,7 @@ class Job:
         return result.unjudged() if self.status == "Canceled" else result
 
     def open(self, name: str) -> BinaryIO:
-        """Opens one of the job's outputs for reading: a binary file, which can be wound.
+        """Opens one of the job's outputs for reading, as a seekable binary file.
 
         Args:
             name: name of the output, such as `recording.mcap`; `outputs` has all names.

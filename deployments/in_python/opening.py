@@ -1,4 +1,4 @@
-"""Opening the results of an earlier run."""
+"""Opens the results of an earlier run."""
 
 import os
 

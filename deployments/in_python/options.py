@@ -1,4 +1,4 @@
-"""Options of `run`, checked before anything is started: Python takes values of any type."""
+"""Options of `run`, which are validated before anything starts, as Python accepts values of any type."""
 
 import operator
 import os
@@ -13,24 +13,24 @@ from ..cli.inputs.options import output_file, seed_number, spec_name
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Options of `run`, which are those of `robomaker run`."""
+    """Options of the Python function `run`, the same as those of the command `robomaker run`."""
 
     backend: str | None = None
-    """Place where jobs of batches run, instead of ROBOMAKER_BACKEND: `local`, `workers:POOL`, …; None: as that says."""
+    """Backend for jobs of batches, instead of ROBOMAKER_BACKEND: `local`, `workers:POOL`, …; `None`: that setting."""
     name: str | None = None
     """Name of the run, in place of the specification's."""
     seed: int | None = None
     """Seed of worlds and simulations, in place of those in the specification."""
     reuse: bool = False
-    """Whether worlds and results of earlier runs that had the same inputs are taken over."""
+    """Whether worlds and results of earlier runs with the same inputs are reused."""
     report: str | os.PathLike[str] | None = None
-    """File for a copy of the report."""
+    """Path of a file for a copy of the report."""
     shows_progress: bool = True
-    """Whether standard error shows how the run goes."""
+    """Whether progress is shown on standard error."""
 
 
 def checked_options(given: Any) -> RunOptions:
-    """Checks the options of a run, whatever a script gave.
+    """Validates the options of a run.
 
     Args:
         given: the second argument of `run`; None: none were given.
@@ -39,7 +39,7 @@ def checked_options(given: Any) -> RunOptions:
         The options, with the seed as a plain whole number and the report as an absolute path.
 
     Raises:
-        ConfigurationError: one has a value that it cannot have; the message names it and says what would be right.
+        ConfigurationError: an option has an invalid value; the message names it and says what would be right.
     """
     if given is None:
         return RunOptions()
@@ -56,7 +56,7 @@ def checked_options(given: Any) -> RunOptions:
 
 
 def spec_file(given: Any) -> str:
-    """Returns the path of a specification, whatever a script gave.
+    """Returns the path of a specification as text, after checking the argument's type.
 
     Raises:
         ConfigurationError: it is no path.

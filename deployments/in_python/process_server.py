@@ -1,4 +1,4 @@
-"""The Prefect server of a Python process that runs specifications: Prefect may be loaded before it is chosen."""
+"""Prefect server of a Python process that runs specifications; Prefect may be imported before it is chosen."""
 
 import logging
 import os
@@ -11,11 +11,11 @@ from ..cli.prefect_server import use_server
 
 _API_URL, _AUTH = "PREFECT_API_URL", "PREFECT_API_AUTH_STRING"
 _chosen: set[str] = set()
-"""Addresses of servers that this process has named in its environment itself."""
+"""Addresses of servers that this process has set in its own environment variables."""
 
 
 def server_of_process(settings: Settings) -> str:
-    """Returns the Prefect server that this process uses, and starts the data home's own where it uses none.
+    """Returns the Prefect server that this process uses; starts the data home's own if it uses none.
 
     Operations that are called later use the same one.
 
@@ -39,7 +39,7 @@ def server_of_process(settings: Settings) -> str:
 
 
 def _known_to_prefect() -> str | None:
-    """The server that a loaded Prefect uses, by its settings; None: it is not loaded, or names none."""
+    """Returns the server in the settings of a loaded Prefect; `None` if it is not loaded, or names none."""
     if "prefect" not in sys.modules:
         return None
     from prefect.settings import PREFECT_API_URL
@@ -48,7 +48,7 @@ def _known_to_prefect() -> str | None:
 
 
 def _tell_prefect() -> None:
-    """Makes Prefect read the environment again, as it does so only when it is loaded."""
+    """Makes Prefect read the environment variables again, as it reads them only when it is imported."""
     from prefect.context import refresh_global_settings_context
 
     refresh_global_settings_context()
@@ -56,9 +56,9 @@ def _tell_prefect() -> None:
 
 @contextmanager
 def quiet_prefect() -> Generator[None]:
-    """Keeps Prefect's lines about runs from standard error inside the `with` block; its server gets them all the same.
+    """Hides Prefect's log lines about runs on standard error inside the `with` block; its server still gets them.
 
-    Where Prefect was loaded before the server was chosen, it has not read the settings that say so to it.
+    If Prefect was imported before the server was chosen, it has not read the settings that do this.
     """
     from prefect.logging.configuration import ensure_logging_setup
     from prefect.logging.handlers import PrefectConsoleHandler

@@ -1,4 +1,4 @@
-"""Rows of the table of results as typed values."""
+"""Typed rows of a run's table of results."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,42 +18,42 @@ _REQUIREMENTS = TypeAdapter(list[Requirement])
 
 @dataclass(frozen=True, slots=True)
 class ResultRow:
-    """A row of the table of results: a trial, or a job without trials, or a request of which no job came."""
+    """Row of the table of results: a trial, a job without trials, or a request that has no job."""
 
     step: str
-    """The step that ordered it; empty: it is not known."""
+    """Name of the step that ordered the job of a result row; empty: unknown."""
     test: str
-    """Name of the job in every run of the specification."""
+    """Name of the job, the same in every run of the specification."""
     job: str
-    """Id of the job, or `request 3` when no job came of it."""
+    """Id of the job, or `request 3` if the request has no job."""
     outcome: CaseOutcome
     """Outcome; only `passed` means that it was judged and met all its requirements."""
     verdict: Verdict
-    """The verdict; `NONE` when nothing was judged."""
+    """Verdict on a trial or job; `NONE` when nothing was judged."""
     reason: str
-    """Reason why the verdict is not PASS, or why it broke; empty: nothing is known."""
+    """Reason why the verdict is not PASS, or of the error; empty: unknown."""
     failure_code: str | None
-    """The service's failure code; None: it did not fail."""
+    """Failure code of a job; `None`: it did not fail."""
     world: str | None
-    """The world by its content, the same for the same world of every night; None: it has none."""
+    """Content hash of the world, the same for the same world in every run; `None`: it has none."""
     world_name: str | None
-    """The world by its name in this run; None: it has none."""
+    """Name of the job's world in this run; `None`: it has none."""
     trial: int | None
     """Number of the trial, from 0; None: the job has no trials."""
     seed: int | None
-    """Its seed; None: it never began."""
+    """Random seed of the trial; `None`: it never began."""
     ended_by: str
-    """End, such as `environment` or `duration limit`; empty: it is not known."""
+    """Cause of the end, such as `environment` or `duration limit`; empty: unknown."""
     sim_time_s: float | None
-    """Simulated time at its end; None: it is not known."""
+    """Simulated time at the end of a trial, in seconds; `None`: unknown."""
     wall_time_s: float
-    """Time that it took."""
+    """Duration of a trial or job, in seconds."""
     output: str | None
-    """Address of its outputs, `file:///…` or `s3://…`; None: it has none of its own."""
+    """Address of its outputs, `file:///…` or `s3://…`; `None`: it has none of its own."""
     axes: Mapping[str, Value]
-    """Values of the axes of the trials, by name."""
+    """Values of a trial's varied parameters (axes), by name."""
     metrics: Mapping[str, float]
-    """Numbers by name with unit, such as `distance_m`."""
+    """Metrics of a trial: numbers by name with unit, such as `distance_m`."""
     requirements: list[Requirement]
     """Requirements that it was judged by, with limits, values and margins."""
 

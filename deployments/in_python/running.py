@@ -70,7 +70,7 @@ def _chosen(file: str, options: RunOptions, parameters: dict[str, Any]) -> Check
 
 
 def _again(file: str, spec: CheckedSpec, options: RunOptions) -> list[str]:
-    """The command that does the same again."""
+    """Returns the command line that does the same run again."""
     given = {"--name": options.name, "--seed": options.seed, "--backend": options.backend}
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     return ["robomaker", "run", file, *set_options(spec.parameters), *words, *(["--reuse"] if options.reuse else [])]

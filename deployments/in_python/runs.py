@@ -1,4 +1,4 @@
-"""A run of a specification, which has ended or not, with its jobs, worlds and rows of results."""
+"""Run of a specification, ended or not, with its jobs, worlds and table of results."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 _MOST_SHOWN = 40
-"""Jobs in the table of a notebook, as in the summary on a terminal."""
+"""Limit of the jobs in a notebook's table, as in the summary on a terminal."""
 _MOST_OF_REASON = 240
-"""Characters of a reason there; the job's own card has all of it."""
+"""Limit of the characters of a reason in that table; the job's own card has all of it."""
 
 _RANKS = {outcome: rank for rank, outcome in enumerate(get_args(CaseOutcome))}
 
@@ -43,7 +43,7 @@ class Run:
 
     @property
     def id(self) -> str:
-        """Id of the run."""
+        """Id of the specification's run."""
         return self._standing.run_id
 
     @property
@@ -53,12 +53,12 @@ class Run:
 
     @property
     def outcome(self) -> RunOutcome:
-        """Outcome as a whole; or `running`, or `broken off` when its process died before it had ended."""
+        """Outcome of the whole run; or `running`, or `broken off` if its process died before it had ended."""
         return self._standing.outcome
 
     @property
     def has_ended(self) -> bool:
-        """Whether it has ended; `results` reads anew how it stands."""
+        """Whether the run has ended; call `results` again for its current state."""
         return self._standing.has_ended
 
     @property
@@ -68,14 +68,14 @@ class Run:
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code of the command line for it; None: it has not ended."""
+        """Exit code that `robomaker run` would return; `None`: it has not ended."""
         return self.record.exit_code if self.record else None
 
     @property
     def meaning(self) -> str:
-        """Meaning of the exit code in words: what went wrong, or the answer of `--against`, or that of a challenge.
+        """Meaning of the exit code in words: what went wrong, or the result of `--against`, or of a challenge.
 
-        Of a run that has not ended it says so.
+        A run that has not ended says so.
         """
         if self.record is not None:
             return meaning_of(self.record)
@@ -83,7 +83,7 @@ class Run:
 
     @property
     def record(self) -> RunRecord | None:
-        """The record: steps, versions, commit, times and more; None: it has not ended."""
+        """Record of the run: steps, versions, commit, times and more; `None`: it has not ended."""
         return self._standing.record
 
     @property
@@ -94,7 +94,7 @@ class Run:
 
     @property
     def started_at(self) -> datetime | None:
-        """Start, UTC; None: it is not known yet."""
+        """Start time of the run in UTC; `None`: not known yet."""
         told = self.record or self._standing.order
         return told.started_at if told else None
 
@@ -105,23 +105,23 @@ class Run:
 
     @property
     def report(self) -> Path | None:
-        """The HTML report; None: there is none, or none yet."""
+        """Path of the HTML report; `None`: there is none, or none yet."""
         path = self.folder / "report.html"
         return path if path.is_file() else None
 
     @property
     def problems(self) -> dict[str, str]:
-        """Reasons why steps failed, by step."""
+        """Reasons why steps of the run failed, by step."""
         return {step.name: step.error for step in self._standing.steps if step.error}
 
     @cached_property
     def jobs(self) -> list[Job]:
-        """Simulation jobs, and requests of which none came, in the order of the requests."""
+        """Simulation jobs, and requests without a job, in the order of the requests."""
         return [Job(job, self._world_of(job), self._service) for job in self._standing.jobs]
 
     @cached_property
     def worlds(self) -> list[World]:
-        """Worlds that it made or drove in, each once."""
+        """Worlds that the run made or used, each once."""
         made = [
             arn
             for step in self._standing.steps
@@ -167,7 +167,7 @@ class Run:
         return World(arn, short_name(arn), self._service)
 
     def __bool__(self) -> bool:
-        """Refuses to be taken for true: a run that failed would be, too.
+        """Raises an error if a run is used as a truth value, as a failed run would be true.
 
         Raises:
             TypeError: always.
@@ -175,7 +175,7 @@ class Run:
         raise TypeError(f"{self.id} is neither true nor false; ask whether it .passed, or for its .outcome")
 
     def __repr__(self) -> str:
-        """Says how it stands, in a line."""
+        """Describes the run's state in one line."""
         return f"<Run {self.id}: {self._standing.in_words()}>"
 
     def _repr_html_(self) -> str:
@@ -198,6 +198,6 @@ class Run:
 
 
 def _in_a_line(reason: str) -> str:
-    """The first line of a reason, whose others may be the end of a log."""
+    """Returns the first line of a reason; its other lines may be the end of a log."""
     first = next(iter(reason.strip().splitlines()), "")
     return first if len(first) <= _MOST_OF_REASON else f"{first[: _MOST_OF_REASON - 1]}…"

@@ -1,4 +1,4 @@
-"""Worlds of a run, with their plans and pictures."""
+"""Worlds of a run, with their floor plans and pictures."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,11 +16,11 @@ from .html import card, image, line
 
 @dataclass(frozen=True)
 class World:
-    """A world that a run made or drove in."""
+    """World that a run made or used."""
 
     arn: str
     name: str
-    """Short name for people: `generation-…/world-3`."""
+    """Short name of a world for people: `generation-…/world-3`."""
     _service: Service = field(repr=False, compare=False)
 
     @cached_property
@@ -29,7 +29,7 @@ class World:
 
     @cached_property
     def folder(self) -> Path:
-        """Folder of its files on this machine: `world.xml`, `world.json`, the map; they are fetched if need be.
+        """Folder of its files on this machine: `world.xml`, `world.json`, the map; they are downloaded if necessary.
 
         Raises:
             ResourceNotFoundException: the world was deleted.
@@ -39,7 +39,7 @@ class World:
 
     @cached_property
     def plan(self) -> str:
-        """Floor plan, SVG; it raises as `folder` does."""
+        """Floor plan of a world as SVG; it raises errors as `folder` does."""
         return (self.folder / "floorplan.svg").read_text(encoding="utf-8")
 
     @cached_property
@@ -48,7 +48,7 @@ class World:
         return preview_of(self._resource, self._service)
 
     def drawing(self) -> Markup:
-        """Returns the plan as an image for a page, or why there is none."""
+        """Returns the floor plan as an image for a page, or the reason why there is none."""
         try:
             return image(self.plan.encode(), "image/svg+xml", f"Plan of {self.name}")
         except (RobomakerError, OSError) as error:

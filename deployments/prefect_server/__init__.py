@@ -1,4 +1,4 @@
-"""The local Prefect server: one for each data home, started once, kept, and its user's alone.
+"""Local Prefect server: one for each data home, started in the background, and accessible to its user only.
 
 ```
 robomaker, Prefect workers ── local_server (finds, starts, stops)

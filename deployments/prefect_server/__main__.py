@@ -1,4 +1,4 @@
-"""The process of the local Prefect server: `python -m prefect_robomaker.deployments.prefect_server`.
+"""Entry point of the local Prefect server's process: `python -m prefect_robomaker.deployments.prefect_server`.
 
 It serves the home that `ROBOMAKER_HOME` names, and reads the home's secret itself, so that neither its command line
 nor the environment it was started with holds it. `--socket` is the number of an inherited socket that listens at

@@ -1,4 +1,4 @@
-"""The local Prefect server: started once, in the background, and reused.
+"""Finds, starts and stops the local Prefect server, which runs in the background and is reused.
 
 An ephemeral server costs 12-20 CPU-seconds in every run; this one costs them once. It listens on
 127.0.0.1 only, keeps its database under the data home, and is found again through a state file
@@ -32,7 +32,10 @@ START_TIMEOUT_S = 180.0
 _PROGRAM = "prefect_robomaker.deployments.prefect_server"
 _CLIENT_VARIABLES = ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_API_KEY", "PREFECT_PROFILE")
 _PORTS = range(20_000, 32_768)
-"""Below those that Linux gives to clients: while the server is away, one that asks for it could be given its port."""
+"""Ports of the local server.
+
+They are below those that Linux gives to clients: while the server is away, one of these could be given its port.
+"""
 
 
 class LocalServerError(RobomakerError):
@@ -44,7 +47,7 @@ class ServerStatus:
     """Status of the Prefect server of a data home."""
 
     running: bool
-    """Whether it answers."""
+    """Whether the Prefect server answers."""
 
     api_url: str | None = None
     pid: int | None = None
@@ -53,7 +56,7 @@ class ServerStatus:
     """Whether `PREFECT_API_URL` or a Prefect profile names the server, so that none is started here."""
 
     busy: bool = False
-    """Whether it is there, and has not answered in time."""
+    """Whether the Prefect server exists but has not answered in time."""
 
 
 def ensure_server(
@@ -94,7 +97,7 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
     """Returns the environment variables with which Prefect's client uses a server.
 
     Args:
-        api_url: what `ensure_server` returned.
+        api_url: API URL of the Prefect server, from `ensure_server`.
         settings: the data home's.
         environ: variables that are there already, usually `os.environ`.
 
@@ -149,7 +152,7 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
 
 
 def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> ServerStatus:
-    """The server's status, after waiting for one that is busy."""
+    """Returns the server's status, after waiting for a busy server."""
     status = server_status(settings, environ)
     if status.busy:
         api_url = str(status.api_url)
@@ -200,7 +203,7 @@ def _without_client_variables(environ: Mapping[str, str]) -> dict[str, str]:
 
 
 def _stop(settings: Settings) -> bool:
-    """Ends the process that the state file names; answers whether it was a server."""
+    """Ends the process that the state file names; returns whether it was a server."""
     status = _known_server(settings)
     _state_file(settings).unlink(missing_ok=True)
     if status.pid is None or not _is_alive(status):
@@ -229,7 +232,7 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
 
 
 def _is_alive(status: ServerStatus) -> bool:
-    """Whether the process is the server of that address: process ids are used again after a reboot."""
+    """Whether the process is the server of that address; process ids are reused after a reboot."""
     try:
         arguments = set(Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0"))
     except OSError:
@@ -238,7 +241,7 @@ def _is_alive(status: ServerStatus) -> bool:
 
 
 def _has_ended(pid: int) -> bool:
-    """Whether a process has closed all that it had open; its command line is gone before."""
+    """Whether a process has closed all its files; its command line disappears before."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] in "ZX"
     except OSError:
@@ -246,9 +249,9 @@ def _has_ended(pid: int) -> bool:
 
 
 def _listener(memory: Path) -> socket.socket:
-    """Listens at the port of the last time, so that bookmarks and workers keep working; at another one if it is taken.
+    """Opens a listening socket at the last used port, so that bookmarks and workers keep working; else at a free one.
 
-    Who connects waits until the server answers.
+    Clients that connect wait until the server answers.
     """
     others = [*random.SystemRandom().sample(_PORTS, 10), 0]
     try:
@@ -266,7 +269,7 @@ def _listener(memory: Path) -> socket.socket:
 
 
 def _known_server(settings: Settings) -> ServerStatus:
-    """The server that the state file names, whether it still runs or not."""
+    """Returns the server in the state file, whether it still runs or not."""
     try:
         return ServerStatus(**json.loads(_state_file(settings).read_text()))
     except (OSError, ValueError, TypeError):

@@ -1,4 +1,4 @@
-"""Logs a user's browser in: a page that takes a one-time token and leads to Prefect's pages."""
+"""Login page for the local Prefect server: accepts a one-time token and redirects to Prefect's pages."""
 
 import base64
 import hashlib
@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 LIFE_S = 600.0
-"""Time that a token works: ten minutes."""
+"""Validity of a login token, in seconds: ten minutes."""
 
 _MOST = 100
 _TOKEN_BYTES = 24
@@ -27,7 +27,7 @@ class OneTimeTokens:
     """One-time tokens for login links to the local Prefect server.
 
     Args:
-        life_s: how long a token works.
+        life_s: validity of a token, in seconds.
         clock: seconds that only grow.
         make: makes a token that cannot be guessed.
     """
@@ -54,7 +54,7 @@ class OneTimeTokens:
             return token
 
     def redeem(self, token: str) -> bool:
-        """Returns whether a token is valid, and makes it invalid."""
+        """Returns whether a login token is valid, and makes it invalid."""
         with self._lock:
             expiry = self._expiries.pop(token, None)
             return expiry is not None and self._clock() < expiry
@@ -63,10 +63,10 @@ class OneTimeTokens:
 PAGE = "/robomaker/login"
 LINKS = "/robomaker/login-links"
 LOGO = "/robomaker/logo.svg"
-"""A picture for pages, so that they need none of another site."""
+"""URL path of the logo, so that pages need no picture of another site."""
 
 _PASSWORD_PAGES = ("/login", "/v2/login")
-"""Prefect's own, for a password, which no user of ours types."""
+"""URL paths of Prefect's own password pages, which are not used here."""
 
 _MOST_BYTES = 1024
 _NO_STORE = {"cache-control": "no-store"}
@@ -135,7 +135,7 @@ def _is_page(request: Request) -> bool:
 
 
 async def _token(request: Request) -> str | None:
-    """Returns the token in a request's body, or `None`."""
+    """Returns the login token in a request's body, or `None`."""
     body = b""
     try:
         async for part in request.stream():

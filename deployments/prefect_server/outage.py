@@ -1,4 +1,4 @@
-"""Whether a Prefect server answers, and its outages: told at once, waited for once."""
+"""Health of a Prefect server, and its outages: reported at once, waited for in one place."""
 
 import logging
 import threading
@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 _TIMEOUT_S = 5.0
 BUSY_PATIENCE_S = 90.0
-"""Patience with a busy server: a machine with much to do may keep it from answering for a minute."""
+"""Longest wait for a busy server, in seconds: a loaded machine may keep it from answering for a minute."""
 
 _logger = logging.getLogger(__name__)
 
@@ -21,10 +21,10 @@ class Health(Enum):
 
     HEALTHY = auto()
     BUSY = auto()
-    """Something listens there, and does not answer in time."""
+    """Something listens at the port, but does not answer in time."""
 
     AWAY = auto()
-    """Nothing listens there, or something that is no Prefect server."""
+    """Nothing listens at the port, or something that is no Prefect server."""
 
 
 def health_of(api_url: str) -> Health:
@@ -55,13 +55,13 @@ def wait_while_busy(
     """Waits while a Prefect server is busy.
 
     Args:
-        ask: asks the server; takes its time where it is busy.
-        what: the server, for the log.
-        patience_s: how long.
-        clock: gives seconds.
+        ask: checks the server's health; may take some seconds.
+        what: description of the server, for the log.
+        patience_s: longest wait, in seconds.
+        clock: function that returns seconds.
 
     Returns:
-        How it does; busy only once patience has ended.
+        The server's health; busy only after `patience_s` has passed.
     """
     deadline = clock() + patience_s
     _logger.warning("%s is busy and does not answer; waiting for it, %g s at most", what, patience_s)
@@ -71,11 +71,13 @@ def wait_while_busy(
 
 
 DEAD_PATIENCE_S = 5.0
-"""Patience with the home's own server when nothing listens at its port: only a person starts it again. Others
-have theirs started again by what keeps them, such as systemd or a container engine, also on this machine."""
+"""Longest wait for the home's own server if nothing listens at its port, in seconds: only a person restarts it.
+
+Other servers are restarted by their supervisor, such as systemd or a container engine, also on this machine.
+"""
 
 SILENCE_S = 5.0
-"""Time that a request may go without an answer before the server is asked how it does."""
+"""Time without a response after which the server's health is checked, in seconds."""
 
 _LOOK_S = 1.0
 
@@ -88,7 +90,7 @@ class Outage:
         ask: asks the server how it does; takes some seconds at most.
         tell: tells the user a sentence; called from any thread.
         is_own: whether the home's own server is there, which nothing starts again by itself.
-        clock: gives seconds.
+        clock: function that returns seconds.
         look_s: seconds between two polls of a server that is away, and of the requests that wait for an answer.
     """
 
@@ -112,7 +114,7 @@ class Outage:
         self._since = 0.0
         self._has_told_end = False
         self.has_been = False
-        """Whether the server was away at some time, so that it may not know how runs ended."""
+        """Whether the server was ever away, so that it may not know how runs ended."""
         self._open_requests: dict[object, float] = {}
         self._closed = threading.Event()
 
@@ -128,7 +130,7 @@ class Outage:
 
     @property
     def is_on(self) -> bool:
-        """Whether the server is away."""
+        """Whether the Prefect server is away."""
         return self._health is not Health.HEALTHY
 
     @property
@@ -150,7 +152,7 @@ class Outage:
 
     @contextmanager
     def asking(self) -> Generator[float]:
-        """Counts a request as open inside the `with` block."""
+        """Counts a request to the Prefect server as open inside the `with` block."""
         request, began = object(), self._clock()
         self._open_requests[request] = began
         try:
@@ -162,7 +164,7 @@ class Outage:
         """Checks the server's health after an unanswered request.
 
         Args:
-            since: when that request began.
+            since: start of that request.
 
         Returns:
             Whether the server is away.
@@ -183,7 +185,7 @@ class Outage:
         return self.is_on
 
     def _tell_end(self) -> None:
-        """Reports once that the server did not answer within the patience."""
+        """Reports once that the server did not answer within the waiting time."""
         if self.is_on and not self.is_waited_for and not self._has_told_end:
             self._has_told_end = True
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")

@@ -1,4 +1,4 @@
-"""Requests of Prefect's client that wait for a server that is away in one place, and not each for itself.
+"""Makes all requests of Prefect's client wait together while its server is away.
 
 Prefect's client tries a request again for a minute, and each after the other; its events try ten times. Inside
 `patient_requests` all of them share the patience of one `Outage`. It acts on httpx's transports, below the client's own
@@ -20,7 +20,7 @@ from .outage import Outage
 
 _LOGS = "/logs"
 _TOKEN = "/csrf-token"  # noqa: S105 - a path
-"""Asked for before the first change that a client orders, and again when it is out of date."""
+"""URL path of the CSRF token, requested before the first change that a client makes, and when it has expired."""
 
 _SHOWN = ("/artifacts", _LOGS, "/concurrency_limits", "/v2/concurrency_limits")
 """Paths of requests that do not wait for an absent server: they only inform, or are repeated anyway."""
@@ -66,7 +66,7 @@ def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Genera
 
 
 class _Patience:
-    """Sends requests to one Prefect server, and repeats those that must arrive as long as an outage is waited for."""
+    """Sends requests to one Prefect server, and repeats those that must arrive after an outage."""
 
     def __init__(self, outage: Outage, api_url: str) -> None:
         self._outage = outage
@@ -123,7 +123,7 @@ class _Patience:
             tasks.cancel_scope.cancel()
 
     async def _answers(self) -> bool:
-        """Waits until the server answers or patience has run out; says whether it answers."""
+        """Waits until the server answers or waiting time is over; returns whether it answers."""
         while self._outage.is_waited_for:
             await anyio.sleep(_LOOK_S)
         return not self._outage.is_on
@@ -133,14 +133,14 @@ class _Patience:
 
 
 def _no_token() -> dict[str, str]:
-    """A token that is out of date at once, so that the server is asked for one when it is back."""
+    """Returns a CSRF token that expires at once, so that the client requests one when the server is back."""
     return {"token": "", "client": "", "expiration": datetime.now(UTC).isoformat()}
 
 
 def _waits(request: httpx.Request, root: str) -> bool:
     """Whether a request waits for the server: those of the main thread that begin and end flow runs.
 
-    One that does not is also answered soon or never, as far as its caller goes.
+    A request that does not wait is also answered soon or never, from its caller's view.
     """
     path = request.url.path.removeprefix(root)
     if threading.current_thread() is threading.main_thread() and not path.startswith(_SHOWN):

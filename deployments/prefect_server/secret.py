@@ -1,4 +1,4 @@
-"""The auth string of a home's Prefect server, links that log in with it, and settings that the server runs with."""
+"""Login secret of the home's Prefect server, login links, and the server's settings."""
 
 import base64
 import json
@@ -58,7 +58,7 @@ def auth_string(settings: Settings) -> str:
 
 
 def _make(path: Path) -> None:
-    """Writes a new secret, unless another process is quicker; the file is never there without its content."""
+    """Writes a new secret file unless another process is faster; the file never exists without its content."""
     temporary = path.with_name(f"{FILE}.{os.getpid()}.{secrets.token_hex(4)}")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""Runs Prefect's server application in this process: guarded, with our pages and jobs, mended where it gets stuck.
+"""Runs Prefect's server application in this process, with access protection, login pages and background jobs.
 
 Prefect's settings must be set before this module is imported.
 """
@@ -69,7 +69,10 @@ async def _run(job: "Job", api_url: str, auth_string: str) -> None:
 
 
 _SILENT_S = 15.0
-"""After how long the stacks of all threads are written: three times as long as clients wait for a sign of life."""
+"""Time without a sign of life after which the stacks of all threads are logged, in seconds.
+
+It is three times the timeout of clients.
+"""
 
 _TICK_S = 3.0
 
@@ -94,7 +97,7 @@ class RepeatedLogins:
         self._application = application
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers a request, or serves a socket."""
+        """Answers a request, or serves a socket, without a repeated login (ASGI)."""
         is_of_events = scope["type"] == "websocket" and scope["path"].endswith(_PATH)
         await self._application(scope, _first_login(receive) if is_of_events else receive, send)
 
@@ -128,16 +131,16 @@ def _is_login(message: Message) -> bool:
 
 
 _SQLITE_WAITS_MS = 50
-"""Time that the main thread can be kept waiting; SQLite's own pauses are up to 100 ms."""
+"""Time that SQLite itself may wait for a lock, in milliseconds; its own pauses, up to 100 ms, block the main thread."""
 
 _PATIENCE_S = 60.0
-"""Time that Prefect lets a connection wait."""
+"""Time that Prefect lets a connection wait for a lock, in seconds."""
 
 _PAUSE_S = 0.005
 _LONGEST_PAUSE_S = 0.1
 
 _CALLS = frozenset({"execute", "executemany", "commit"})
-"""Calls that are tried again while the database is locked; `executemany` only if it has changed nothing."""
+"""Database calls that are repeated while the database is locked; `executemany` only if it has changed nothing."""
 
 
 def wait_in_the_event_loop() -> None:
@@ -175,7 +178,10 @@ def wait_in_the_event_loop() -> None:
 
 
 def _refused(error: sqlite3.OperationalError, call: Callable[..., Any]) -> bool:
-    """Whether another connection has the lock; where no waiting helps, the code is `SQLITE_BUSY_SNAPSHOT`."""
+    """Whether a call failed because another connection has the lock.
+
+    With `SQLITE_BUSY_SNAPSHOT` waiting does not help.
+    """
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY and getattr(call, "__name__", "") in _CALLS
 
 
@@ -183,19 +189,24 @@ _LOOK_FOR_WORK = timedelta(seconds=2)
 """Time that Prefect's background worker waits for work, which wakes it; by default 0.25 s."""
 
 _LOOK_FOR_SLOTS = timedelta(seconds=0.25)
-"""Time that it sleeps while its slots are taken, as by default: ten of a bulk of tasks, such as removing logs of
-5,000 flow runs, begin after each sleep. More slots instead would be more writers of SQLite than it has connections."""
+"""Time that Prefect's background worker sleeps while its slots are taken, as by default.
+
+Ten tasks of a bulk, such as removing logs of 5,000 flow runs, begin after each sleep. More slots instead would be more
+writers of SQLite than it has connections.
+"""
 
 _LOOK_FOR_DUE = timedelta(seconds=0.5)
-"""Time between checks which of Prefect's services are due; by default 0.25 s. Less than the second by which Prefect's
-polls for new deployments overlap: later ones would miss some."""
+"""Interval between checks which of Prefect's services are due; by default 0.25 s.
+
+It is less than the second by which Prefect's polls for new deployments overlap: later ones would miss some.
+"""
 
 _LOOK_FOR_MESSAGES_S = 0.5
-"""Seconds between two checks whether one of its tasks is cancelled, which Prefect never does."""
+"""Interval between two checks whether a background task is cancelled, in seconds; Prefect never does that."""
 
 
 class _SeldomLooking(Worker):
-    """A background worker that waits long for work, but not for its own slots; docket has one time for both."""
+    """Background worker that waits long for work, but not for its own slots; docket has one setting for both."""
 
     @property
     def minimum_check_interval(self) -> timedelta:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -217,7 +228,10 @@ def look_seldom() -> None:
 
 
 async def _wait_for_message(self: Any, timeout: float | None) -> Any:
-    """Waits for a message in the event loop; burner-redis has a thread wait, ten times a second, and costs more."""
+    """Waits for a message in the event loop.
+
+    burner-redis uses a thread that wakes ten times a second, which costs more.
+    """
     clock = asyncio.get_running_loop().time
     deadline = None if timeout is None else clock() + timeout
     while True:
@@ -267,7 +281,7 @@ def run(listener: socket.socket, auth_string: str) -> None:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's server, with our jobs beside it while it answers."""
+    """uvicorn server with background jobs that run while it answers."""
 
     def __init__(self, config: uvicorn.Config, api_url: str, auth_string: str) -> None:
         super().__init__(config)
@@ -285,6 +299,6 @@ class _Server(uvicorn.Server):
             await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the background jobs, then the server."""
+        """Ends the background jobs, then the Prefect server."""
         await self._beside.aclose()
         await super().shutdown(sockets)

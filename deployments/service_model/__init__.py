@@ -1,1 +1,1 @@
-"""The service model that SDKs build their clients from: its generator, the generated files, their installation."""
+"""API model for AWS SDKs (service model): its generator, the generated files, their installation."""

@@ -1,4 +1,4 @@
-"""Makes SDKs find the service model: by an environment variable, or from the folder they look in.
+"""Makes AWS SDKs find the API model: by an environment variable, or from their model folder.
 
 boto3 and the AWS CLI look for models in the folders of `AWS_DATA_PATH`, then in `~/.aws/models`, then
 among their own, which have none of RoboMaker any more.
@@ -19,14 +19,14 @@ ENDPOINT_RULES = "endpoint-rule-set-1.json"
 FILES = (SERVICE, PAGINATORS, WAITERS, ENDPOINT_RULES)
 
 DATA_PATH = Path(__file__).parent / "models"
-"""Folder for `AWS_DATA_PATH`."""
+"""Folder that `AWS_DATA_PATH` must name so that AWS SDKs find the API model."""
 
 _INSIDE = Path("robomaker", "2018-06-29")
 MODEL_FOLDER = DATA_PATH / _INSIDE
-"""Folder of the model's files."""
+"""Folder of the API model's files."""
 
 FULL_NAME = "RoboMaker on Prefect"
-"""Name of the service in our model; it tells the model from models of others."""
+"""Full service name in the API model, which distinguishes it from other models."""
 
 
 @dataclass(frozen=True)
@@ -34,20 +34,20 @@ class Installation:
     """Result of installing or removing the API model for AWS SDKs, file by file."""
 
     folder: Path
-    """Folder in which SDKs find the model."""
+    """Folder in which AWS SDKs find the API model."""
 
     written: tuple[str, ...] = ()
-    """Files that were not there."""
+    """Names of API model files that were new."""
 
     replaced: tuple[str, ...] = ()
-    """Files that were there with other content."""
+    """Names of API model files whose content was replaced."""
 
     removed: tuple[str, ...] = ()
-    """Files that are gone."""
+    """Names of deleted API model files."""
 
     @property
     def changed(self) -> bool:
-        """Whether any file was changed."""
+        """Whether any API model file was changed."""
         return bool(self.written or self.replaced or self.removed)
 
 

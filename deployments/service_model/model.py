@@ -1,4 +1,4 @@
-"""The service model of our own interface, in the form that boto3 and the AWS CLI read.
+"""Generates the API model of this service in the form that boto3 and the AWS CLI read.
 
 `python -m prefect_robomaker.deployments.service_model.model` writes the files of `MODEL_FOLDER` from the
 schemas. The service's name, API version and protocol are unchanged, so that code written for it runs on.
@@ -38,7 +38,7 @@ FILLED_IN = frozenset(
         "SyncDeploymentJob",
     }
 )
-"""Operations whose `clientRequestToken` SDKs make up when the caller gives none."""
+"""Operations whose `clientRequestToken` SDKs generate if the caller gives none."""
 NO_ENDPOINT = (
     "RoboMaker has no endpoint of its own: start `robomaker serve` and give its URL as endpoint_url, "
     "--endpoint-url or AWS_ENDPOINT_URL_ROBOMAKER"

@@ -1,4 +1,4 @@
-"""Our request and response models as shapes of a botocore service model."""
+"""Converts request and response models to shapes of a botocore service model."""
 
 import html
 import inspect
@@ -16,7 +16,10 @@ Definition = dict[str, Any]
 
 ERROR_MESSAGE = "errorMessage"
 WIDEST = frozenset({"MaxResults"})
-"""Shapes whose bounds depend on the operation; the model has the widest, as SDKs must not refuse what we take."""
+"""Shapes whose bounds depend on the operation.
+
+The API model has the widest bounds, as SDKs must not refuse what the service accepts.
+"""
 _UNNAMED = {bool: ShapeName("BoxedBoolean"), int: ShapeName("Integer")}
 _TYPES = {str: "string", int: "integer", float: "float", bool: "boolean", AwareDatetime: "timestamp"}
 _BOUNDS = {
@@ -82,7 +85,7 @@ class Shapes:
         return definition
 
     def _value(self, annotation: Any) -> str:
-        """Adds the shape of a member's, entry's or key's type; answers its name."""
+        """Adds the shape of the type of a member, entry or key; returns its name."""
         annotation = _present(annotation)
         metadata: tuple[Any, ...] = ()
         kind = annotation
@@ -101,7 +104,7 @@ class Shapes:
         return shape_name.name
 
     def _choice(self, models: tuple[type[Shape], ...], name: str) -> str:
-        """Adds one structure for a choice of models: service models know no choices, so it has the members of all."""
+        """Adds one structure for a union of models: service models have no unions, so it has the members of all."""
         tags = {model: get_args(model.model_fields["kind"].annotation)[0] for model in models}
         self._add(f"{name}Kind", {"type": "string", "enum": list(tags.values())})
         members: Definition = {"kind": {"shape": f"{name}Kind", "documentation": as_html("Which kind it is.")}}
@@ -145,7 +148,7 @@ class Shapes:
 
 
 def _present(annotation: Any) -> Any:
-    """The type of a member that is there."""
+    """Returns the type of a member without `None`, as in `X | None`."""
     inner = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
     if get_origin(inner) in (Union, types.UnionType):
         present = [each for each in get_args(inner) if each is not type(None)]
@@ -158,7 +161,7 @@ def _requires(model: type[Shape], member: str) -> bool:
 
 
 def _limits(annotation: Any, shape_name: ShapeName) -> Definition:
-    """Bounds and pattern of a shape: those we enforce, else those its `ShapeName` gives."""
+    """Returns bounds and pattern of a shape: those that are enforced here, else those of its `ShapeName`."""
     schema = TypeAdapter(annotation).json_schema(mode="serialization")
     found = {bound: next((schema[key] for key in keys if key in schema), None) for bound, keys in _BOUNDS.items()}
     given = {"min": shape_name.minimum, "max": shape_name.maximum}

@@ -1,4 +1,4 @@
-"""Waiters: what SDKs can wait for. The service never had any."""
+"""Waiters with which SDKs wait for a job's state. AWS RoboMaker had none."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -13,33 +13,33 @@ class Waiter:
     """Definition of an SDK waiter, which polls a job until it reaches a state."""
 
     name: str
-    """Name of the waiter in SDKs."""
+    """Name of an SDK waiter."""
 
     operation: str
-    """The operation that is called."""
+    """API operation that an SDK waiter calls."""
 
     lifecycle: Lifecycle[Any]
     """Lifecycle of the job: each of its final states ends the waiting."""
 
     delay_s: int
-    """Seconds between two calls."""
+    """Time between two calls of an SDK waiter, in seconds."""
 
     most_calls: int
-    """Limit on the calls that it makes."""
+    """Limit of the calls that an SDK waiter makes."""
 
     wanted: Collection[str] = ("Completed",)
-    """States that are waited for."""
+    """Job states that end an SDK waiter's waiting successfully."""
 
     also_failed: Collection[str] = ()
-    """States that something leads out of, but hardly where one wants to go."""
+    """Further states that end the waiting with a failure, although they are not final."""
 
     @property
     def failed(self) -> list[str]:
-        """States in which the waiter gives up."""
+        """Job states in which an SDK waiter gives up."""
         return sorted({*self.lifecycle.terminal, *self.also_failed} - {*self.wanted})
 
     def as_model(self) -> dict[str, Any]:
-        """Returns the waiter in botocore's format."""
+        """Returns the SDK waiter in botocore's format."""
         ends = [("success", state) for state in self.wanted] + [("failure", state) for state in self.failed]
         return {
             "operation": self.operation,
@@ -84,7 +84,10 @@ WAITERS = (
     ),
     Waiter("WorldExportJobCompleted", "DescribeWorldExportJob", WORLD_EXPORT_JOB, delay_s=2, most_calls=1800),
 )
-"""Half an hour for a simulation to start, four hours for it to end, a day for a batch, an hour for worlds."""
+"""All waiters of the API model.
+
+They wait half an hour for a simulation to start, four hours for it to end, a day for a batch, an hour for worlds.
+"""
 
 
 def waiters_model() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Runs of specifications that visitors of the console order: each is a process of its own, as `robomaker run` is.
+"""Runs of specifications that visitors of the console order: each is a process of its own, like `robomaker run`.
 
 ```
 console ── rights (may the key do all this?) ── SpecRuns ── process: `deployments.cli.ordered_run`

@@ -1,4 +1,4 @@
-"""Whether an access key is good for all that a specification does: before it runs, and again at each of its steps."""
+"""Checks whether an access key permits everything a specification does: before it runs, and at each step."""
 
 import uuid
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The ordered runs of a data home, and their states: begun, ended, and taken up where they broke off."""
+"""Ordered runs of a data home, and their states: starts, cancels and resumes them."""
 
 import fcntl
 import os
@@ -18,7 +18,7 @@ from ...tasks.nights.open_runs import CANCEL, LOCK, LOG, ORDER, OpenRun, has_bro
 from ...tasks.nights.taking_up import CONTINUED, start_process
 
 STANDING = "standing.json"
-"""File in the folder of an ordered run."""
+"""Name of the file with the state of an ordered run, in the run's folder."""
 
 _EVERY_S = 0.3
 
@@ -64,7 +64,7 @@ class StandingFile:
 
     Args:
         folder: the run's.
-        standing: how it stands at the beginning.
+        standing: initial state of the run.
     """
 
     def __init__(self, folder: Path, standing: Standing) -> None:
@@ -74,7 +74,7 @@ class StandingFile:
         self._is_due = False
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Takes an event of the run."""
+        """Updates the stored state of an ordered run by an event of the run."""
         with self._lock:
             if isinstance(event, Note):
                 self._change(note=event.text)
@@ -100,7 +100,7 @@ class StandingFile:
         self._change(steps=steps)
 
     def _change(self, **members: object) -> None:
-        """Updates the standing, and writes it a moment later: of thousands of jobs each has several events."""
+        """Updates the state, and writes it a moment later, as thousands of jobs each cause several events."""
         self._standing = self._standing.model_copy(update=members)
         if not self._is_due:
             self._is_due = True
@@ -109,7 +109,7 @@ class StandingFile:
             timer.start()
 
     def write(self) -> None:
-        """Writes the current state."""
+        """Writes the current state of an ordered run."""
         with self._lock:
             self._is_due = False
             write_standing(self._folder, self._standing)
@@ -118,7 +118,7 @@ class StandingFile:
 _MOST_LOG_BYTES = 4_096
 
 MOST_AT_ONCE = 4
-"""Each is a process of some 200 MB; their jobs share the machine with all others."""
+"""Limit of runs at the same time: each is a process of some 200 MB, and their jobs share the machine."""
 
 
 class SpecRuns:
@@ -176,7 +176,7 @@ class SpecRuns:
         return True
 
     def _open(self) -> Iterator[str]:
-        """Returns the runs of visitors that have not ended."""
+        """Yields the ids of visitors' runs that have not ended."""
         return (path.parent.name for path in self._runs.glob(f"*/{LOCK}") if path.with_name(STANDING).is_file())
 
     def _check_room(self) -> None:
@@ -188,7 +188,7 @@ class SpecRuns:
         return read_standing(self._runs / run_id)
 
     def going(self) -> list[str]:
-        """Returns the ids of running runs, newest first."""
+        """Returns the ids of ordered runs that are running, newest first."""
         return sorted(filter(self.is_going, self._open()), key=lambda name: name.rpartition("-")[2], reverse=True)
 
     def is_going(self, run_id: str) -> bool:

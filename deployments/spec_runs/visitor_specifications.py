@@ -1,4 +1,4 @@
-"""Specifications of visitors: those that come with this package, and the check that all have to pass."""
+"""Specifications that come with this package, and the check that all visitors' specifications must pass."""
 
 import os
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ def checked(
 
     Args:
         text: YAML or JSON.
-        filename: what problems call it.
+        filename: name of the file in error messages.
         parameters: values of its parameters, as `load_spec` takes them.
         is_complete: whether each parameter has to have a value, as for a run.
 

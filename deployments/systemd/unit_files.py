@@ -1,4 +1,4 @@
-"""Writing the units where systemd looks for a user's own."""
+"""Writes systemd units into the folder for a user's own units."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,7 +40,7 @@ def install(programs: Path, environ: Mapping[str, str]) -> list[Path]:
         environ: environment variables, which say where configurations are.
 
     Returns:
-        What was written.
+        Paths of the written files.
 
     Raises:
         ConfigurationError: a file cannot be written.

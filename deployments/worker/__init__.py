@@ -1,4 +1,4 @@
-"""The job worker of the endpoint: a separate process that runs stored jobs, so that neither slows the other down.
+"""Job worker of the endpoint: a separate process that runs stored jobs, so that neither slows the other down.
 
 ```
 robomaker serve                     this package

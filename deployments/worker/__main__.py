@@ -1,4 +1,4 @@
-"""The job worker's process: `python -m prefect_robomaker.deployments.worker FD`.
+"""Entry point of the job worker's process: `python -m prefect_robomaker.deployments.worker FD`.
 
 It sends its status through the pipe FD. It ends when it is told to, when it gets SIGTERM or SIGINT, and when the
 pipe's other end closes, so that it never outlives the process that started it.
@@ -32,7 +32,7 @@ IDLE_POLL_S = 1.0
 """Seconds between two polls without jobs. The endpoint wakes it for a new job, so only other processes' jobs wait."""
 
 END_S = 5.0
-"""Time limit for shutting down."""
+"""Time limit for shutting down the job worker's process, in seconds."""
 
 NICENESS = 5
 """Niceness of the process: the endpoint has priority, and simulations get the remaining processor time, nearly all."""

@@ -1,4 +1,4 @@
-"""Beside a Prefect worker: runs of the data home that broke off are finished while the worker is there.
+"""Resumes interrupted runs of the data home while a Prefect worker is running.
 
 Prefect loads this package in each of its workers (`prefect.collections`). The run of a deployment is ordered from that
 deployment again, so that its Prefect worker carries it out with the deployment's variables, and shows it; any other run

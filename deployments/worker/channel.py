@@ -1,4 +1,4 @@
-"""The pipe between the endpoint and the job worker: JSON messages, each received whole."""
+"""Message pipe between endpoint and job worker: JSON messages, each received whole."""
 
 import json
 import socket
@@ -7,10 +7,10 @@ from contextlib import suppress
 from typing import Any
 
 WAKE: Mapping[str, Any] = {"do": "wake"}
-"""Tells the job worker that the catalog has a new job."""
+"""Message that tells the job worker that the catalog has a new job."""
 
 STOP: Mapping[str, Any] = {"do": "stop"}
-"""Tells the job worker to release its unfinished jobs and end."""
+"""Message that tells the job worker to release its unfinished jobs and end."""
 
 _MAX_BYTES = 64 * 1024
 
@@ -23,7 +23,7 @@ class Channel:
 
     @classmethod
     def pair(cls) -> tuple["Channel", "Channel"]:
-        """Creates a new pipe, and returns both ends."""
+        """Creates a new message pipe, and returns both ends."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         return cls(ours), cls(theirs)
 
@@ -35,7 +35,7 @@ class Channel:
         return cls(end)
 
     def fileno(self) -> int:
-        """Returns the file descriptor."""
+        """Returns the file descriptor of this end of the pipe."""
         return self._end.fileno()
 
     def send(self, message: Mapping[str, Any]) -> None:

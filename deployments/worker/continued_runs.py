@@ -1,4 +1,4 @@
-"""Orders a flow run that finishes a run of a deployment whose process has died."""
+"""Orders a flow run that resumes an interrupted run of a Prefect deployment."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -64,6 +64,9 @@ class Continuing:
 
 
 def _required(order: Order, deployment: DeploymentResponse) -> Mapping[str, Any]:
-    """Values that Prefect asks for, or it refuses the flow run; the run itself goes on with those of its order."""
+    """Returns values for parameters that Prefect requires, or it refuses the flow run.
+
+    The run itself uses the values in its order.
+    """
     required = (deployment.parameter_openapi_schema or {}).get("required", ())
     return {name: order.parameters[name] for name in required if name in order.parameters}

@@ -1,4 +1,4 @@
-"""Marks flow runs whose worker has died as crashed: Prefect would show them as running for ever."""
+"""Marks flow runs whose worker has died as crashed, as Prefect would show them as running for ever."""
 
 import logging
 from collections.abc import Iterable

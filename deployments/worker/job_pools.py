@@ -1,4 +1,4 @@
-"""Pools of jobs: one per kind of job, with the number that run at the same time."""
+"""Pools of jobs: one per kind of job, with a limit of jobs that run at the same time."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ class JobPool:
     """A kind of job with the number of such jobs that may run at once."""
 
     kind: str
-    """Its kind of resource, as in its ARN."""
+    """Kind of the jobs of a pool, as in their ARNs."""
 
     operation: str
-    """The operation that makes such jobs, and whose perform half carries them out."""
+    """API operation that creates the jobs of a pool."""
 
     at_once: int
-    """Number of runs at the same time; the others wait, oldest first."""
+    """Limit of such jobs that run at the same time; the others wait, oldest first."""
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:

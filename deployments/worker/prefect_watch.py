@@ -1,4 +1,4 @@
-"""Watches whether the Prefect server answers: while it does not, jobs wait."""
+"""Watches whether the Prefect server answers; while it does not, jobs wait."""
 
 import logging
 import os
@@ -23,7 +23,7 @@ class PrefectWatch:
         self.url = os.environ.get("PREFECT_API_URL", "").removesuffix("/api")
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Starts the thread that checks the Prefect server."""
         threading.Thread(target=self._watch, name="prefect watch", daemon=True).start()
 
     @property

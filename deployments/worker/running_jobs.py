@@ -1,4 +1,4 @@
-"""Runs the jobs of this process: which are running, which are retried later, which have failed for good."""
+"""Runs the jobs of this process: starts them, retries failed ones later, and fails them after too many attempts."""
 
 import logging
 import threading
@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass
 class _Trouble:
-    """Failures of one job so far, and the time before which it is not tried again."""
+    """Failures of one job so far, and the time before which it is not retried."""
 
     failures: int = 0
     defects: int = 0
@@ -60,7 +60,7 @@ class Jobs:
     held: HeldLeases = field(default_factory=lambda: HELD)
     find_flow: Callable[[str], Callable[[str], object]] = lambda operation: partial(lookup.perform, operation)
     left: dict[str, str] = field(default_factory=dict[str, str])
-    """Jobs that others ordered for themselves, and that this process cannot carry out as ordered: why, by ARN."""
+    """Reasons why this process cannot run jobs that other processes ordered for themselves, by ARN."""
 
     _left_since_s: float = field(default_factory=time.monotonic)
     _told: set[str] = field(default_factory=set[str])
@@ -68,7 +68,7 @@ class Jobs:
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
     def counts(self) -> Counter[str]:
-        """Returns the numbers of running jobs, by kind."""
+        """Returns the numbers of running jobs of this worker, by kind."""
         return Counter(pool.kind for pool in list(self._running.values()))
 
     def begin_some(self, pool: JobPool) -> None:
@@ -101,7 +101,7 @@ class Jobs:
             self.left.clear()
 
     def _leaves(self, job: Resource) -> bool:
-        """Whether a job is left to a process with another environment; it is looked at again a minute later."""
+        """Whether a job is left to a process with another environment; it is checked again a minute later."""
         ownership = self.service.catalog.ownerships([job.arn]).get(job.arn)
         if ownership is None or not needs_elsewhere(ownership.needed_environment, self.service):
             return False

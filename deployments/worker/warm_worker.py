@@ -1,4 +1,4 @@
-"""The job worker that runs jobs in its own process, with all modules imported beforehand."""
+"""Job worker that runs jobs in its own process, with all modules imported beforehand."""
 
 import importlib
 import logging
@@ -150,8 +150,8 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
     Args:
         pool: the pool.
-        begun: how many of its jobs were begun and have not ended.
-        waiting: how many simulation jobs of those wait for room on this machine.
+        begun: number of its jobs that have begun and not ended.
+        waiting: number of simulation jobs that wait for resources of this machine.
     """
     if pool.kind != "simulation-job" or not waiting:
         return f"{begun} of at most {pool.at_once} running"
@@ -160,7 +160,7 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs what could not be done because the Prefect server does not answer."""
+    """Logs errors inside the `with` block that occur because the Prefect server does not answer."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:

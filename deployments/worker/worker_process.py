@@ -1,4 +1,4 @@
-"""Starts, wakes, watches, restarts and stops the job worker, from the endpoint's process."""
+"""Starts, wakes, watches, restarts and stops the job worker's process, from the endpoint's process."""
 
 import logging
 import os
@@ -18,7 +18,7 @@ _STOP_S = 8.0
 _FIRST_PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
 _LONG_LIFE_S = 60.0
-"""A worker that ran for so long was healthy: the pause before its restart begins anew."""
+"""Lifetime after which a job worker counts as healthy, in seconds; the next restart then has the shortest delay."""
 
 _logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class WorkerProcess:
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     def _live(self) -> int:
-        """Starts a process and listens to it until it has ended; returns its exit code."""
+        """Starts a worker process and reads its messages until it has ended; returns its exit code."""
         ours, theirs = Channel.pair()
         with self._lock:
             self._status = {**self._status, "state": "starting"}
@@ -116,7 +116,7 @@ class WorkerProcess:
         return process.wait()
 
     def _clear_up(self, code: int, pause_s: float) -> None:
-        """Releases the leases of a dead worker, and logs that it died."""
+        """Releases the leases of a dead worker process, and logs its death."""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         held = self._expire_leases()
         error = self.status().get("error", "")
@@ -132,7 +132,7 @@ class WorkerProcess:
         )
 
     def _expire_leases(self) -> int:
-        """Ends the leases of a dead process; returns how many it held."""
+        """Releases the leases of a dead worker process; returns how many it held."""
         # Imported late, so that the worker is started before this process has imported anything large.
         from ...tasks.execution.held_leases import owners_of
         from ...tasks.service.service import Service

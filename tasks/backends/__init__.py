@@ -1,4 +1,4 @@
-"""Backends: who starts job workers on machines. The workers then take the jobs of a batch from the catalog.
+"""Backends: start job workers on other machines, which take the jobs of a batch from the catalog.
 
 | `ROBOMAKER_BACKEND` | job workers are |
 | --- | --- |

@@ -1,4 +1,4 @@
-"""Backends: their interface, the one whose workers somebody else starts, and finding the one that settings name."""
+"""Interface of backends, the backend whose workers a user starts by hand, and opening the backend in the settings."""
 
 import importlib
 import importlib.util
@@ -14,10 +14,10 @@ from ...schemas.extras import how_to_install
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 
 JOB_WORKER_FLOW = "RunJobWorker"
-"""The flow of a job worker in a work pool; its deployment is named after the pool."""
+"""Name of the flow that runs a job worker in a work pool; its deployment is named after the pool."""
 
 MISCONFIGURED = "Misconfigured"
-"""Name of the state in which that flow ends where the machine's settings lead to another catalog than the batch's."""
+"""Name of the state in which that flow ends if the machine's settings lead to another catalog than the batch's."""
 
 
 class BackendError(RobomakerError):
@@ -33,7 +33,7 @@ class JobWorkers(Protocol):
         Called several times a second, from one thread; returns at once.
 
         Returns:
-            What there is, in words that a user reads while the batch runs: `2 job workers on tcp://10.0.0.7:8786`.
+            Text for the user about the job workers: `2 job workers on tcp://10.0.0.7:8786`.
 
         Raises:
             BackendError: no job worker can be started.
@@ -57,7 +57,7 @@ class Backend(Protocol):
 
         Args:
             batch: ARN of the batch.
-            wanted: how many can be of use.
+            wanted: number of job workers that can be of use.
 
         Raises:
             BackendError: the cluster or work pool does not exist.
@@ -82,7 +82,7 @@ class ByHandWorkers:
 
     Args:
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, batch: str, wanted: int) -> None:
@@ -141,7 +141,10 @@ def check_answer(cluster: str, address: str, program: str) -> None:
 
 _OWN = {"workers": "work_pools", "dask": "dask_cluster", "ray": "ray_cluster"}
 _MODULES = {**named("backends"), **{kind: f"{__package__}.{module}" for kind, module in _OWN.items()}}
-"""Each has a function `backend_at`, and imports its library when that connects."""
+"""Module of each kind of backend, by kind.
+
+It has a function `backend_at`, and imports the cluster's library only when it connects.
+"""
 
 
 def open_backend(setting: str) -> Backend | None:

@@ -1,4 +1,4 @@
-"""Job workers on the machines of a cluster: where they are started, one on each, as long as the batch runs."""
+"""Starts and watches the job workers of a batch on a Dask or Ray cluster, one on each machine."""
 
 import threading
 import time
@@ -13,10 +13,10 @@ from .node import Ended
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 60.0
-"""Pause before a machine's job worker is started again after its end; each further pause is twice as long."""
+"""Longest pause before a machine's job worker is restarted, in seconds; pauses double with each end in a row."""
 
 STEADY_S = 60.0
-"""A job worker that lasted this long was well; pauses after it begin anew."""
+"""Lifetime after which a job worker counts as healthy, in seconds; pauses then start short again."""
 
 _MOST_REASONS = 3  # more make a message that is not read
 
@@ -24,12 +24,12 @@ _MOST_REASONS = 3  # more make a message that is not read
 @dataclass
 class _Machine:
     started_at: float | None = None
-    """`None`: no job worker runs there."""
+    """Start time of the machine's job worker; `None`: none is running there."""
 
     ends_in_a_row: int = 0
     not_before: float = 0.0
     refuses: bool = False
-    """Whether its last job worker could not use its settings."""
+    """Whether the machine's last job worker could not use its settings."""
 
     reason: str = ""
     """Reason why its last job worker ended, unless it ended well."""
@@ -44,7 +44,7 @@ class Staffing:
 
     Args:
         place: description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
-        wanted: how many job workers can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, place: str, wanted: int) -> None:
@@ -83,8 +83,8 @@ class Staffing:
 
         Args:
             name: the machine.
-            ended: how it ended.
-            now: as for `to_start`.
+            ended: report of its end.
+            now: seconds of a clock that never goes back.
         """
         machine = self._machines[name]
         assert machine.started_at is not None
@@ -172,7 +172,7 @@ class ClusterWorkers:
     Args:
         cluster: the cluster that they are started on.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, cluster: Cluster, batch: str, wanted: int) -> None:
@@ -244,9 +244,9 @@ def cluster_workers(cluster: Cluster, batch: str, wanted: int) -> Generator[Clus
     """Runs job workers for a batch on a cluster while the `with` block is active.
 
     Args:
-        cluster: connected.
+        cluster: the connected cluster.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
     """
     workers = ClusterWorkers(cluster, batch, wanted)
     workers.begin()

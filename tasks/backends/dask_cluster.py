@@ -67,7 +67,7 @@ class DaskCluster:
     """A Dask cluster, on whose Dask workers job workers of a batch are started.
 
     Args:
-        client: connected.
+        client: connected client of the cluster.
         place: description of the cluster, for messages.
     """
 
@@ -110,7 +110,7 @@ class DaskCluster:
 
 
 class _Task:
-    """A task that runs a job worker."""
+    """Dask task that runs a job worker."""
 
     def __init__(self, cluster: DaskCluster, machine: str, address: str, future: "Future") -> None:
         self.future = future
@@ -136,9 +136,9 @@ class _Task:
 
 
 def _task() -> Callable[[str], tuple[str, int, str]]:
-    """Makes the function that Dask runs.
+    """Returns the function that Dask runs as a task.
 
-    A function inside a function is sent as a whole: the scheduler needs no package of ours.
+    A function inside a function is sent to the cluster as a whole, so its scheduler does not need this package.
     """
 
     def work(batch: str) -> tuple[str, int, str]:
@@ -160,7 +160,7 @@ def _task() -> Callable[[str], tuple[str, int, str]]:
 
 
 def _has(keys: Collection[Any]) -> Callable[[Any], bool]:
-    """Makes the function that is sent to each Dask worker: it tells whether that has one of these tasks."""
+    """Returns a function, to be sent to each Dask worker, that tells whether the worker has one of these tasks."""
     wanted = set(keys)
 
     def has(dask_worker: Any) -> bool:

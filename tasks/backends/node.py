@@ -1,7 +1,7 @@
-"""Runs a job worker as a process of its own on the machine where this is called.
+"""Runs a job worker as a child process on the machine where it is called.
 
-A process, not a call: Dask's workers may have no children of `multiprocessing`, and a job worker that dies must not
-take the cluster's worker with it. It ends when this process does.
+It is a process and not a call, as Dask's workers may have no children of `multiprocessing`, and a job worker that dies
+must not take the cluster's worker with it. It ends when this process does.
 """
 
 import os
@@ -29,7 +29,7 @@ class Ended(NamedTuple):
     host: str
     exit_code: int
     last_words: str
-    """The end of what it wrote to standard error."""
+    """Last lines that the job worker wrote to standard error."""
 
     @property
     def reason(self) -> str:
@@ -46,7 +46,7 @@ def run_job_worker(
     Args:
         batch: ARN of the batch.
         environment: variables besides those of this process.
-        should_stop: asked twice a second; once true, the worker releases its jobs and ends.
+        should_stop: called twice a second; once true, the worker releases its jobs and ends.
 
     Returns:
         How it ended.
@@ -78,7 +78,7 @@ def run_job_worker(
 
 
 def _see_out(process: "subprocess.Popen[bytes]") -> None:
-    """Waits for the end of a job worker that was asked to stop."""
+    """Waits for the end of a job worker that was asked to stop, and kills it if it takes too long."""
     try:
         process.wait(_END_S)
     except subprocess.TimeoutExpired:

@@ -1,4 +1,7 @@
-"""The flow runs of a batch's job workers in a work pool: how many there are to be, started and taken back."""
+"""Flow runs that are the job workers of a batch in a Prefect work pool.
+
+The module decides how many are needed, and creates and deletes them.
+"""
 
 import logging
 import time
@@ -22,7 +25,7 @@ from .backend import JOB_WORKER_FLOW, MISCONFIGURED, BackendError
 _FIRST_PAUSE_S = 5.0
 _LONGEST_PAUSE_S = 60.0
 _LONG_LIFE_S = 60.0
-"""A job worker that lived for so long was healthy: pauses begin anew."""
+"""Lifetime after which a job worker counts as healthy, in seconds; later restarts are delayed only shortly again."""
 
 
 @dataclass
@@ -36,7 +39,7 @@ class Places:
         """Records that a job worker ended before its batch.
 
         Args:
-            lived_s: for how many seconds it ran.
+            lived_s: lifetime of the job worker, in seconds.
             now: the time in seconds, of a clock that only goes forward.
         """
         self._short_lives = 0 if lived_s >= _LONG_LIFE_S else self._short_lives + 1
@@ -47,9 +50,9 @@ class Places:
         """Returns how many job workers to start now; negative if there are too many.
 
         Args:
-            alive: how many are scheduled or run.
-            room: how many there are to be.
-            now: see `note_end`.
+            alive: number of job workers that are scheduled or running.
+            room: number of job workers that there should be.
+            now: the time in seconds, of a clock that only goes forward.
         """
         self._empty_until = [until for until in self._empty_until if until > now]
         if alive > room:
@@ -60,7 +63,10 @@ class Places:
 _MOST_MISCONFIGURED = 3
 _PAGE = 200  # the most that the server gives at once
 _STUCK_S = 600.0
-"""Time that a run may be Pending: the longest pull of an image. The worker that began it has died then."""
+"""Time that a flow run may be Pending, in seconds: the longest pull of an image.
+
+After that, the Prefect worker that began it has died.
+"""
 
 _AWAY = (httpx.HTTPError, PrefectException, RuntimeError)
 """Errors of Prefect's client when the server does not answer; `RuntimeError` when it cannot be reached."""
@@ -74,9 +80,9 @@ def opened_pool(pool: str, most: int | None, batch: str, wanted: int) -> Generat
 
     Args:
         pool: name of the work pool.
-        most: how many there are to be at most; `None`: one for each machine.
+        most: limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
 
     Raises:
         BackendError: the pool or the deployment is missing, or the number.
@@ -92,9 +98,9 @@ class PoolRuns:
 
     Args:
         pool: name of the work pool.
-        most: how many there are to be at most; `None`: one for each machine.
+        most: limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: how many can be of use.
+        wanted: number of job workers that can be of use.
         client: client of the Prefect server.
     """
 
@@ -127,7 +133,7 @@ class PoolRuns:
         """Orders missing job workers as flow runs, and cancels scheduled ones that are too many.
 
         Returns:
-            What there is now, in words.
+            Text for the user about the job workers.
 
         Raises:
             BackendError: no job worker can be started.
@@ -243,7 +249,7 @@ class PoolRuns:
         _logger.warning("the job worker %s of %s ended before its batch: %s", run.name, self.tag, self._last_end)
 
     def _runs(self) -> list[FlowRun]:
-        """The newest runs of the batch."""
+        """Returns the newest flow runs of the batch's job workers."""
         assert self._deployment is not None
         return self._client.read_flow_runs(
             flow_run_filter=FlowRunFilter(
@@ -261,12 +267,12 @@ class PoolRuns:
         )
 
     def _take_back_some(self, alive: list[FlowRun], count: int) -> None:
-        """Cancels the flow runs that wait; running ones continue."""
+        """Cancels `count` of the flow runs that are waiting; running ones continue."""
         for run in [run for run in alive if _is_waiting(run)][:count]:
             self._delete(run)
 
     def _delete(self, run: FlowRun) -> None:
-        """Takes a waiting run back, so that no worker begins it."""
+        """Deletes a waiting flow run, so that no Prefect worker begins it."""
         words = "the batch needs no further job worker"
         # Told first: a worker that has just taken it sees a state that it knows.
         answer = self._client.set_flow_run_state(run.id, Cancelled(message=words))
@@ -292,17 +298,17 @@ def _trouble(pool: PrefectPool, online: int) -> str:
 
 
 def _is_waiting(run: FlowRun) -> bool:
-    """Whether no worker has taken a run yet."""
+    """Whether no Prefect worker has taken a flow run yet."""
     return run.state_type in (None, StateType.SCHEDULED)
 
 
 def _ran_s(run: FlowRun) -> float:
-    """For how long a run has run."""
+    """Returns how long a flow run has been running, in seconds."""
     if run.start_time is None:
         return 0.0
     return ((run.end_time or datetime.now(UTC)) - run.start_time).total_seconds()
 
 
 def _age_s(run: FlowRun) -> float:
-    """For how long a run is in its state."""
+    """Returns how long a flow run has been in its current state, in seconds."""
     return 0.0 if run.state is None else (datetime.now(UTC) - run.state.timestamp).total_seconds()

@@ -1,4 +1,4 @@
-"""Job workers on a Ray cluster. A process of its own, `ray_driver.py`, is connected to it; here is what starts that.
+"""Backend for a Ray cluster: starts and reads the child process (`ray_driver.py`) that is connected to the cluster.
 
 Ray ends the process that is connected to a cluster when the cluster has been away for a minute, may start a cluster
 where it finds none, and writes to standard error. None of this may happen to a process that runs batches, which may
@@ -61,7 +61,7 @@ class RayDriver:
     Args:
         address: address of the cluster.
         batch: ARN of the batch.
-        wanted: how many job workers can be of use.
+        wanted: number of job workers that can be of use.
     """
 
     def __init__(self, address: str, batch: str, wanted: int) -> None:
@@ -115,7 +115,10 @@ class RayDriver:
             self._error = said.get("error", "")
 
     def _note_death(self) -> None:
-        """Ray ends the process when the cluster has been away for a minute."""
+        """Notes that the child process died, so that it is restarted.
+
+        Ray ends it when the cluster has been away for a minute.
+        """
         assert self._process is not None
         self._reader.join()
         if not self._error:

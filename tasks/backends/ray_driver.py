@@ -1,4 +1,4 @@
-"""The process that is connected to a Ray cluster: `python -m … ray_driver ADDRESS BATCH WANTED`.
+"""Child process that is connected to a Ray cluster: `python -m … ray_driver ADDRESS BATCH WANTED`.
 
 It has one task on each node, which starts a job worker there and waits for it. It says on standard output, a JSON
 object a line, its result (`words`) or why there is none (`error`), and ends when standard input closes. When it
@@ -70,7 +70,7 @@ class RayCluster:
 
 
 class _Started:
-    """A task that runs a job worker."""
+    """Ray task that runs a job worker."""
 
     def __init__(self, ray: Any, host: str, reference: Any) -> None:
         self.reference = reference
@@ -93,9 +93,10 @@ class _Started:
 
 
 def _task() -> Task:
-    """Makes the function that Ray runs.
+    """Returns the function that Ray runs as a task.
 
-    A function inside a function is sent as a whole, so that a missing package is our error.
+    A function inside a function is sent to the cluster as a whole, so that a missing package raises this program's own
+    error.
     """
 
     def work(batch: str) -> tuple[str, int, str]:

@@ -1,11 +1,11 @@
-"""Job workers as flow runs of a Prefect work pool: one on each machine that runs `prefect worker start`.
+"""Backend that runs job workers as flow runs of a Prefect work pool, on machines with `prefect worker start`.
 
-A process pool has one machine for each worker that is online, so that many flow runs are kept: a machine that comes
-gets one, the run of one that goes is taken back. A pool of another type starts a container for each: `workers:POOL*4`
-says how many, or the pool's concurrency limit. Never more than the batch can use.
+A process pool has one machine for each worker that is online, and one flow run is kept for each: a machine that joins
+gets one, the run of one that leaves is deleted. A pool of another type starts a container for each run:
+`workers:POOL*4` says how many, or the pool's concurrency limit. There are never more than the batch can use.
 
-The server is asked every few seconds, in a thread of its own; a server that does not answer delays what is to be
-started, and disturbs no job. A job worker that ends before its batch is replaced, after pauses that grow.
+The server is polled every few seconds, in a thread; if it does not answer, new workers are delayed, but no job is
+affected. A job worker that ends before its batch is replaced, after growing pauses.
 """
 
 import logging
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _LOOK_S = 3.0
 _END_S = 20.0
-"""Longest wait, at the end of a block, for a request to the server that is in progress."""
+"""Longest wait, when the `with` block ends, for a request to the server that is in progress, in seconds."""
 
 _logger = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class WorkPool:
 
     Args:
         name: name of the pool.
-        most: how many job workers it is to have at most; absent: as many as it has machines.
+        most: limit of job workers; absent: as many as the pool has machines.
         look_s: seconds between two polls of the server.
     """
 

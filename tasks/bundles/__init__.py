@@ -1,1 +1,4 @@
-"""Bundles of applications: archives, bundles of colcon, launch files; also for agents of robots, on Python 3.9."""
+"""Bundles (archives of robot and simulation applications): unpacking, colcon bundles, launch files.
+
+Robot agents use this code, too, so it runs on Python 3.9.
+"""

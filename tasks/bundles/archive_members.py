@@ -1,7 +1,7 @@
-"""Reading .tar, .tar.gz and .zip members, refusing every kind that is neither file nor folder, nor a wanted link.
+"""Reads the members of .tar, .tar.gz and .zip archives; refuses anything but files, folders and, if wanted, links.
 
-The container is told by its content, not its name. Nothing here writes; whether a member's name and
-size are acceptable is decided by who unpacks.
+The container is recognised by its content, not its name. Nothing is written here; the caller decides whether a member's
+name and size are acceptable.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ except ImportError:  # a Python that was built without it
 
 
 class ArchiveError(Exception):
-    """An archive that is not unpacked; the text names the member."""
+    """Raised for an archive that is not unpacked; the text names the member."""
 
 
 BROKEN_ARCHIVE = (
@@ -57,15 +57,15 @@ class Member:
     """A file or folder in a tar or zip archive."""
 
     name: str
-    """As the archive has it."""
+    """Name of the member, as in the archive."""
     is_folder: bool
     executable: bool
     open: Callable[[], AbstractContextManager[IO[bytes]]]
-    """Opens the content; to be read before the next member is asked for."""
+    """Function that opens the content; it must be read before the next member is requested."""
     symbolic_link: str | None = None
-    """Target of a symbolic link; None: it is not one."""
+    """Target of a symbolic link; `None`: the member is not one."""
     hard_link: str | None = None
-    """Name of the member whose content a hard link has; None: it is not one."""
+    """Name of the member whose content a hard link has; `None`: the member is not one."""
 
 
 def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
@@ -153,11 +153,11 @@ def _content(container: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
 
 
 class _Forward(io.RawIOBase):
-    """A file that tarfile cannot be tricked with: it only moves forward, and no header is large.
+    """File wrapper that protects tarfile from crafted archives: it only moves forward, and limits the size of headers.
 
-    Crafted archives state negative sizes, which send tarfile back to where it was, for ever; and
-    headers of gigabytes, which it reads into memory at once. And where a header is damaged or missing,
-    tarfile takes it for the end.
+    Crafted archives state negative sizes, which send tarfile back to an earlier position, for ever; and headers of
+    gigabytes, which it reads into memory at once. And where a header is damaged or missing, tarfile takes it for the
+    end.
     """
 
     def __init__(self, file: Any) -> None:

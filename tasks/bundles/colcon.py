@@ -1,4 +1,4 @@
-"""Bundles of `colcon bundle`: unpacked to their overlays, and the environment that their programs are started in."""
+"""Archives of `colcon bundle`: unpacking their overlays, and the environment in which their programs run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 from .archive_members import ArchiveError
 
 OVERLAYS_FILE = ".colcon-overlays"
-"""File in the folder of a bundle: names of its overlays, a line each, in the order of sourcing."""
+"""Name of the file in an unpacked bundle with the names of its overlays, one a line, in the order of sourcing."""
 
 _NAME = re.compile(r"^[A-Za-z0-9_-]+$")
 _MOST_BYTES = 4096
@@ -21,7 +21,7 @@ _PACKAGES = ("opt/built_workspace", "opt/install", "opt/ros/*/share")
 
 
 def overlays(bundle: Path | None) -> list[Path]:
-    """The overlays of a bundle in the order of sourcing; none: it is no colcon bundle."""
+    """Returns the overlays of a colcon bundle in the order of sourcing; empty for other bundles."""
     file = bundle / OVERLAYS_FILE if bundle is not None else None
     if bundle is None or file is None or not file.is_file():
         return []
@@ -31,16 +31,15 @@ def overlays(bundle: Path | None) -> list[Path]:
 
 
 def setups_of(bundle: Path | None) -> list[Path]:
-    """The scripts that bash sources before a program of a colcon bundle, in their order."""
+    """Returns the setup scripts that bash must source before a program of a colcon bundle, in order."""
     scripts = [(overlay / "setup.bash", overlay / "setup.sh") for overlay in overlays(bundle)]
     return [bash if bash.is_file() else plain for bash, plain in scripts]
 
 
 def package_folders(bundle: Path) -> list[Path]:
-    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system.
+    """Returns the folders of a bundle's ROS packages; of a colcon bundle, its workspace first, not the whole system.
 
-    A link of the bundle that leads out of it is none of them: in what was copied out of an image, it leads to files of
-    this machine.
+    Links that lead out of the bundle are left out: in files copied out of an image, they lead to files of this machine.
     """
     top = bundle.resolve()
     found = [path for overlay in reversed(overlays(bundle)) for each in _PACKAGES for path in overlay.glob(each)]
@@ -48,13 +47,16 @@ def package_folders(bundle: Path) -> list[Path]:
 
 
 def own_program(bundle: Path | None, name: str) -> Path | None:
-    """A program of the ROS that a colcon bundle brings, if it brings one."""
+    """Returns a program (such as `ros2`) of the ROS installation inside a colcon bundle; `None` if it has none."""
     places = [overlay.glob(f"opt/ros/*/bin/{name}") for overlay in overlays(bundle)]
     return next((path for place in places for path in place if path.is_file()), None)
 
 
 def missing_interpreter(bundle: Path | None, program: Path, which: Callable[[str], str | None]) -> str | None:
-    """The interpreter that a script of a bundle names and that neither it nor this machine has; else `None`."""
+    """Returns the interpreter that a script of a bundle names and that is missing in bundle and machine.
+
+    Returns `None` for all others.
+    """
     with program.open("rb") as file:
         first = file.readline(_MOST_BYTES).decode(errors="replace")
     words = first.removeprefix("#!").split() if first.startswith("#!") else []
@@ -74,7 +76,7 @@ _SOURCE_AND_RUN = (
 
 
 def sourced(setups: Sequence[Path], argv: Sequence[str]) -> tuple[str, ...]:
-    """A program in the environment that scripts make, those that are there.
+    """Returns a command that sources setup scripts in bash and then runs a program; missing scripts are left out.
 
     Args:
         setups: the scripts, in the order of sourcing.
@@ -93,7 +95,7 @@ _ADVICE = "bundle the workspace again with colcon bundle, or put it into a conta
 _CHUNK_BYTES = 1 << 20
 
 Unpack = Callable[[Path, Path], None]
-"""Unpacks an archive of a system's tree into a folder that is not there; raises `ArchiveError`."""
+"""Function that unpacks an archive of a system's files into a new folder; raises `ArchiveError`."""
 
 
 def unpack_overlays(folder: Path, unpack: Unpack) -> None:
@@ -125,7 +127,7 @@ def unpack_overlays(folder: Path, unpack: Unpack) -> None:
 
 
 def _listed(folder: Path, unpack: Unpack) -> list[str]:
-    """The overlays that a bundle of version 2 lists, each with the content that it lists."""
+    """Returns the overlays that a bundle of version 2 lists, after checking each archive's SHA-256."""
     metadata = folder / ".metadata"
     _unpack_part(folder, "metadata.tar.gz", metadata, unpack)
     try:
@@ -143,9 +145,9 @@ def _listed(folder: Path, unpack: Unpack) -> list[str]:
 
 
 def _overlays_in(text: bytes) -> dict[str, str]:
-    """Overlays by name, in the order of sourcing, with their SHA-256.
+    """Parses a bundle's list of overlays: SHA-256 by name, in the order of sourcing.
 
-    Offsets and sizes are for readers that fetch parts of a bundle.
+    Offsets and sizes in it are for readers that download parts of a bundle, and are ignored.
 
     Raises:
         ValueError: the text is not a valid list of overlays.
@@ -166,7 +168,7 @@ def _overlays_in(text: bytes) -> dict[str, str]:
 
 
 def _unpack_overlay(folder: Path, archive: str, unpack: Unpack) -> str:
-    """Unpacks one overlay beside its archive, which is removed; returns the folder's name."""
+    """Unpacks one overlay beside its archive, deletes the archive, and returns the folder's name."""
     name = archive.partition(".")[0]
     _unpack_part(folder, archive, folder / name, unpack)
     (folder / archive).unlink()

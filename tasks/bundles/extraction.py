@@ -1,8 +1,7 @@
-"""Unpacking of untrusted archives into a fresh folder, member by member.
+"""Unpacks untrusted archives into a new folder, member by member.
 
-`tarfile`'s own filters are not relied on: several releases of Python have known ways around them.
-Members are written here, one by one, into a fresh folder in which no symbolic link exists; those of a system's tree
-are made when all else is there.
+`tarfile`'s own filters are not relied on: several releases of Python have known ways around them. Members are written
+one by one into a new folder in which no symbolic link exists; links of a system's tree are created last.
 """
 
 from __future__ import annotations
@@ -25,19 +24,22 @@ class ArchiveLimits:
     """Limits of an archive's content; the bytes unpacked count, not the sizes in its headers."""
 
     total_bytes: int = 20 << 30
-    """All files together."""
+    """Limit of the unpacked bytes of all files of an archive together."""
     file_bytes: int = 10 << 30
-    """Each file."""
+    """Limit of the unpacked bytes of each file of an archive."""
     entries: int = 100_000
-    """Files and folders."""
+    """Limit of the number of files and folders in an archive."""
     depth: int = 32
-    """Components of a path."""
+    """Limit of the number of components of a path in an archive."""
     ratio: int = 200
-    """All files together, in sizes of the archive; held against what is larger than `unsuspicious_bytes`."""
+    """Limit of the ratio of unpacked to archived bytes; it applies above `unsuspicious_bytes`."""
     unsuspicious_bytes: int = 256 << 20
-    """Bytes that every archive may hold, however small it is."""
+    """Unpacked bytes that every archive may have, however small it is."""
     is_system_tree: bool = False
-    """A part of an operating system's files: names may differ only in case, and links are kept that stay inside."""
+    """Whether the archive has part of an operating system.
+
+    Names may differ only in case, and links that stay inside are kept.
+    """
 
 
 SYSTEM_TREE = ArchiveLimits(entries=1_000_000, depth=64, is_system_tree=True)
@@ -69,7 +71,7 @@ def extract(archive: Path, top: Path, limits: ArchiveLimits) -> None:
 
 @dataclass
 class _Extraction:
-    """Members unpacked so far, and the names they took."""
+    """State of an unpacking: members unpacked so far, and the names in use."""
 
     top: Path
     limits: ArchiveLimits
@@ -78,9 +80,12 @@ class _Extraction:
     size: int = 0
     last: str = ""
     links: dict[str, Member] = field(default_factory=dict)
-    """Links by path; they are made last, so that nothing is written through one."""
+    """Links by path; they are created last, so that nothing is written through a link."""
     taken: dict[str, tuple[str, bool]] = field(default_factory=dict)
-    """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
+    """Path, and whether it is a folder, by normalised path.
+
+    Case and Unicode composition are removed, as some file systems ignore them.
+    """
 
     def progress(self) -> str:
         return f" after member {self.last!r}" if self.last else ""
@@ -107,7 +112,7 @@ class _Extraction:
         self.last = member.name
 
     def make_links(self) -> None:
-        """Makes the links; those that would lead out of the top, absolute ones too, are left out."""
+        """Creates the links; those that would lead out of the top folder, absolute ones too, are left out."""
         made: list[Path] = []
         for name, member in self.links.items():
             if member.hard_link is not None:
@@ -128,7 +133,7 @@ class _Extraction:
                 path.unlink()
 
     def _parts(self, member: Member) -> list[str]:
-        """The components of a member's path below the top; none for the top itself."""
+        """Returns the components of a member's path below the top folder; empty for the top folder itself."""
         path = member.name
         while path.startswith("./"):
             path = path[2:]
@@ -156,7 +161,7 @@ class _Extraction:
         return f"a component of more than {_MAX_COMPONENT_BYTES} bytes" if too_long else ""
 
     def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
-        """Takes a name; folders may be named again, everything else only once."""
+        """Reserves a path; folders may be named again, everything else only once."""
         folded = name if self.limits.is_system_tree else unicodedata.normalize("NFC", name).casefold()
         other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
         if other != name:

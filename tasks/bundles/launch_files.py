@@ -1,4 +1,4 @@
-"""Launch files of ROS 1 and ROS 2: who reads them, and the variables of their nodes."""
+"""Launch files of ROS 1 and ROS 2: recognising them, and environment variables of the launched nodes."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _KINDS: tuple[Ros, ...] = (1, 2)
 
 LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
 WORKSPACE_SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
-"""Scripts of a workspace in a bundle."""
+"""Setup scripts of a ROS workspace in an application's archive, in the order in which they are tried."""
 
 _XML = (".launch", ".launch.xml")
 _ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")
 
 
 class _Marks(NamedTuple):
-    """Marks by which launch files of one ROS are recognised."""
+    """Features by which launch files of ROS 1 or ROS 2 are recognised."""
 
     tags: frozenset[str]
     program: str
-    """The attribute of a node that says what it runs."""
+    """XML attribute of a launch file's node that names the node's program."""
     substitutions: re.Pattern[str]
 
 
@@ -41,12 +41,12 @@ _MARKS: Mapping[Ros, _Marks] = {
 }
 _DESCRIBES_A_LAUNCH = re.compile(r"^def generate_launch_description\b", re.MULTILINE)
 MANIFEST = "package.xml"
-"""File that tells ROS that its folder is a package, and which."""
+"""Name of the file that marks a folder as a ROS package, and names the package."""
 
 _PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _MOST_NAMED = 8
 _MOST_BYTES = 1 << 20
-"""Read of a launch file; those that people write have a few thousand."""
+"""Limit of the bytes read of a launch file; those that people write have a few thousand."""
 
 
 def is_launch_file(file: str, path: Path | None) -> bool:
@@ -64,7 +64,7 @@ def is_launch_file(file: str, path: Path | None) -> bool:
 
 
 def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
-    """The kinds of ROS that may read a launch file, the likelier one first.
+    """Returns the ROS generations (ROS 1, ROS 2) that may read a launch file, the likelier one first.
 
     Args:
         file: name of the file.
@@ -99,7 +99,7 @@ def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
 
 
 def name_in(manifest: Path) -> str | None:
-    """The name of a package (REP 127, REP 140), whose manifest is XML of a few lines."""
+    """Returns the package name in a `package.xml` (REP 127, REP 140); `None` if there is none."""
     name = _PACKAGE_NAME.search(_beginning(manifest).decode(errors="replace"))
     return name[1] if name else None
 
@@ -110,10 +110,10 @@ def _beginning(path: Path) -> bytes:
 
 
 def _kinds_in(content: bytes) -> set[Ros]:
-    """The kinds of ROS that XML has something of, as far as it can be read.
+    """Returns the ROS generations whose elements an XML launch file contains, as far as it can be read.
 
-    The parser rather than expressions: those that find what belongs to a tag take a time that is quadratic in its
-    length, or are wrong about `>` in attributes. Entities are not expanded: who declares some is read up to there.
+    A parser is used, as regular expressions for what belongs to a tag take a time that is quadratic in its length, or
+    are wrong about `>` in attributes. Entities are not expanded: a file that declares some is read up to there.
     """
     found: set[Ros] = set()
     parser = expat.ParserCreate()
@@ -145,7 +145,7 @@ def _is_marked(tag: str, attributes: Mapping[str, str], marks: _Marks) -> bool:
 def node_variables(
     packages: Sequence[Path], launcher: Path, python: str, variables: Mapping[str, str], environ: Mapping[str, str]
 ) -> dict[str, str]:
-    """Returns the variables of nodes, besides those of all programs of the job.
+    """Returns the environment variables of ROS nodes, in addition to those of all programs of the job.
 
     Args:
         packages: folders of the application's bundle, whose packages are found by name.
@@ -166,9 +166,9 @@ def node_variables(
 
 
 def own_master() -> dict[str, str]:
-    """Returns variables with which programs of one job, and of no other, find each other: a ROS master at its own port.
+    """Returns variables that give a job a ROS master at a port of its own, which isolates it from other jobs.
 
-    It listens on this machine only, like nodes in Python; those in C++ take their data from anywhere.
+    The master listens on this machine only, like nodes in Python; nodes in C++ accept data from anywhere.
     """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

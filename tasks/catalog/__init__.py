@@ -1,4 +1,4 @@
-"""The catalog: every resource, its state, and the requests that made it.
+"""Catalog: database of every resource, its state, and the requests that created it.
 
 ```
 catalog = Catalog.open("sqlite:////home/ann/catalog.db", clock=lambda: datetime.now(UTC))

@@ -1,4 +1,4 @@
-"""The catalog of all resources, for any thread and any process."""
+"""Catalog of all resources, usable from any thread and any process."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -47,7 +47,7 @@ _UNCHANGED_AND_HELD = _UNCHANGED.where(resources.c.lease_owner == bindparam("hel
 _ADDED = insert(resources).returning(resources.c.sequence)
 
 Stored = dict[str, Any]
-"""A document as it is stored."""
+"""Resource document as it is stored, in plain JSON."""
 
 Change = Changes | Mapping[str, Any]
 """Change of a document: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
@@ -70,7 +70,7 @@ class Catalog(CatalogLeases):
 
         Args:
             url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
-            clock: gives the time, with a time zone.
+            clock: function that returns the time, with a time zone.
 
         Raises:
             ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
@@ -161,8 +161,8 @@ class Catalog(CatalogLeases):
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
-            make: given the parent and the number, describes the child; what it raises is raised.
-            most: how many children of that kind there may be.
+            make: makes the child from the parent and the number; its errors are passed on.
+            most: limit of children of that kind.
 
         Raises:
             ResourceNotFoundException: the catalog has no such parent.
@@ -350,7 +350,10 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
-        """Compare and set: writes the values that `compute` returns for a row; again if the row changed meanwhile."""
+        """Changes a resource's row by compare-and-set with the values that `compute` returns.
+
+        The change is repeated if another process changed the row meanwhile.
+        """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
                 row = one_row(connection, arn)
@@ -395,7 +398,7 @@ class Catalog(CatalogLeases):
 
 
 def _changed(document: Stored, change: Change) -> Stored:
-    """The document after a change; one that is a whole document takes its place."""
+    """Returns a document after a change; a whole document replaces it."""
     if isinstance(change, Document):
         return change.to_json()
     return {**document, **change.to_json()} if isinstance(change, Changes) else dict(change)

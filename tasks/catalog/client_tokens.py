@@ -1,4 +1,4 @@
-"""Client tokens: idempotency of Create and Start calls.
+"""Client tokens: make Create and Start calls idempotent.
 
 A caller that repeats a call with the same `clientRequestToken` gets the resource that the first call added, whatever
 has changed since; the same token with another request is refused. Tokens belong to the access key that called: another
@@ -59,10 +59,10 @@ class ClientToken:
     """The operation's name; tokens of different operations have nothing to do with each other."""
 
     token: str
-    """The caller's token."""
+    """Client token (idempotency token) as the caller sent it."""
 
     request_hash: str
-    """Equal for equal requests."""
+    """Hash of the request with a client token; equal for equal requests."""
 
     owner: str = ""
     """Owner of the token: an access key or a job; empty: a caller without either."""

@@ -1,4 +1,4 @@
-"""Opening the catalog's database: connections, transactions, migrations."""
+"""Opens the catalog's database: connections, transactions, migrations."""
 
 import os
 import re
@@ -24,12 +24,13 @@ _MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this 
 
 
 FIRST_VERSION = 8
-"""The version of a catalog that is made now. Earlier ones belong to states of this program before its first release."""
+"""Schema version of new catalogs; lower versions belong to states of this program before its first release."""
 
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = ()
-"""Each brings the tables of `FIRST_VERSION` one version further; later ones are added at the end and never change.
+"""Migrations, each of which updates the tables by one version from `FIRST_VERSION` on.
 
-A catalog that is made now has all tables as they are now, so a migration has to find out what is there already.
+Later ones are added at the end and never change. A new catalog has the latest tables already, so a migration must check
+which parts exist.
 """
 
 
@@ -97,7 +98,10 @@ def _checked(url: str) -> URL:
 
 
 def _make_file(path: Path) -> None:
-    """Makes an empty file that only its user may read, as SQLite does then beside it; one that is there stays."""
+    """Creates an empty database file that only its user may read, as SQLite's files beside it will be.
+
+    An existing file is kept.
+    """
     path.parent.mkdir(0o700, parents=True, exist_ok=True)
     # One that is there is not even opened: to close it would let go of the locks that this process's connections to it
     # hold, and the next one to close would take itself for the last, and remove what the others write to.

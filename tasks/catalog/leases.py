@@ -1,4 +1,4 @@
-"""Leases: which job worker runs which job, which jobs wait, and how many job workers died while they ran a job."""
+"""Leases: which job worker runs which job, which jobs wait, and how many job workers died while running a job."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -17,7 +17,7 @@ _CHUNK = 500  # of ARNs in one query
 
 
 def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
-    """Whether no living owner holds a resource."""
+    """Returns the SQL condition that no living owner holds a resource's lease."""
     return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
 
 
@@ -65,7 +65,7 @@ class CatalogLeases(CatalogReader):
         Args:
             arn: the resource.
             owner: name of the caller, which no other has in this process or another.
-            lease_s: after how many seconds another may take it, unless it is renewed.
+            lease_s: time without renewal after which another owner may take it, in seconds.
 
         Returns:
             Whether `owner` holds the lease now.
@@ -90,7 +90,7 @@ class CatalogLeases(CatalogReader):
             parent: ARN of the children's parent.
             kind: kind of the children.
             owner: name of the caller, which no other has in this process or another.
-            lease_s: after how many seconds another may take it, unless it is renewed.
+            lease_s: time without renewal after which another owner may take it, in seconds.
             most: member of the parent's document that says how many may be held at once.
             parent_in: statuses of the parent in which they are taken.
             finishing: member that the document of a resource has once it only finishes.
@@ -221,7 +221,7 @@ class CatalogLeases(CatalogReader):
 
         Args:
             kinds: kinds of the jobs.
-            limit: how many at most.
+            limit: largest number of resources.
             without: ARNs of jobs that are left out, too.
         """
         batches = resources.alias("batches")
@@ -244,7 +244,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """Lists the unfinished jobs that only the process which ordered them was to run, oldest first."""
+        """Lists unfinished jobs that only the process which ordered them was to run, oldest first."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )

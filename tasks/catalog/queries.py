@@ -1,4 +1,4 @@
-"""Pieces of queries of the catalog's methods: pages and their tokens, tags, a few members of large documents."""
+"""Parts of SQL queries of the catalog: pages and their tokens, tags, a few members of large documents."""
 
 import base64
 import hashlib
@@ -44,7 +44,7 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
 
     Args:
         kind: kind of the listed resources.
-        filters: with which conditions.
+        filters: conditions of the list.
         sequence: the entry's place in the order of creation.
     """
     return base64.urlsafe_b64encode(f"{sequence}.{_fingerprint(kind, filters)}".encode()).decode()
@@ -76,9 +76,9 @@ def _fingerprint(kind: str, filters: Filters) -> str:
 
 
 class _Picked(FunctionElement[Any]):
-    """A JSON array of members of an object, in order; `null` for those that it does not have.
+    """SQL function: JSON array of some members of an object, in order; `null` for missing members.
 
-    One call for all of them: with one for each, a list of 1,000 jobs takes three times as long.
+    One call for all of them is used, because with one for each, a list of 1,000 jobs takes three times as long.
     """
 
     type = JSON()
@@ -126,7 +126,7 @@ COLUMNS = (
     resources.c.labels,
     resources.c.document,
 )
-"""Columns that a `Resource` is made of."""
+"""Database columns from which a `Resource` is made."""
 
 # Made once: making it takes as long as executing it, and it is the query of most calls.
 _ONE_ROW = select(*COLUMNS, resources.c.lease_owner, resources.c.cancel_requested).where(
@@ -137,7 +137,7 @@ _SEQUENCE = select(resources.c.sequence).where(resources.c.arn == bindparam("of"
 _OLD_LABELS = delete(resource_labels).where(resource_labels.c.sequence == bindparam("of"))
 
 TAG = "tag"
-"""The filter of lists by a tag."""
+"""Name of the list filter for tags."""
 
 _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": resources.c.status}
 
@@ -186,7 +186,7 @@ def list_query(
         filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
             tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.
-        limit: how many rows at most.
+        limit: largest number of rows.
         without: names that are left out, by kind.
     """
     kind, order = resources.c.kind, resources.c.sequence
@@ -229,7 +229,7 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
     Args:
         wanted: the statuses, by kind.
         not_below: resources whose parent is of this kind are left out.
-        limit: how many of each kind at most.
+        limit: largest number of resources of each kind.
     """
     is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)
     standing = or_(*(and_(resources.c.kind == kind, resources.c.status.in_(each)) for kind, each in wanted.items()))

@@ -1,4 +1,4 @@
-"""Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
+"""Read access to the catalog: one resource, several, children of a parent, pages of lists, unfinished jobs."""
 
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -108,7 +108,7 @@ class CatalogReader:
 
         Args:
             token: the caller's token; `None`: the call has none, so it repeats no other.
-            account: whose token it is.
+            account: account that the token belongs to.
 
         Raises:
             IdempotentParameterMismatchException: the earlier call with this client token had another request.
@@ -186,9 +186,9 @@ class CatalogReader:
             kinds: kinds of the listed resources.
             filters: for `name`, `parent`, `status`, `tag` (written `key=value`) or a label the values that are
                 wanted, one of which has to be equal.
-            limit: how many at most.
+            limit: largest number of resources.
             after: the page before's `next_token`; `None`: the first page.
-            scope: for whom the list is made; page tokens of other scopes are refused.
+            scope: operation for which the list is made; page tokens of other operations are refused.
             members: members of the documents to read, for kinds whose documents are large;
                 `None`: all.
             without: names that are left out, by kind.
@@ -216,7 +216,7 @@ class CatalogReader:
         Args:
             wanted: the statuses, by kind.
             not_below: resources whose parent is of this kind are left out.
-            limit: how many of each kind at most.
+            limit: largest number of resources of each kind.
             members: members of the documents to read.
         """
         query = only_members(newest_query(wanted, not_below, limit), members)

@@ -18,10 +18,10 @@ class NewResource:
 
     id: str
     name: str = ""
-    """Its name; empty if it has none."""
+    """Name of the new resource; empty if it has none."""
 
     status: str = ""
-    """State in its lifecycle; for kinds without a lifecycle whatever the caller likes."""
+    """State in its lifecycle; kinds without a lifecycle may have any text."""
 
     parent: str | None = None
     """ARN of the generation job or batch that created the resource."""
@@ -41,10 +41,10 @@ class Resource(NewResource):
 
     created_at: datetime
     updated_at: datetime
-    """Time of the last change of status, name or document."""
+    """Time of the last change of a resource's status, name or document."""
 
     revision: int
-    """Counts those changes, and those of tags, from 1."""
+    """Revision of a resource: the number of its changes (also of tags), from 1."""
 
     @staticmethod
     def new(
@@ -81,10 +81,10 @@ class FirstLease:
     """Name of the process that ordered the job for itself, which no other has."""
 
     lease_s: float
-    """After how many seconds another may take it, unless it is renewed."""
+    """Time without renewal after which another process may take the lease, in seconds."""
 
     needed_environment: Mapping[str, Any]
-    """The environment that another process needs to carry the job out instead; see `schemas.job_owners`."""
+    """Environment that another process needs to run the job instead; see `schemas.job_owners`."""
 
 
 @dataclass(frozen=True)
@@ -92,22 +92,22 @@ class Ownership:
     """Owner of a job's lease, and whether the lease is still valid."""
 
     owner: str | None
-    """Name of who holds its lease, or held it last; `None`: no process has held it."""
+    """Name of the lease's current or last owner; `None`: no process has held it."""
 
     since: datetime | None
-    """Time at which the owner took it."""
+    """Time at which the current or last owner took a job's lease."""
 
     is_held: bool
-    """Whether the owner holds the lease, and it has not run out."""
+    """Whether the owner holds the job's lease and it has not expired."""
 
     is_released: bool
-    """Whether the owner has given the lease back."""
+    """Whether the owner has released the job's lease."""
 
     lost_owner: str | None
-    """The owner whose lease ran out, so that another took it; `None`: none did."""
+    """Previous owner whose lease expired before another took it; `None`: there is none."""
 
     needed_environment: Mapping[str, Any] | None
-    """The environment of the process that ordered it for itself; `None`: a client ordered it."""
+    """Environment of the process that ordered the job for itself; `None`: a client ordered it."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Page:
     """One page of a list of resources, with the token for the next page."""
 
     resources: tuple[Resource, ...]
-    """Newest first."""
+    """Catalog resources of a list's page, newest first."""
 
     next_token: str | None
-    """Token that asks for the next page; `None` on the last."""
+    """Token that requests the next page of a list; `None` on the last."""

@@ -1,4 +1,4 @@
-"""The catalog's tables but for those of wings, in SQL that SQLite and PostgreSQL both know."""
+"""Database tables of the catalog, without those of optional parts, in SQL for both SQLite and PostgreSQL."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any

@@ -1,1 +1,1 @@
-"""Whether what the catalog says is stored is in the object store, whole; and mending what can be mended."""
+"""Consistency check: compares the catalog with the object store, and repairs some defects."""

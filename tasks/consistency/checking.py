@@ -1,4 +1,4 @@
-"""Checks what the catalog says is stored against the object store, and mends what can be mended."""
+"""Compares the outputs that the catalog lists with the object store, and repairs some defects."""
 
 import hashlib
 import tempfile
@@ -22,7 +22,7 @@ from ..worlds.archive_places import archive_place
 
 JOB, WORLD, EXPORT = "simulation-job", "world", "world-export-job"
 KINDS = (JOB, WORLD, EXPORT)
-"""Kinds of resources that store something of their own. What users stored, such as applications, is theirs."""
+"""Kinds of resources that have stored outputs. Archives of applications belong to users, and are not checked."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ def compare_folder(place: StoredPlace, store: ObjectStore, *, read_content: bool
     """Compares a stored folder with its manifest; objects that the manifest does not name are ignored.
 
     Args:
-        place: where the folder is.
-        store: where it is stored.
+        place: the stored folder.
+        store: the object store.
         read_content: whether every object is read; else sizes are compared, by one list of the folder.
 
     Raises:
@@ -109,7 +109,7 @@ def _flaws(
 
 
 def _sha256(store: ObjectStore, bucket: str, key: str) -> str:
-    """The digest of an object's content; through a file, since one may be larger than memory."""
+    """Returns the SHA-256 of an object's content, downloaded to a file, since an object may be larger than memory."""
     with tempfile.TemporaryDirectory(prefix="robomaker-fsck-") as folder:
         path = Path(folder) / "content"
         try:
@@ -121,11 +121,11 @@ def _sha256(store: ObjectStore, bucket: str, key: str) -> str:
 
 
 UNFINISHED_AFTER = timedelta(days=1)
-"""Age from which parts of an upload belong to no upload in progress: none takes that long."""
+"""Age of an unfinished multipart upload from which it counts as abandoned: none takes that long."""
 
 _PAGE = 200
 _JOBS = "simulation-jobs/"
-"""Prefix of the keys of outputs in the service's own bucket."""
+"""Key prefix of simulation outputs in the service's own bucket."""
 
 _AGAIN = {
     "simulation-job": "restore the bucket from a backup, or run the job again",
@@ -140,7 +140,7 @@ def check_consistency(service: Service, *, read_content: bool = False, mend: boo
     Jobs in progress are left out until they have ended.
 
     Args:
-        service: what is checked.
+        service: the service, with the catalog and object store to check.
         read_content: whether every object is read and its SHA-256 compared; else sizes are.
         mend: whether to store what is on this machine only, finish removals, and remove parts of old uploads.
 
@@ -159,7 +159,7 @@ class _Check:
     buckets: set[str] = field(default_factory=set[str])
 
     def run(self) -> ConsistencyReport:
-        """Runs all checks, and returns the report."""
+        """Runs all consistency checks of catalog and object store, and returns the report."""
         self.buckets.add(self.service.settings.bucket)
         checked = [each for page in self._pages() for each in run_all(self._checked, page)]
         findings = [finding for _, _, found in checked for finding in found]
@@ -180,7 +180,7 @@ class _Check:
                 return
 
     def _checked(self, resource: Resource) -> tuple[int, int, list[Finding]]:
-        """Checks one resource: objects, their size, findings."""
+        """Checks one resource; returns the numbers of objects and bytes, and its findings."""
         objects, size_bytes, findings = 0, 0, list[Finding]()
         for thing in stored_of(resource):
             bucket = thing.place.bucket if isinstance(thing, Folder) else thing.bucket
@@ -221,7 +221,7 @@ class _Check:
         return _done(finding, partial(finish_thinning, self.service.store, place.bucket, place.prefix))
 
     def _only_here(self) -> Iterator[Finding]:
-        """Outputs on this machine of jobs that have ended."""
+        """Yields outputs of ended jobs that exist only on this machine."""
         for kept in find_kept(self.service):
             finding = Finding(
                 problem=Problem.ONLY_HERE,
@@ -233,7 +233,7 @@ class _Check:
             yield _done(finding, partial(store_kept, kept, self.service)) if self.mend else finding
 
     def _half_uploaded(self) -> Iterator[Finding]:
-        """Parts of large files whose uploads ended in the midst."""
+        """Yields parts of files whose multipart uploads were interrupted."""
         before = self.service.clock() - UNFINISHED_AFTER
         for bucket in sorted(self.buckets):
             try:
@@ -252,7 +252,7 @@ class _Check:
                 yield _done(finding, partial(self.service.store.abort_upload, upload)) if self.mend else finding
 
     def _unknown(self) -> Iterator[Finding]:
-        """Outputs in the service's own bucket of jobs that the catalog does not know."""
+        """Yields outputs in the service's own bucket that belong to no job in the catalog."""
         bucket = self.service.settings.bucket
         try:
             keys = [info.key for info in self.service.store.list(bucket, _JOBS)]

@@ -1,1 +1,1 @@
-"""Running stored jobs, each by one worker at a time, and telling Prefect of flow runs: ends, signs of life, deaths."""
+"""Runs stored jobs, each by one worker at a time, and reports flow runs to Prefect: heartbeats, ends, deaths."""

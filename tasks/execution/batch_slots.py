@@ -24,14 +24,14 @@ from prefect.exceptions import ObjectNotFound
 _LEASE_S = 60.0  # the shortest lease the server grants
 _RENEW_S = 20.0
 LOOK_S = 5.0
-"""Seconds between two checks whether the limit was changed."""
+"""Interval between two checks whether the batch's limit was changed, in seconds."""
 _WAIT_S = 0.25
 _LATE_S = 5.0
-"""Seconds after which a place in the order is passed over, if later ones have asked for a slot and it has not."""
+"""Time after which a waiting job loses its turn to later ones that have asked for a slot, in seconds."""
 
 _PREFIX = "robomaker-"
 _PAGE = 50
-"""Limits that are read at once."""
+"""Number of concurrency limits that are read with one request."""
 
 _logger = logging.getLogger(__name__)
 
@@ -56,8 +56,8 @@ class Slots:
 
     Args:
         name: name of the global concurrency limit, the batch's own.
-        limit: how many slots there are.
-        wanted: how many this job worker can use at once.
+        limit: number of slots.
+        wanted: number of slots that this job worker can use at once.
         look_s: seconds between two checks whether the limit was changed on the server.
         order: places of those that will hold slots, in the order in which they shall get them; empty: in none.
     """
@@ -100,7 +100,7 @@ class Slots:
         """Waits for a slot, so that a job of the batch may run, and holds it inside the `with` block.
 
         Args:
-            should_stop: asked while waiting; once true, waiting ends.
+            should_stop: called while waiting; once true, waiting ends.
             place: place in the order; absent: no matter.
 
         Yields:
@@ -122,7 +122,7 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """Number of slots this worker holds."""
+        """Number of concurrency slots of a batch that this worker holds."""
         with self._changed:
             return len(self._free) + len(self._used)
 
@@ -149,7 +149,7 @@ class Slots:
         return None
 
     def _await_turn(self, should_stop: Callable[[], bool], place: int | None) -> None:
-        """Waits until all before have had their turn, although more wait than there are slots."""
+        """Waits until all jobs before this one have had their turn, although more wait than there are slots."""
         with self._changed:
             late_s = time.monotonic() + _LATE_S
             if place is not None:
@@ -167,7 +167,7 @@ class Slots:
             self._changed.notify_all()
 
     def _keep(self) -> None:
-        """Renews the leases and follows changes of the limit, until closed."""
+        """Renews the slots' leases and follows changes of the limit, until the object is closed."""
         renewed_at = time.monotonic()
         while not self._closed.wait(self._look_s):
             try:
@@ -188,7 +188,7 @@ class Slots:
                 self._forget(lease)  # it ran out, since the machine slept
 
     def _forget(self, lease: UUID) -> None:
-        """Drops a free slot that the server does not know any more; one in use goes when its job has ended."""
+        """Drops a free slot that the server no longer knows; a slot in use is dropped when its job has ended."""
         with self._changed:
             if lease in self._free:
                 self._free.remove(lease)
@@ -201,7 +201,7 @@ class Slots:
         self._take_what_there_is()
 
     def _surplus(self) -> UUID | None:
-        """A free slot above the limit; slots in use are given back when their jobs have ended."""
+        """Returns a free slot above the limit; slots in use are released when their jobs have ended."""
         with self._changed:
             too_many = len(self._free) + len(self._used) > self._limit
             return self._free.pop() if too_many and self._free else None

@@ -1,4 +1,4 @@
-"""Credentials of roles that are blocks of Prefect."""
+"""Reads credentials of access roles from Prefect blocks."""
 
 from collections.abc import Mapping
 from typing import Any

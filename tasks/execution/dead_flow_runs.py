@@ -1,11 +1,11 @@
-"""Flow runs and task runs whose process has died, closed in Prefect: it would show them as running for ever.
+"""Closes flow runs and task runs in Prefect whose process has died, as Prefect would show them as running for ever.
 
-A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server; `close_unheard`
-closes those that the automation missed, as one that died before its first sign had arrived. Nothing in Prefect closes
-what ran in them: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
+A flow run without a heartbeat for `SILENCE_S` is set to `Crashed` by an automation on the server; `close_unheard`
+closes those that the automation missed, such as one that died before its first heartbeat. Nothing in Prefect closes the
+task runs in them: `sweep` does. A process that only slept, or was stopped, sets its runs back to running.
 
-Silence is no proof: a process may have come to its end while the server was away. So `tell_ends` asks those who know
-how runs ended, and gives them that state; `close_unheard` asks before it closes one.
+Silence is no proof: a process may have ended while the server was away. So `tell_ends` looks up how runs ended, and
+sets that state; `close_unheard` looks it up before it closes one.
 """
 
 import logging
@@ -30,13 +30,13 @@ from prefect.states import Completed, Crashed, Running
 from .prefect_settings import asking_once
 
 EndOf: TypeAlias = Callable[[FlowRun], State[Any] | None]
-"""Says how a flow run has come to its end, by what its own process wrote down; `None`: it is not known."""
+"""Function that returns the end state of a flow run, as its own process recorded it; `None`: unknown."""
 
 HEARTBEAT = "robomaker.flow-run.heartbeat"
-"""Name of the events that are a flow run's signs of life."""
+"""Name of the Prefect events that are heartbeats of flow runs."""
 
 AUTOMATION = "robomaker: close dead runs"
-"""Name of the automation, by which it is found again."""
+"""Name of the Prefect automation that closes dead runs."""
 
 SILENCE_S = 30.0
 """Time without a heartbeat after which a run counts as dead: three of them may be late."""
@@ -45,7 +45,7 @@ UNHEARD_S = 90.0
 """Time without a heartbeat after which a run is closed without the automation, which is quicker."""
 
 _SETTLE_S = 5.0
-"""Time after the end of a flow run in which an event that is on its way may still close its task runs."""
+"""Time after the end of a flow run in which delayed events may still close its task runs, in seconds."""
 
 _NO_SIGN = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
 _PART_OF_DEAD = "the flow run that it is a part of has died"
@@ -59,17 +59,17 @@ _ENDED_BY_ITSELF = [StateType.COMPLETED, StateType.FAILED]
 _ENDED = [*_CLOSED, *_ENDED_BY_ITSELF]
 _BEGAN = "prefect.flow-run.Running"
 _EVENTS_KEPT = timedelta(days=30)
-"""Longer than servers keep events; a week, unless they are told otherwise."""
+"""Period in which events are searched, longer than servers keep them (a week by default)."""
 
 _EVENTS_PAGE = 50  # the most that the server gives at once
 _TOLD_FOR = timedelta(days=1)
-"""Time after the closing of a run in which its true end is searched for."""
+"""Time after a run was closed as dead during which its true end is searched for."""
 
 _LATE_S = 300.0
-"""Delay of task runs' states at a server that is flooded with them; 240 s were seen."""
+"""Longest delay of task runs' states at a server that is flooded with them, in seconds; 240 s were seen."""
 
 _DEPTH = 4
-"""Largest depth of nested flows."""
+"""Limit of the depth of nested flows."""
 
 _ENDS = ("Completed", "Failed", "Crashed", "Cancelled", "TimedOut", "Paused", "Suspended")
 
@@ -183,7 +183,7 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
 
 
 def _tell_end(client: SyncPrefectClient, run: UUID, end: State[Any]) -> None:
-    """Gives a flow run the state in which it ended, and closes the task runs in it that were not heard of."""
+    """Sets the state in which a flow run really ended, and closes its task runs that are still open."""
     client.set_flow_run_state(run, end.model_copy(update={"data": None}), force=True)
     unheard = TaskRunFilter.model_validate({"state": _in([*_OPEN, StateType.CRASHED])})
     for task in client.read_task_runs(task_run_filter=unheard, flow_run_filter=_flow_runs(id={"any_": [run]})):
@@ -192,7 +192,7 @@ def _tell_end(client: SyncPrefectClient, run: UUID, end: State[Any]) -> None:
 
 
 def _end_of_task(flow: StateType) -> State[Any]:
-    """The end of a task run that was not heard of: in a flow that completed, each task has returned."""
+    """Returns the end state for a task run that sent no events: in a flow that completed, each task has returned."""
     ended = Completed if flow is StateType.COMPLETED else Crashed
     return ended(message=_TASK_OF_ENDED)
 
@@ -330,7 +330,7 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
 
 
 def _in(states: Collection[StateType]) -> dict[str, Any]:
-    """The part of a filter of runs that chooses some states."""
+    """Returns the part of a run filter that selects some states."""
     return {"type": {"any_": list(states)}}
 
 
@@ -343,7 +343,7 @@ def _flow_runs(**chosen: Any) -> FlowRunFilter:
 
 
 def _dead(before: datetime) -> FlowRunFilter:
-    """Flow runs that have died or were cancelled, some time ago."""
+    """Returns a filter for flow runs that crashed or were cancelled before a time."""
     return _flow_runs(state=_in(_CLOSED), end_time={"before_": before})
 
 
@@ -352,7 +352,7 @@ def _ended_since(since: datetime, states: list[StateType], before: datetime | No
 
 
 def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
-    """Open subflow runs."""
+    """Returns the open subflow runs of this project's flows."""
     chosen = _flow_runs(state=_in(_OPEN), parent_task_run_id={"is_null_": False})
     return client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
 

@@ -1,8 +1,8 @@
-"""Prefect events about what flow runs made: worlds and reports.
+"""Prefect events that report created worlds and reports.
 
-Prefect's page *Event Feed* shows them, each with its flow run, and automations can wait for them. Events only inform:
-nothing is decided from them, and outside a flow run none is sent. Prefect is imported when there is something to tell:
-`robomaker plan --reuse` imports what generates worlds, and has to answer at once.
+Prefect's page *Event Feed* shows them with their flow runs, and automations can wait for them. Events only inform:
+nothing is decided from them, and outside a flow run none is sent. Prefect is imported only when an event is sent,
+because `robomaker plan --reuse` imports world generation, and must answer at once.
 """
 
 from collections.abc import Mapping
@@ -32,9 +32,9 @@ def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, i
 
     Args:
         run_id: the run that it is about.
-        state: how the run ended: `succeeded`, `failed`, …
+        state: result of the run: `succeeded`, `failed`, …
         path: path of the report on the machine of the flow run.
-        verdicts: how many jobs have which verdict.
+        verdicts: number of jobs by verdict.
     """
     _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))
 

@@ -1,4 +1,4 @@
-"""Turns the end of a run into the state of its flow run in Prefect, and that state into an answer again.
+"""Converts the result of a run to the state of its flow run in Prefect, and that state back to a response.
 
 | the run | Prefect's state |
 | --- | --- |
@@ -29,7 +29,7 @@ from ...schemas.reports.run_states import FlowResult
 from ...schemas.wire.errors import RobomakerError
 
 RESULT = "result"
-"""Member of a job flow's answer that has its `FlowResult`, beside those of the job's description."""
+"""Key in a job flow's response under which its `FlowResult` is, beside the members of the job's description."""
 
 _logger = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class RunNotSucceeded(RobomakerError):
     """Raised as the result of a flow whose run or job did not succeed; the message has the worst failures.
 
     Args:
-        result: how it ended.
+        result: result of the run or job.
         answer: result that the flow would have returned in a good state.
     """
 
@@ -53,7 +53,7 @@ class RunNotSucceeded(RobomakerError):
 
 
 def _in_one_line(record: logging.LogRecord) -> bool:
-    """Leaves in a log of an error that has a message for users that message, without a traceback.
+    """Log filter: removes the traceback of errors that have a message for users.
 
     A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
     night in a worker's log would hide those that are.
@@ -74,7 +74,7 @@ def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_f
     """Makes the Prefect state in which a flow ends, from the result of its run or job.
 
     Args:
-        result: how the run or job ended.
+        result: result of the run or job.
         answer: the job's final description, which is returned with the result as a further member; `None`: the flow
             of a specification, which returns the result alone.
         verdict_fails_run: whether a verdict FAIL makes it a failed one.
@@ -125,7 +125,7 @@ def ends_as_cancelled() -> Generator[None]:
 def started_by_worker() -> bool:
     """Whether a Prefect worker, or `serve` of a flow, started this process for one flow run.
 
-    What such a process starts inherits its variables, and is told apart by its main module.
+    Child processes inherit its variables, so they are told apart by their main module.
     """
     main = getattr(sys.modules["__main__"], "__spec__", None)
     return "PREFECT__FLOW_RUN_ID" in os.environ and main is not None and main.name.startswith("prefect.")

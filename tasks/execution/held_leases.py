@@ -1,4 +1,4 @@
-"""The leases that this process holds, so that it can release all of them before it ends.
+"""Leases (locks on jobs) that this process holds, so that it can release all of them before it ends.
 
 A job worker may have to end while jobs run. Other workers continue a job at once when its lease is released; otherwise
 they wait until the lease has run out. After the release the process takes no more leases, and threads that still run
@@ -37,7 +37,7 @@ def new_owner() -> str:
 
 @cache
 def _role() -> str:
-    """The name of this process, for people."""
+    """Returns the program's name for people, as part of lease owner names."""
     return role_of(getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", ""), sys.argv)
 
 
@@ -211,4 +211,4 @@ class HeldLeases:
 
 
 HELD = HeldLeases()
-"""The leases of this process."""
+"""Leases that this process holds."""

@@ -1,4 +1,4 @@
-"""Leases of stored jobs: at most one worker runs a job at a time, and a job whose workers keep dying fails."""
+"""Leases of stored jobs: at most one worker runs a job at a time; a job whose workers keep dying fails."""
 
 import logging
 import threading
@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
 
 _MOST_REFUSALS = 3
-"""After so many failures in a row, each of which was none of being away, waiting would be of no use."""
+"""Limit of consecutive failures of a catalog that answers, after which waiting for it is of no use."""
 
 
 class Lease:
@@ -112,7 +112,7 @@ class Lease:
                 _logger.warning("the lease of %s is not renewed: %s", self.job.arn, error)
 
     def _renew_once(self) -> bool:
-        """Renews the lease, unless another holds it."""
+        """Renews the lease once, unless another worker holds it; returns whether it is still held."""
         return self._service.catalog.renew(self.job.arn, self._owner, self._service.timing.lease_s)
 
 
@@ -156,7 +156,7 @@ class CatalogWait:
         """Waits until the catalog's database answers again.
 
         Args:
-            failure: how the outage was noticed.
+            failure: error by which the outage was noticed.
 
         Raises:
             ServiceUnavailableException: `failure`, when waiting is over, or when the catalog was never away the last
@@ -181,7 +181,7 @@ class CatalogWait:
 
 MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
-"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
+"""Limit of lost job workers for a batch, higher than for a job: the job at fault reaches its own limit first."""
 
 _CODE = "InternalServiceError"
 _EVENTS = ("terminate", "fail", "canceled")
@@ -192,10 +192,10 @@ class GivenUp:
     """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
 
     failure_code: str
-    """Its failure code, in place of that of other jobs."""
+    """Failure code that jobs of a kind get when they are given up."""
 
     tell: Callable[[Resource, Service], None]
-    """Called once it has ended."""
+    """Function that is called after a given-up job has ended."""
 
 
 def _given_up(kind: str) -> GivenUp | None:
@@ -239,7 +239,7 @@ def run_under_lease(
         arn: the job.
         kind: the resource kind it has to be.
         service: the service, with its catalog and object store.
-        work: carries the job on from wherever it stands to a terminal state.
+        work: runs the job from its current state to a terminal state.
         held: record of the leases that this process holds.
 
     Raises:
@@ -294,16 +294,16 @@ def run_if_unclaimed(
 
 
 def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) -> None:
-    """Carries a job to its end, and goes on from where it stands after each outage of the catalog on the way.
+    """Runs a job to completion, and continues from its current state after each outage of the catalog.
 
     Args:
-        work: carries the job on from wherever it stands to a terminal state.
+        work: runs the job from its current state to a terminal state.
         lease: the right to change the job.
         service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
-            takes no change.
+            accepts no change.
     """
     wait = CatalogWait.of(lease, service)
     while not is_terminal(lease.job.kind, lease.job.status):

@@ -1,4 +1,4 @@
-"""One task run for a whole `map`, for any flow of Prefect: the runner, and each item's attempts and end."""
+"""Prefect task runner that makes one task run for a whole `map`, with retries and state of each item."""
 
 import asyncio
 import concurrent.futures
@@ -116,7 +116,7 @@ def _failed(error: Exception, name: str | None = None) -> State[Any]:
 
 
 def _state_of_returned(returned: Any) -> State[Any]:
-    """The state that a task's return value stands for: a state itself, or `Completed` with it."""
+    """Converts a task's return value to its final state: the value itself if it is a state, else `Completed`."""
     if not isinstance(returned, State):
         return Completed(data=get_result_store().create_result_record(returned))
     state = cast("State[Any]", returned)
@@ -127,10 +127,10 @@ def _state_of_returned(returned: Any) -> State[Any]:
 
 Result = TypeVar("Result")
 Ended: TypeAlias = concurrent.futures.Future[Any]
-"""Will be the final state of an item."""
+"""Future of the final state of one item of a Prefect `map`."""
 
 Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
-"""Says how a map went, by the final states of its items, in order."""
+"""Function that describes the result of a map, from the final states of its items in order."""
 
 
 def in_words(states: Sequence[State[Any]]) -> str:
@@ -148,7 +148,7 @@ class ItemFuture(PrefectConcurrentFuture[Result]):
 
     @property
     def state(self) -> State[Any]:
-        """State of this item, independent of the other items."""
+        """Prefect state of this item of a `map`, independent of the other items."""
         future = self.wrapped_future
         if future.done():
             return _state_of(future)
@@ -164,7 +164,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
     the number of items, and its state says how many of them did not complete.
 
     Args:
-        max_workers: how many items and submitted tasks run at once; absent: as `ThreadPoolTaskRunner` has it.
+        max_workers: limit of items and submitted tasks that run at once; absent: that of `ThreadPoolTaskRunner`.
         summary: makes the text of the state of a map's task run.
     """
 
@@ -254,11 +254,11 @@ class _Calls(TaskRunner[PrefectFuture[Any]]):
 
 
 class _MapRun:
-    """The task run of one map.
+    """Task run of one `map` call.
 
     Args:
-        items: at least one.
-        summary: what its state says.
+        items: the calls, at least one.
+        summary: makes the text of its final state.
     """
 
     def __init__(self, items: Sequence[Item], summary: Summary) -> None:
@@ -311,7 +311,7 @@ class _MapRun:
 
 
 def _state_of(ended: Ended) -> State[Any]:
-    """The state in which an item or a task run ended; waits for it."""
+    """Waits for an item or a task run to end, and returns its final state."""
     try:
         return ended.result()
     except concurrent.futures.CancelledError:

@@ -1,8 +1,9 @@
-"""Flow processes that have to end while jobs run in their threads.
+"""Ends flow processes in order while jobs still run in their threads.
 
-One whose Prefect worker was killed lives on, and cannot be cancelled any more. The death of its worker frees no job:
-leases in the catalog say whose a job is. So the orphan releases its leases, and ends as if it had been killed;
-simulations and world builders die with it. So does a job worker's process that is cancelled or told to end.
+A process whose Prefect worker was killed lives on, and cannot be cancelled any more. The death of its worker frees no
+job, as leases in the catalog say which process runs a job. So the orphan releases its leases, and ends as if it had
+been killed; simulations and world builders die with it. The same is done in a job worker's process that is cancelled or
+told to end.
 """
 
 import logging
@@ -69,14 +70,14 @@ def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
 
 
 _ending = threading.Event()
-"""Set once this process ends itself."""
+"""Event that is set once this process ends itself."""
 
 
 def wait_if_ending() -> None:
-    """Holds this thread until the process is gone, if it is ending itself; returns at once otherwise.
+    """Blocks this thread until the process is gone, if it is ending itself; returns at once otherwise.
 
-    A run whose leases were given back fails or is interrupted in its own thread, while Prefect is told of the end for
-    seconds. That is no end of the run, which another process finishes: nothing of it may be written down.
+    A run whose leases were released fails or is interrupted in its own thread, while Prefect is informed for some
+    seconds. The run itself has not ended, as another process finishes it, so nothing may be recorded.
     """
     if _ending.is_set():
         threading.Event().wait()
@@ -84,7 +85,7 @@ def wait_if_ending() -> None:
 
 @contextmanager
 def _ended(exit_code: int) -> Generator[None]:
-    """Ends this process after the block, whatever breaks in it: threads that still run would be waited for."""
+    """Ends this process after the `with` block, whatever fails in it, without waiting for threads that still run."""
     _ending.set()
     try:
         yield
@@ -133,7 +134,7 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
 
 
 def _say_interrupted(flow_run: UUID) -> None:
-    """Sets a run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
+    """Sets a flow run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
     others = "other job workers go on with its jobs"
     try:
         with get_client(sync_client=True) as client:

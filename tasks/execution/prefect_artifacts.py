@@ -82,7 +82,7 @@ def show_picture(key: str, png: bytes, description: str) -> None:
 
 @contextmanager
 def _logged(what: str) -> Generator[None]:
-    """Logs artifacts that the Prefect server refused or could not take."""
+    """Catches and logs errors of the Prefect server about artifacts inside the `with` block."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:
@@ -90,7 +90,7 @@ def _logged(what: str) -> Generator[None]:
 
 
 class _Bar:
-    """Passes progress on, and updates a progress artifact at most once a second."""
+    """Forwards progress, and updates a Prefect progress artifact at most once a second."""
 
     def __init__(self, description: str, listener: Callable[[Progress], None]) -> None:
         self._description = description

@@ -1,6 +1,6 @@
-"""Prefect's settings for threads of our own: they see those of the process, not those of the flow that starts them.
+"""Gives new threads the Prefect settings of the process, and not those of the flow that starts them.
 
-A flow's whole context would not do: the client in it belongs to the flow, and ends with it.
+A copy of the flow's whole context would not work: the client in it belongs to the flow, and ends with it.
 """
 
 from collections.abc import Callable, Generator
@@ -17,7 +17,7 @@ from prefect.settings import (
 )
 
 _ANSWER_S = 5.0
-"""Time limit for the server's answer to a thread of ours."""
+"""Time limit for the Prefect server's answers to these threads, in seconds."""
 
 _OF_SERVER = (PREFECT_API_URL, PREFECT_API_KEY, PREFECT_API_AUTH_STRING)
 

@@ -1,9 +1,9 @@
-"""Signs of life of flow runs, and cancellations of them: one thread for all runs of this process.
+"""Thread that sends heartbeats of all flow runs of this process, and notices when they are cancelled in Prefect.
 
-Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. Ours cost nothing, and
-have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) leaves the flows of others
-alone. A run that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and
-passes it on. A process that slept, or was stopped, for so long that its runs were closed as dead takes them back.
+Prefect's own heartbeats make every flow wait a second at its end, and come every 30 s at most. These cost nothing, and
+have a name of their own, so that the automation that closes dead runs (`dead_flow_runs`) ignores flows of others. A run
+that no Prefect worker started cannot be stopped by one: this thread sees that it was cancelled, and stops it. A process
+that slept, or was stopped, for so long that its runs were closed as dead sets them back to running.
 """
 
 import logging
@@ -33,13 +33,13 @@ from .orphans import end_orphan, watching_parent
 from .prefect_settings import asking_once, on_same_server
 
 BEAT_S = 10.0
-"""Time from one sign of life to the next."""
+"""Interval between two heartbeats of a flow run, in seconds."""
 
 _LOOK_S = 2.0
-"""Seconds between two polls of the server whether a run was cancelled."""
+"""Interval between two polls of the server for cancelled runs, in seconds."""
 
 _MOST_MISSES = 3
-"""Polls in a row that the server may leave unanswered, as it may only be busy."""
+"""Limit of consecutive polls that the server may leave unanswered, as it may only be busy."""
 
 _watched_around: ContextVar[UUID | None] = ContextVar("robomaker_watched_run", default=None)
 _logger = logging.getLogger(__name__)
@@ -50,14 +50,14 @@ class _Watched:
     name: str
     cancel: Callable[[], None]
     goes_on: Callable[[], bool]
-    """Whether this process still does the run's work."""
+    """Function that returns whether this process still does the run's work."""
 
     parts: set[UUID] = field(default_factory=set[UUID])
-    """Subflow runs in it that have not ended."""
+    """Ids of subflow runs in a watched flow run that have not ended."""
 
     beat_at: float = 0.0
     is_told: bool = False
-    """Whether its `cancel` was called."""
+    """Whether the flow run's callback `cancel` was called."""
 
 
 @dataclass
@@ -72,7 +72,7 @@ class RunWatch:
     _is_running: bool = False
     _misses: int = 0
     tells_of_silence: bool = True
-    """Whether it says that the server does not answer; false where somebody else does."""
+    """Whether it logs that the server does not answer; false if another component does."""
 
     @contextmanager
     def watching(
@@ -161,7 +161,7 @@ class RunWatch:
 
     @staticmethod
     def _beat(runs: dict[UUID, _Watched]) -> bool:
-        """Gives the signs of life that are due; says whether there was any that was not a run's first."""
+        """Sends the heartbeats that are due; returns whether any was not a run's first."""
         due = {run: watched for run, watched in runs.items() if time.monotonic() - watched.beat_at >= BEAT_S}
         was_given = any(watched.beat_at for watched in due.values())
         for run, watched in due.items():
@@ -171,10 +171,10 @@ class RunWatch:
         return was_given
 
     def _take_back(self, runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
-        """Makes runs `Running` again that were closed as dead while this process slept, was stopped, or was not heard.
+        """Sets runs back to `Running` that were closed as dead while this process slept, was stopped, or was not heard.
 
-        Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed. So
-        does one that has come to its end since `runs` was looked up: it says so itself.
+        Only leases decide which process does the work: a run whose job another worker has taken meanwhile stays closed.
+        So does one that has ended since `runs` was looked up: it sets its own end state.
         """
         for run, watched in runs.items():
             closed = closed_as_dead(client, {run, *watched.parts})
@@ -203,7 +203,7 @@ class RunWatch:
 
 
 WATCH = RunWatch()
-"""The watch of this process."""
+"""Watcher of this process's flow runs."""
 
 
 @contextmanager

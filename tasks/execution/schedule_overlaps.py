@@ -1,12 +1,12 @@
-"""Scheduled runs whose nights overlap, or were missed: one policy for every schedule.
+"""Policy for scheduled runs that overlap or are late: one run of a deployment at a time, the earliest first.
 
-One run of a deployment at a time: a night that is due while the last one runs waits for it. A night that begins too
-late, since it waited so long or the machine slept, is skipped, so that several missed nights are made up for by one.
-Prefect's other choice, to cancel what is due while another runs, would lose nights that were missed together: the
-oldest would take the slot only to be skipped.
+A night that is due while the last one runs waits for it. A night that begins too late, since it waited so long or the
+machine slept, is skipped, so that several missed nights are made up for by one. Prefect's alternative, cancelling a run
+that is due while another runs, would lose nights that were missed together: the oldest would take the slot only to be
+skipped.
 
-Prefect gives a free place to whichever waiting run asks first, so that a later night might begin before an earlier one.
-A run that began before one that was due earlier therefore gives its place back and waits again.
+Prefect gives a free slot to whichever waiting run asks first, so that a later night might begin before an earlier one.
+So a run that began before an earlier one gives its slot back and waits again.
 """
 
 import logging
@@ -33,25 +33,26 @@ from ...schemas.settings import Settings
 from .prefect_settings import asking_once
 
 RUNS_AT_ONCE = 1
-"""The `concurrency_limit` of every deployment that has a schedule."""
+"""Value of `concurrency_limit` for every deployment with a schedule."""
 
 OVERLAP = ConcurrencyOptions(collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
-"""The `concurrency_options` of every deployment that has a schedule."""
+"""Value of `concurrency_options` for every deployment with a schedule."""
 
 _GONE_AFTER = timedelta(seconds=90)
-"""Time that the next try of a waiting run may be overdue: a worker tries within 15 s, on a busy machine later.
+"""Time that a waiting run's next attempt may be overdue before it counts as gone.
 
-A run that is not tried for longer has no worker, or its queue is paused: it holds no other run.
+A worker tries within 15 s, on a busy machine later. A run that is not tried for longer has no worker, or its queue is
+paused; other runs do not wait for it.
 """
 
 _AFTER_IT = timedelta(seconds=30)
-"""Delay of the later run after the next try of the earlier one: workers try up to 10 s before the time."""
+"""Delay of the later run after the next attempt of the earlier one; workers try up to 10 s before the time."""
 
 _MOST_TRIES = 20
 """Limit on how many times a run gives way: an earlier one is tried every two minutes, so 40 minutes."""
 
 _WAITS = "AwaitingConcurrencySlot"
-"""Name of the state of runs that wait for a place; Prefect keeps such runs when a deployment is changed."""
+"""Name of the state of runs that wait for a slot; Prefect keeps such runs when a deployment is changed."""
 
 _logger = logging.getLogger(__name__)
 
@@ -112,7 +113,7 @@ def give_way_to_earlier(continues: str | None = None) -> None:
 
 
 def _waiting_before(run: FlowRun, deployment: UUID, now: datetime) -> list[FlowRun]:
-    """The runs of the same deployment that go before a run, and that a worker tries to begin."""
+    """Returns the waiting runs of the same deployment that were due before a run, and that a worker tries to start."""
     tried = FlowRunFilterNextScheduledStartTime.model_validate({"after_": now - _GONE_AFTER})
     waits = FlowRunFilterState(name=FlowRunFilterStateName(any_=[_WAITS]))
     with asking_once() as client:
@@ -132,5 +133,5 @@ def _waiting_before(run: FlowRun, deployment: UUID, now: datetime) -> list[FlowR
 
 
 def _place_in_line(run: FlowRun) -> tuple[datetime, str]:
-    """Orders runs by when they were due; of two that were due together one goes first, always the same."""
+    """Returns a run's sort key: when it was due, then its id, so that two that were due together have a fixed order."""
     return (run.expected_start_time or datetime.max.replace(tzinfo=UTC), str(run.id))

@@ -1,4 +1,4 @@
-"""A job's parts in threads, as task runs of Prefect, which end when the job worker has to end."""
+"""Runs parts of a job in threads, as Prefect task runs, and ends them when the job worker has to end."""
 
 import concurrent.futures
 import contextvars
@@ -46,7 +46,7 @@ def run_tasks(
         part: watches for a cancel request of the job, and ends soon after one.
         calls: arguments of each call.
         run_name: name of each task run; arguments in braces stand for their values.
-        workers: how many run at once.
+        workers: number of calls that run at once.
         job_arn: the job that they are parts of.
         service: the service, with its catalog and object store.
         look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
@@ -113,7 +113,7 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
 
 
 def _request_cancel(job_arn: str, service: Service) -> None:
-    """Requests a job's cancellation, again until the catalog answers; another interruption ends that."""
+    """Requests a job's cancellation, repeatedly until the catalog answers or another interruption comes."""
     while True:
         try:
             service.catalog.request_cancel(job_arn)
@@ -186,7 +186,7 @@ def _flow_run() -> "UUID | None":
 
 
 def _set_name(before: str, after: str, run: "UUID", message: str | None = None) -> None:
-    """Renames the state, unless it has another meanwhile: a run that is being cancelled stays so."""
+    """Renames the run's state, unless it has another state meanwhile, such as being cancelled."""
     import httpx
     from prefect.client.orchestration import get_client
     from prefect.exceptions import PrefectException

@@ -1,4 +1,4 @@
-"""The wing of fleets: robots in the catalog, what they and the server say to each other, bundles that updaters install.
+"""Fleets of robots: robots in the catalog, their protocol with the server, deployments, and installation files.
 
-Nothing outside the wing imports it: registries find it by `schemas.wings`.
+No module outside this folder imports it: registries find it by `schemas.wings`.
 """

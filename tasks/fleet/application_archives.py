@@ -1,4 +1,4 @@
-"""The archives of an application's version: which one an architecture gets, and whether it is still the same."""
+"""Archives of an application version: selects one for each processor architecture, and checks that it is unchanged."""
 
 import hashlib
 from collections.abc import Callable, Iterable

@@ -1,7 +1,8 @@
-"""Signed `.swu` files, and their key, for robots with third-party updaters: each wraps an archive of the application.
+"""Signed `.swu` installation files for robots with third-party updaters (SWUpdate), and the key that signs them.
 
-A file is made once for an archive, a version, a key and a folder on the robot. In the object store, `robots/` has the
-files under their hashes, and under the hash of all that, as JSON, which file it is.
+Each contains an application's archive. A file is made once for an archive, version, key and folder on the robot. In the
+object store, `robots/` has the files under their hashes, and a record under the hash of those four, as JSON, that names
+the file.
 """
 
 import hashlib
@@ -32,7 +33,10 @@ from .application_archives import FileHashes, fetch_source, place_of, sources_by
 from .swu import Release, SigningKey, load_signing_key, new_signing_key, wrap
 
 VALID_DAYS = 20 * 365
-"""Robots refuse all that an expired certificate signed, and nothing tells them of the next one."""
+"""Validity of the signing certificate, in days.
+
+Robots refuse everything that an expired certificate signed, and nothing tells them of the next one.
+"""
 
 _CERTIFICATE = b"-----BEGIN CERTIFICATE-----"
 
@@ -84,7 +88,7 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
     """Yields a temporary file with the content, ready to be renamed to its final path; it is deleted afterwards.
 
     Args:
-        path: the other file; its folder exists.
+        path: final path of the file; its folder exists.
         content: content of the file.
         mode: permissions of the file, as of `chmod`.
 

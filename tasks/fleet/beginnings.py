@@ -1,7 +1,7 @@
-"""Begins the rollout of a deployment job: its plan, and orders of earlier rollouts that robots still have.
+"""Starts the rollout of a deployment job: makes its plan, and takes over unanswered orders of earlier rollouts.
 
-A robot with an order that it has not answered gets that one's cancellation first. The rollout that begins waits for the
-answer; the earlier one has nothing to wait for then.
+A robot with an order that it has not answered first gets the cancellation of that order. The new rollout waits for the
+answer, and the earlier one no longer does.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -139,7 +139,7 @@ def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Ser
 
 
 def _end_earlier(job: Resource, robots: Collection[str], service: Service) -> dict[str, int]:
-    """Ends earlier rollouts of the fleet; orders that the given robots have not answered, by robot."""
+    """Ends earlier rollouts of the fleet; returns the number of the order that each robot has not answered."""
     unanswered: dict[str, int] = {}
     for other in _others(job, service):
         other.fold(*([Stopped(why="superseded")] if other.job.parent == job.parent else []))
@@ -149,7 +149,7 @@ def _end_earlier(job: Resource, robots: Collection[str], service: Service) -> di
 
 
 def _others(job: Resource, service: Service) -> list[KeptRollout]:
-    """The open rollouts of other jobs."""
+    """Returns the open rollouts of other deployment jobs of the fleet."""
     arns = [arn for arn in Rollouts(service.catalog).open_rollouts() if arn != job.arn]
     found = service.catalog.get_many(arns)
     return [KeptRollout(found[arn], service) for arn in arns if arn in found]

@@ -1,4 +1,4 @@
-"""Rollouts of deployment jobs: how each stands, the numbers of orders, and what has happened but is not part of it yet.
+"""Database tables of rollouts: their states, the numbers of orders to robots, and events that are not applied yet.
 
 ```
   add_event ──> rollout_events ──> read, applied, replace_rollout (one transaction) ──> rollouts
@@ -87,7 +87,7 @@ class Rollouts:
         """Returns the revision of each rollout whose robots may have orders, by deployment job, oldest first.
 
         Args:
-            fleet: whose; nothing: of all fleets.
+            fleet: ARN of the fleet; `None`: all fleets.
         """
         query = select(rollouts.c.job, rollouts.c.revision).join(resources, resources.c.arn == rollouts.c.job)
         query = query.where(rollouts.c.is_open).order_by(resources.c.sequence)
@@ -104,7 +104,7 @@ class Rollouts:
         Args:
             job: ARN of its deployment job.
             revision: the revision that was read; the next is one more.
-            rollout: how it stands now.
+            rollout: current state of the rollout.
             is_open: whether its robots may have orders.
             applied: the `sequence` of each event that it has taken in.
 
@@ -147,7 +147,7 @@ class Rollouts:
         Args:
             job: ARN of the deployment job.
             event: the event to apply.
-            at_s: when, in seconds since the epoch.
+            at_s: time of the event, in seconds since the epoch.
             order: the number of the order that it is about; it decides the job, if that order was moved.
 
         Returns:

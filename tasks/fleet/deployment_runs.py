@@ -1,4 +1,4 @@
-"""The run of a deployment job: prepares files, gives robots orders wave by wave, shows both in Prefect."""
+"""Runs a deployment job: prepares files, gives robots orders wave by wave, and shows the progress in Prefect."""
 
 import logging
 import time
@@ -83,7 +83,7 @@ def _others(rollout: Rollout, bad: Sequence[str]) -> list[str]:
 
 
 POLL_S = 0.25
-"""Seconds between two polls for reports of robots; a place that a robot leaves is free as long."""
+"""Interval between two polls for robots' reports, in seconds; a robot's place in the wave stays empty for as long."""
 
 LOOK_AT_BATCH_S = 5.0
 """Seconds between two checks whether the required batch has passed."""
@@ -93,7 +93,7 @@ _KEEP_ALIVE_S = 30.0
 
 
 class DeploymentRun:
-    """Runs a deployment job to its end.
+    """Runs a deployment job to completion.
 
     Args:
         lease: the right to change the job.
@@ -154,7 +154,9 @@ class DeploymentRun:
             self._lease.transition("succeed")
 
     def _wait_for_batch(self) -> None:
-        """Attests that the batch which the job requires has passed; waits while it runs, unless the job is canceled.
+        """Waits until the simulation batch that the job requires has passed, and signs the attestation.
+
+        Returns if canceled.
 
         Raises:
             DeploymentError: the batch has not passed, and cannot pass any more.
@@ -176,7 +178,7 @@ class DeploymentRun:
             self._lease.forget_lost_workers()
 
     def _begun(self) -> KeptRollout | None:
-        """The rollout; none if each robot has the application already."""
+        """Starts or finds the job's rollout; `None` if each robot has the application already."""
         from .attestations.required_batches import check_delivered  # it needs the extra `fleet`
 
         document = DeploymentJobDocument.of(self._job)
@@ -195,7 +197,7 @@ class DeploymentRun:
         return begin_rollout(self._job, plan, gets, self._service)
 
     def _prepared(self, application: Resource, robots: Sequence[Resource], patient: Service) -> Prepared:
-        """The files of the robots; signed `.swu` files only where a robot's updater is not our agent."""
+        """Returns the robots' installation files; signed `.swu` files only for robots with a third-party updater."""
         from .artifacts import prepare  # they need the extra `fleet`
         from .attestations.required_batches import attestations_of
         from .trust.deployments import publish
@@ -235,13 +237,13 @@ class DeploymentRun:
         show_wave(self._job, kept.rollout, number, robots)
 
     def _wait_for(self, kept: KeptRollout, robots: Sequence[str] | None) -> None:
-        """Goes on until each of some robots has ended, or the whole rollout."""
+        """Continues the rollout until each of some robots has ended, or the whole rollout has."""
         while not _is_over(kept.rollout, robots):
             self._sleep(POLL_S)
             self._look(kept)
 
     def _wait_for_approval(self, kept: KeptRollout) -> None:
-        """Shows that a person has to approve, until one has, or the rollout has ended."""
+        """Shows that the deployment needs approval, until a person has approved it or the rollout has ended."""
         if _is_decided(kept.rollout):
             return
 
@@ -296,7 +298,7 @@ class DeploymentRun:
         show_note(self._job.id.lower(), text)
 
     def _go_back(self) -> None:
-        """Makes the job that brings robots back, if it is due; otherwise, or if this dies, `serve` does it later."""
+        """Creates the rollback job if one is due; if this fails, `robomaker serve` does it later."""
         document = DeploymentJobDocument.of(self._job)
         failed = document.rolls_back.job if document.rolls_back else self._job.arn
         with suppress(ResourceNotFoundException, ThrottlingException):
@@ -306,7 +308,7 @@ class DeploymentRun:
         self._lease.transition("fail", FailureChanges(failure_code=code, failure_reason=shorten(reason)))
 
     def _settle(self) -> None:
-        """Brings the fleet's robots up to date, also where a run died before it could."""
+        """Updates the status of the fleet's robots, also after a run that died before it could."""
         gone_or_busy = suppress(ResourceNotFoundException, ThrottlingException)
         with gone_or_busy, fleet_held(str(self._job.parent), self._service) as fleet:
             settle(fleet, self._service)
@@ -334,7 +336,7 @@ class DeploymentRun:
 
 
 def progress_of(rollout: Rollout) -> Progress:
-    """Returns how many robots of a rollout are in which state."""
+    """Counts the robots of a rollout by state, as progress for Prefect."""
     return Progress(counts_of(rollout), len(rollout.robots))
 
 

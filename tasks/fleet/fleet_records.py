@@ -51,7 +51,7 @@ DEPLOYMENT = "deployment-job"
 
 _NOT_BEGUN = ("Pending", "Preparing")
 PATIENCE_S = 10.0
-"""Longest wait of a change of a fleet for other changes."""
+"""Longest time that a change of a fleet waits for other changes, in seconds."""
 
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
@@ -91,7 +91,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
     Args:
         fleet: the fleet's ARN.
         service: the service, with its catalog and object store.
-        page: how many are read at once.
+        page: number of robots that are read at once.
     """
     found: list[Resource] = []
     after = None
@@ -173,7 +173,7 @@ def is_meant(robot: Resource, deployment: Resource) -> bool:
 
 
 def _status(robot: Resource, fleet: Resource, deployment: Resource | None, rollout: Rollout | None) -> str:
-    """The status of a robot that is in a fleet, or about to be."""
+    """Returns the status of a robot that is in a fleet, or is being added to one."""
     if deployment is None:
         return "Registered"
     state = None if rollout is None else rollout.robots.get(robot.arn)
@@ -292,7 +292,7 @@ def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, 
     Args:
         name: the robot's.
         service: the service, with its catalog and object store.
-        random_bytes: gives that many bytes that others cannot guess.
+        random_bytes: function that returns that many unpredictable bytes.
         rotate: whether a token that it has is replaced.
 
     Returns:

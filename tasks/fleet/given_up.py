@@ -1,4 +1,4 @@
-"""Deployment jobs whose job workers keep dying, or which cannot be carried out: how they are failed."""
+"""Marks deployment jobs as failed whose job workers keep dying, or which cannot run at all."""
 
 from ...schemas.fleet.rollouts.rollout import Stopped
 from ..catalog import Resource
@@ -8,7 +8,7 @@ from .catalog_rollouts import Rollouts
 
 
 def _tell_robots(job: Resource, service: Service) -> None:
-    """Adds the event `Stopped` to the rollout: it cancels the robots' orders at the next report of one of them."""
+    """Adds the event `Stopped` to the job's rollout: robots' orders are cancelled at the next report of one of them."""
     stopped = Stopped(why="canceled")
     Rollouts(service.catalog).add_event(job.arn, stopped.to_json(), service.clock().timestamp())
 

@@ -1,8 +1,8 @@
-"""A stored rollout that takes in what happened: events from the catalog, time-outs, orders for those whose turn it is.
+"""Stored rollout of a deployment job: applies events from the catalog and time-outs, and gives robots their orders.
 
-Any process may do this, several at once: a rollout is stored only if no other changed it meanwhile, and events that
-count are removed with it. Normally the run of the deployment job does it; calls that stop a deployment do it at once,
-and once the job has ended, what a robot reports does it.
+Any process may do this, several at once: a rollout is stored only if no other changed it meanwhile, and applied events
+are removed with it. Normally the run of the deployment job does it; calls that stop a deployment do it at once, and
+after the job's end, robots' reports cause it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,12 +41,15 @@ _ENDS = {"Succeeded": "succeed", "Failed": "fail", "Canceled": "cancel"}
 _MAX_ATTEMPTS = 100
 
 GAP_S = 60.0
-"""A rollout that was not watched for longer was not served, or nearly: robots could not do much in that time."""
+"""Gap between two updates of a rollout, in seconds, from which on the service counts as having been down.
+
+Robots could not do much in that time, so their time-outs are extended by it.
+"""
 
 
 @dataclass(frozen=True)
 class _Read:
-    """A rollout as it was read."""
+    """Rollout as it was read from the catalog, with its revision."""
 
     revision: int
     rollout: Rollout
@@ -155,7 +158,7 @@ class KeptRollout:
         raise _changed_by_others(self.job.arn)
 
     def _take_in(self, waiting: Sequence[StoredEvent], events: Sequence[RolloutEvent]) -> bool:
-        """Brings the ledger up to now; whether anything happened."""
+        """Applies events and time-outs up to now; returns whether anything happened."""
         ledger, now_s = self._ledger, self._now_s()
         wake_s, watched_s = ledger.wake_s(), self._watched_s
         for each in waiting:
@@ -188,7 +191,7 @@ class KeptRollout:
         return stored
 
     def _show(self, before: Rollout, after: Rollout) -> None:
-        """Sets the statuses of robots that changed."""
+        """Stores the statuses of robots that differ between two states of the rollout."""
         active, was_active = after.status == "InProgress", before.status == "InProgress"
         for robot, state in after.robots.items():
             old = before.robots[robot]
@@ -230,9 +233,9 @@ def _changed_by_others(job: str) -> ServiceUnavailableException:
 
 
 def has_orders(rollout: Rollout) -> bool:
-    """Whether robots of the rollout have orders or may still get some, or have to be rolled back.
+    """Whether robots of the rollout have orders, may still get some, or have to be rolled back.
 
-    A robot that was deleted answers none.
+    Robots that were deleted do not count, as they answer nothing.
     """
     return (
         rollout.status == "InProgress"
@@ -264,25 +267,28 @@ class OpenRollout:
     """A rollout whose robots may have open orders."""
 
     job: str
-    """ARN of its deployment job."""
+    """ARN of the deployment job of a rollout."""
 
     revision: int
-    """Grows with each change."""
+    """Revision number of the stored rollout; it grows with each change."""
 
     rollout: Rollout
-    """State of each robot: `order` and `action_id`, and `earlier_action_id`, which comes first."""
+    """State of the rollout and of each robot.
+
+    A robot's `earlier_action_id` has to be answered before its `order` and `action_id`.
+    """
 
     artifacts: dict[str, Artifact]
-    """Files that robots download, by the robot's ARN; robots that cannot get the application are absent."""
+    """Files that robots download, by the robot's ARN; robots that cannot get the application are missing."""
 
     launch: DeploymentLaunchConfig
-    """Launch of the application."""
+    """Launch configuration of the application in a rollout."""
 
 
 def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
     """Returns the open rollouts, after applying late reports about deployments that have ended.
 
-    No run takes that in any more. It is done for all reports together, since each time the whole rollout is read.
+    No run applies these reports any more. All are applied together, since each time the whole rollout is read.
     """
     catalog = service.catalog
     for job in catalog.get_many(Rollouts(catalog).jobs_with_events()).values():
@@ -326,7 +332,7 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
         service: the service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
         event: the robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
-        at_s: when, in seconds since the epoch.
+        at_s: time of the event, in seconds since the epoch.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer; the robot has to say it again.

@@ -1,9 +1,9 @@
-"""Keeps the table of open orders as the rollouts want it.
+"""Keeps the in-memory table of open orders in step with the stored rollouts.
 
-A robot has one order at a time, and the oldest comes first: an order that is to be given up is there until the robot
-has answered, also when another rollout has one for it. What the robot closed in the table does not come back while the
+A robot has one order at a time, and the oldest comes first: a cancelled order is in the table until the robot has
+answered, also when another rollout has an order for it. An order that the robot closed does not come back while the
 catalog is a moment behind. An order that is held back, since its rollout is paused or no maintenance window is open, is
-not there until it is let go, unless the robot has read it.
+not in the table until it is released, unless the robot has read it.
 """
 
 import threading
@@ -43,12 +43,12 @@ _STEPS: frozenset[str] = frozenset(get_args(get_args(RobotDeploymentStep)[0]))
 
 @dataclass(frozen=True)
 class SaidBefore:
-    """Summary of a robot's earlier feedback on an order, as far as later feedback is judged by it."""
+    """Summary of a robot's earlier feedback on an order, as needed to interpret later feedback."""
 
     proceeded: bool = False
     installed: bool = False
     errors: tuple[str, ...] = ()
-    """The last ones, oldest first."""
+    """Last error texts of a robot about its order, oldest first."""
 
     withheld: ReportedCode | None = None
     """Reason why the server could not send the file at the robot's last request."""
@@ -125,7 +125,7 @@ def _failure(feedback: Feedback, robot: str, known: SaidBefore) -> Failed:
 
 
 def _code(feedback: Feedback) -> ReportedCode | None:
-    """The failure code that an agent of ours said; numbers of others mean nothing here."""
+    """Returns the failure code that the project's agent reported; `None` for numbers of other updaters."""
     return cast("ReportedCode | None", NAMES.get(feedback.code or 0))
 
 
@@ -138,10 +138,10 @@ def _success(feedback: Feedback, robot: str, known: SaidBefore) -> Report:
 
 
 MAX_EXPECTED = 200
-"""Robots of a rollout, next in order, that poll often because they soon get an order."""
+"""Limit of the robots of a rollout, next in order, that poll often because they soon get an order."""
 
 OrderKey = tuple[str, int]
-"""A robot's id, and the number of its order."""
+"""Identifier of an order: the robot's id, and the number of the order."""
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
 
 
 class _Wishes:
-    """Orders, files and expected robots of open rollouts, for the robots that are enrolled."""
+    """Orders, files, and robots about to get orders, of all open rollouts, for enrolled robots."""
 
     def __init__(self, robots: KnownRobots) -> None:
         self._robots = robots

@@ -1,6 +1,6 @@
-"""Looks into the catalog again and again, so that robots and orders in memory are those that are stored.
+"""Thread that polls the catalog, so that robots and orders in memory match the stored ones.
 
-It tends the rollouts of ended jobs besides: no run does.
+It also completes the rollouts of ended jobs, as no run does.
 """
 
 import logging
@@ -46,7 +46,7 @@ class BundleFiles:
         return here if here is not None else self._fetched(artifact)
 
     def remove_others(self) -> None:
-        """Deletes local copies that no open rollout needs."""
+        """Deletes local copies of installation files that no open rollout needs."""
         wanted = {f"{sha256}.swu" for sha256 in self._keeper.files()}
         for path in self._folder().glob("*.swu"):
             if path.name not in wanted:
@@ -69,13 +69,19 @@ class BundleFiles:
 LOGGER = logging.getLogger("robomaker.robots")
 
 BUSY_S = 0.25
-"""Seconds between two polls while a rollout is open or about to be; a place that a robot leaves is free as long."""
+"""Interval between two polls of the catalog while a rollout is open or about to be, in seconds.
+
+A robot's place in the wave stays empty for as long.
+"""
 
 IDLE_S = 2.0
-"""Seconds between two polls otherwise."""
+"""Interval between two polls of the catalog otherwise, in seconds."""
 
 AWAKE_S = 60.0
-"""Seconds of polling as if a rollout were open, after a deployment was ordered here: it may open one soon."""
+"""Time after a deployment was created here during which the catalog is polled often, in seconds.
+
+A rollout may open soon.
+"""
 
 # A look that costs much, in a large fleet, is followed by a pause ten times as long. Time in which it only waits, for a
 # processor or a lock, does not count: a busy machine would make each robot's turn come seconds later.
@@ -84,7 +90,7 @@ _ROBOTS_SHARE = 30  # robots are enrolled rarely, and reading ten thousand takes
 
 
 ReadRollouts = Callable[[Service, Mapping[str, OpenRollout]], list[OpenRollout]]
-"""Reads the open rollouts; those that are known and have not changed need not be read again."""
+"""Function that reads the open rollouts; known ones that have not changed need not be read again."""
 
 
 class OrderWatch:
@@ -184,7 +190,7 @@ class OrderWatch:
         return is_busy
 
     def _tell(self, problem: str) -> None:
-        """Logs a problem once, and that it is over."""
+        """Logs a problem once, and once that it is over."""
         if problem != self._problem:
             LOGGER.warning("%s", problem or "robots get orders again")
         self._problem = problem

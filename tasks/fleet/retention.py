@@ -1,4 +1,4 @@
-"""Files that robots download, and batches that deployments require: those stay that are still needed."""
+"""Deletes files of old deployments that no robot needs; keeps batches that deployments require."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,12 +41,12 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
     """Deletes deployment files that no robot needs any more, according to the retention policy.
 
     Args:
-        policy: says how many of the newest deployments of each fleet keep their files.
+        policy: retention policy, with the number of newest deployments of each fleet that keep their files.
         service: the service, with its catalog and object store.
-        act: whether they are removed; otherwise it is only said what would be.
+        act: whether files are deleted; otherwise the result only says which would be.
 
     Returns:
-        What goes, as one item, and what else is to be known.
+        The deleted files as one item, and notes about files that could not be judged.
     """
     keep = policy.keep_deployments
     if keep is None:
@@ -88,7 +88,7 @@ def _collect_repository(needed: _Needed, service: Service, *, act: bool) -> tupl
 
 
 def _needed(keep: int, service: Service) -> _Needed:
-    """Artifacts needed by the newest deployments, by those that are open, and by the last one of each robot."""
+    """Returns the artifacts needed by the newest deployments, by open ones, and by the last one of each robot."""
     jobs = set(Rollouts(service.catalog).open_rollouts())
     jobs |= {job for robot in _all(_ROBOT, service) if (job := RobotDocument.of(robot).last_deployment_job)}
     counts: dict[str, int] = {}
@@ -121,7 +121,7 @@ def _wrapped(service: Service) -> list[ObjectInfo]:
 
 
 def _named(record: ObjectInfo, service: Service) -> str:
-    """The key of the file that a record is about; empty if it cannot be read."""
+    """Returns the object-store key of the file that a record names; empty if the record cannot be read."""
     try:
         return Artifact.model_validate_json(service.store.get_bytes(record.bucket, record.key)).key
     except (RobomakerError, ValueError):

@@ -1,4 +1,4 @@
-"""Takes what robots say: of orders to their rollouts, of themselves to their documents."""
+"""Stores the reports of robots: about orders in their rollouts, about themselves in their documents."""
 
 import logging
 import threading
@@ -22,10 +22,10 @@ from .order_keeping import OrderKeeper, OrderKey, OrderReport, event_of, heard
 _logger = logging.getLogger(__name__)
 
 PROGRESS_EVERY_S = 2.0
-"""Interval between two reports of how much of its file a robot was sent."""
+"""Interval between two records of a robot's download progress, in seconds."""
 
 ReportEvent = Callable[[Service, str, Report, float], None]
-"""Takes in an event of a rollout: `kept_rollouts.report`."""
+"""Function that stores an event of a rollout: `kept_rollouts.report`."""
 
 
 class RobotReports:
@@ -68,9 +68,9 @@ class RobotReports:
         """Records how many bytes of its installation file a robot has downloaded, not more often than is useful.
 
         Args:
-            order: whose file.
+            order: the robot's order.
             sent_bytes: up to which byte.
-            now_s: when, in seconds since the epoch.
+            now_s: the time, in seconds since the epoch.
         """
         key = (order.robot, order.action_id)
         with self._lock:

@@ -1,4 +1,4 @@
-"""Signed `.swu` files, which SWUpdate installs: a cpio archive of a description, its signature, and a bundle."""
+"""Signed `.swu` files for SWUpdate: a cpio archive of a description, its signature, and an application's archive."""
 
 import hashlib
 import re
@@ -58,8 +58,8 @@ def new_signing_key(name: str, now: datetime, valid_days: int, random_bytes: Cal
     Args:
         name: the certificate's name, such as that of the fleet.
         now: the time, with its zone.
-        valid_days: how long the certificate is valid.
-        random_bytes: gives that many random bytes, for the serial number.
+        valid_days: validity of the certificate, in days.
+        random_bytes: function that returns that many random bytes, for the serial number.
     """
     private = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
@@ -98,7 +98,7 @@ def load_signing_key(private_pem: bytes, certificate_pem: bytes) -> SigningKey:
 
 
 BUNDLE = "bundle.tar.gz"
-"""Name of the bundle in the archive."""
+"""Name of the application's archive inside the `.swu` file."""
 
 _TEXT = re.compile(r"[^\x00-\x1f\x7f\ud800-\udfff]{1,255}")
 _PATH = re.compile(r"/[^\x00-\x1f\x7f\ud800-\udfff]{1,1023}")
@@ -111,10 +111,10 @@ class Release:
     name: str
     version: str
     folder: str
-    """Absolute path on the robot; it is made, and the bundle is unpacked there."""
+    """Absolute path on the robot of the folder that is created and into which the application is unpacked."""
 
     hardware: tuple[str, ...] = ("1.0",)
-    """Revisions of the hardware that it is for: what follows the colon in SWUpdate's `-H board:revision`."""
+    """Hardware revisions on which it may be installed: the text after the colon in SWUpdate's `-H board:revision`."""
 
 
 def describe(release: Release, bundle_sha256: str) -> bytes:
@@ -166,7 +166,7 @@ def _quote(text: str) -> str:
 
 
 MAX_BYTES = 2**32 - 1
-"""The format has 32 bits for a file's length."""
+"""Largest length of a file in a cpio archive, in bytes: the format has 32 bits for it."""
 
 _MAGIC = b"070701"
 _PLAIN_FILE = 0o100644

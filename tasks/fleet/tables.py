@@ -1,4 +1,4 @@
-"""The tables of rollouts in the catalog, in SQL that SQLite and PostgreSQL both know."""
+"""Database tables of rollouts in the catalog, in SQL that both SQLite and PostgreSQL accept."""
 
 from sqlalchemy import JSON, Boolean, Column, Float, ForeignKey, Integer, Table
 
@@ -34,4 +34,4 @@ rollout_events = Table(
 )
 
 TABLES = (rollouts, robot_orders, rollout_events)
-"""All of them, in the order in which they are made."""
+"""All tables of rollouts, in the order in which they are created."""

@@ -1,1 +1,1 @@
-"""Runs of stored jobs, side by side: simulation job, batch, world generation job, world export job, deployment job."""
+"""Runs stored jobs: simulation jobs, batches, world generation jobs and world export jobs."""

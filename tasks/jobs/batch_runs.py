@@ -1,4 +1,4 @@
-"""Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
+"""Runs a simulation job batch: creates a job for each request, runs the jobs, ends the batch."""
 
 import logging
 import threading
@@ -45,7 +45,7 @@ _logger = logging.getLogger(__name__)
 
 _WAIT_S = 0.5
 _ASK_S = 0.2
-"""Seconds between two polls of the catalog whether the batch is to be cancelled."""
+"""Interval between two checks of the catalog whether the batch should be cancelled, in seconds."""
 _INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
@@ -126,7 +126,7 @@ class BatchRun:
         self._settle()
 
     def _note_taken_over(self) -> None:
-        """Counts dead job workers anew if jobs have ended since the batch was last taken over."""
+        """Resets the count of dead job workers if any job has ended since the batch was last taken over."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         ended = sum(count for status, count in statuses.items() if is_terminal("simulation-job", status))
         if ended > SimulationJobBatchDocument.of(self._batch).ended_when_taken:
@@ -134,7 +134,7 @@ class BatchRun:
             self._lease.forget_lost_workers()
 
     def _abandon(self, reason: str) -> None:
-        """Fails a batch whose backend has no machine that can run jobs, once those that run have been cancelled."""
+        """Fails a batch whose backend has no machine for its jobs, after cancelling those that run."""
         while not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)
         for index in self._waiting():
@@ -146,7 +146,7 @@ class BatchRun:
     def end(self) -> None:
         """Ends a batch that has to stop, and those of its jobs that no job worker holds.
 
-        Jobs that others perform are cancelled; the batch is then left to the next job worker.
+        Jobs that other workers run are cancelled; the batch is then left to the next job worker.
         """
         self._note_stop()
         if self._stop_remaining_jobs():
@@ -168,18 +168,21 @@ class BatchRun:
         return not performed
 
     def _active(self) -> dict[int, Resource]:
-        """The jobs that have not ended, by the place of their request."""
+        """Returns the unfinished jobs of the batch, by the index of their request."""
         jobs = jobs_by_request(self._batch, self._service)
         return {index: job for index, job in jobs.items() if not is_terminal(job.kind, job.status)}
 
     def _unfinished(self) -> list[int]:
-        """The requests that still have to be seen to: once the batch has to stop, only those that are jobs."""
+        """Returns the indices of unfinished requests.
+
+        Once the batch has to stop, only those that have become jobs are returned.
+        """
         active = set(self._active())
         unfinished = active if self._why_stop() else active.union(self._waiting())
         return [index for index in self._order if index in unfinished]
 
     def _waiting(self) -> list[int]:
-        """The requests that are neither jobs nor refused."""
+        """Returns the indices of the requests that have neither become jobs nor been refused."""
         return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
@@ -228,10 +231,10 @@ class BatchRun:
         return outcomes_in_words([*outcomes, *unmade])
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
-        """Runs the jobs on job workers of a backend; this process only creates them and waits for their end.
+        """Runs the batch's jobs on job workers of a backend; this process only creates them and waits for their end.
 
-        Some more are made than may run, so that a worker that has ended one finds the next; beside as many as may run,
-        as many finish.
+        It creates some more jobs than may run, so that a worker that has ended one finds the next; and as many jobs may
+        finish (draw and upload) as may run.
         """
         awaited, broken = AwaitedJobs(self._service.catalog, self._arn), threading.Event()
         wait = WorkerWait()
@@ -267,7 +270,7 @@ class BatchRun:
             self._concurrency = concurrency
 
     def _look_for_worker(self, wait: WorkerWait) -> None:
-        """Logs when jobs begin and stop waiting for a job worker; checks once a second."""
+        """Logs when jobs begin to wait for a job worker, and when that ends; checks once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
@@ -279,16 +282,16 @@ class BatchRun:
             self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
-        """Logs the job workers of the batch once."""
+        """Logs once which job workers the batch has."""
         if workers != self._workers:
             self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
 
     def _simulate(self, index: int, slots: "Slots") -> None:
-        """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it.
+        """Creates the job for one request, while holding a slot of the batch and one of the machine, and runs it.
 
-        The slots are given back when the job's programs have ended: drawing and storing hold up no other job. At most
-        as many jobs as there are slots finish so at once; further ones keep their slots until they have ended.
+        The slots are released when the job's programs have ended, so drawing and storing delay no other job. At most as
+        many jobs as there are slots finish at once; further ones keep their slots until they have ended.
         """
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
@@ -311,22 +314,22 @@ class BatchRun:
         self._is_news = True
 
     def _may_finish(self, stack: ExitStack) -> bool:
-        """Whether one more job may finish beside those that simulate, for the batch and for the machine."""
+        """Whether one more job may finish (draw and upload), by the limits of the batch and of the machine."""
         if not self._finishing.acquire(blocking=False):
             return False
         stack.callback(self._finishing.release)
         return permit_of(self._machine)(stack)
 
     def _note_wait(self, wait: Wait | None) -> None:
-        """Keeps the reason why the next job waits until the next report: no catalog call while slots are locked."""
+        """Remembers the reason why the next job waits until the next report: no catalog call while slots are locked."""
         self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:
-        """Whether another request becomes a job once one of those that run has ended."""
+        """Whether another request becomes a job once a running job has ended."""
         return self._why_stop() is None and len(self._made) + len(self._failed) < len(self._requests)
 
     def _why_stop(self) -> StopReason | None:
-        """Reason why the batch's jobs have to stop, or `None`; the first reason stays."""
+        """Returns the first reason why the batch must stop its jobs (cancellation or timeout), or `None`."""
         if self._stop is None:
             if self._lease.lost or self._is_cancelled():
                 self._stop = StopReason.BATCH_CANCELED
@@ -346,7 +349,10 @@ class BatchRun:
         return StopReason.BATCH_TIMED_OUT if self._service.clock() >= self._deadline else None
 
     def _is_cancelled(self) -> bool:
-        """Whether the batch is to be cancelled; all its jobs ask that all the time, and the catalog is asked once."""
+        """Whether the batch should be cancelled.
+
+        All its jobs ask this all the time, so the catalog is asked only once per interval.
+        """
         if (now := time.monotonic()) >= self._ask_again_at:
             self._ask_again_at = now + _ASK_S
             with suppress(ServiceUnavailableException):  # the last answer stands until there is another
@@ -375,7 +381,7 @@ class BatchRun:
         return job
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Calls again until the catalog answers; once the batch has to stop, the next to run it sees to the rest."""
+        """Repeats a call until the catalog answers; raises its error once the batch has to stop."""
         catalog = self._service.catalog
         wait = CatalogWait(
             self._arn,
@@ -399,12 +405,12 @@ class BatchRun:
             return self._stop is not None
 
     def _request(self, index: int) -> tuple[SimulationJobRequest, ClientToken]:
-        """A request, and the token by which it becomes a job once."""
+        """Returns a request of the batch, and its client token, with which it becomes a job only once."""
         token = ClientToken.of_batch_job(self._batch.id, index)
         return SimulationJobRequest.model_validate(self._requests[index], context=STORED), token
 
     def _reuse_results(self) -> None:
-        """Makes jobs of the requests whose results are there already; the others are left to be run."""
+        """Creates finished jobs for the requests whose results exist already; the others remain to be run."""
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             if self._why_stop():
@@ -417,7 +423,7 @@ class BatchRun:
         self._report()
 
     def _refuse_early(self) -> None:
-        """Fails the requests that name resources which do not exist, before each of them costs a task run."""
+        """Fails the requests that name missing resources, before each of them costs a task run."""
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             try:
@@ -428,19 +434,19 @@ class BatchRun:
         self._save_failures()
 
     def _fail_request(self, index: int, code: str, reason: str) -> None:
-        """Marks a request as failed: it never becomes a job; `_save_failures` stores that."""
+        """Marks a request as failed, so that it never becomes a job; `_save_failures` stores that."""
         failed_at = self._service.clock().isoformat()
         self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
     def _save_failures(self) -> None:
-        """Records the failed requests: all new ones at once, as the batch's document can be large."""
+        """Stores all newly failed requests at once, as the batch's document can be large."""
         failed = dict(self._failed)
         if len(failed) > self._saved:
             self._lease.update(BatchProgress(failed=failed, failed_count=len(failed)))
             self._saved = len(failed)
 
     def _report(self) -> None:
-        """Reports how many requests are in which state."""
+        """Reports the number of the batch's requests in each state."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)
@@ -483,7 +489,7 @@ class BatchRun:
         return all(only_finishes(job, reason) for job in self._active().values())
 
     def _note_stop(self) -> None:
-        """Moves the batch to the state that says why, once its jobs have to stop."""
+        """Sets the batch's status to the reason why its jobs have to stop, if they have to."""
         event = STOP_EVENTS.get(self._why_stop() or "")
         if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)

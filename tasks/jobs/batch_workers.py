@@ -1,4 +1,4 @@
-"""A job worker of one batch: takes its jobs from the catalog, waits for those of others, and counts their trials."""
+"""Job worker for one batch: takes jobs from the catalog and runs them; waits for jobs of others, and counts trials."""
 
 import concurrent.futures
 import logging
@@ -28,8 +28,10 @@ _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25
 _LONGEST_PAUSE_S = 10.0
 _ABANDONED_LEASES = 2
-"""Number of leases after which workers leave a batch that no process carries out: the next one to carry it
-out starts workers again."""
+"""Number of lease periods after which workers leave a batch that no process runs.
+
+The next process that runs the batch starts workers again.
+"""
 
 _logger = logging.getLogger(__name__)
 
@@ -79,7 +81,7 @@ class BatchWorker:
         self._ended.set()
 
     def _machine(self) -> MachineSlots:
-        """The slots of this machine, as this batch may use them."""
+        """Returns the slots of this machine, as this batch may use them."""
         try:
             batch = SimulationJobBatchDocument.of(self._service.catalog.get(self._batch, kind=_BATCH))
         except ResourceNotFoundException as error:
@@ -112,7 +114,7 @@ class BatchWorker:
             running = concurrent.futures.wait(running, pause_s, concurrent.futures.FIRST_COMPLETED).not_done
 
     def _is_over(self) -> bool:
-        """Whether there is nothing to take any more."""
+        """Whether there are no more jobs of the batch to take."""
         self._status, _ = self._service.catalog.standing(self._batch)
         if is_terminal(_BATCH, self._status) or self._status in STOPPING:
             return True
@@ -129,12 +131,12 @@ class BatchWorker:
         return True
 
     def _living(self) -> bool:
-        """Whether any job of the batch has not ended; a worker may die, and its job is then to be taken."""
+        """Whether any job of the batch has not ended; if its worker dies, the job can be taken."""
         standing = self._service.catalog.count_children(self._batch, KIND)
         return any(not is_terminal(KIND, status) for status in standing)
 
     def _begin(self, pool: ThreadPoolExecutor, machine: MachineSlots) -> Future[None] | None:
-        """Begins a job, if there is one and this machine has room."""
+        """Starts a job in a thread, if there is one and this machine has room; else returns `None`."""
         slot = machine.take(self._batch.rpartition("/")[2])
         if slot is None:
             return None
@@ -150,7 +152,7 @@ class BatchWorker:
         return None if arn is None else pool.submit(self._run_job, arn, machine, slot, waited_s)
 
     def _claim(self) -> str | None:
-        """Takes a job of the batch, if there is one and it may run now."""
+        """Takes a job of the batch from the catalog, if there is one that may run now; returns its ARN."""
         catalog, lease_s = self._service.catalog, self._service.timing.lease_s
 
         def take(owner: str) -> str | None:
@@ -162,7 +164,7 @@ class BatchWorker:
         return HELD.reserve_any(take, catalog)
 
     def _run_job(self, arn: str, machine: MachineSlots, slot: int, waited_s: Mapping[Scarce, float]) -> None:
-        """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
+        """Runs a claimed job to its end and frees its slot; fails the job if this worker cannot run it."""
         name = arn.rpartition("/")[2]
 
         def take(stack: ExitStack) -> Turn | None:
@@ -194,7 +196,7 @@ class BatchWorker:
             _logger.warning("%s could not be marked as failed: %s", arn, error)
 
     def _why_stop(self) -> StopReason | None:
-        """Reason why jobs of the batch have to end, by its last known status."""
+        """Returns the reason why the batch's jobs have to end, by its last known status; `None` if they do not."""
         return STOPPING.get(self._status)
 
 
@@ -202,7 +204,10 @@ _WAIT_S = 0.5
 
 
 _LASTING_S = 3.0
-"""A worker that has just ended a job takes the next one sooner."""
+"""Time without a new job after which jobs count as waiting for a worker, in seconds.
+
+A worker that has just ended a job takes the next one sooner.
+"""
 
 
 class AwaitedJobs:
@@ -237,7 +242,7 @@ class AwaitedJobs:
 
         Args:
             job: ARN of the job.
-            should_stop: asked now and then; has to answer at once.
+            should_stop: called now and then; must return at once.
         """
         with self._changed:
             while job not in self._ended and not should_stop():
@@ -287,7 +292,7 @@ class BatchTrials:
         self._total = sum(self._planned)
         self._next_look_s = 0.0
         self.counts = TrialCounts(0, self._total) if self._total else None
-        """Counts at the last poll; None: no job has trials."""
+        """Counts of a batch's trials at the last poll; `None`: no job has trials."""
 
     def look(self, *, now: bool = False) -> bool:
         """Counts the finished trials again, at most every two seconds.

@@ -1,4 +1,4 @@
-"""Folders of jobs on this machine: what stays, the cleanup after dead job workers, and outputs still to be stored."""
+"""Local folders of jobs: cleanup after job workers that died, and late uploads of outputs."""
 
 import logging
 import time
@@ -24,7 +24,7 @@ from ..simulations.outputs.run_outputs import NOT_STORED, RunOutputs
 KIND = "simulation-job"
 
 _QUIET_S = 600.0
-"""For how long nothing of a run must have changed before its folder counts as left."""
+"""Time without changes after which a run's folder counts as abandoned, in seconds."""
 
 _logger = logging.getLogger(__name__)
 
@@ -62,10 +62,10 @@ def kept_runs(document: SimulationJobDocument) -> dict[str, EarlierRun]:
 
 
 def remove_abandoned_containers(service: Service) -> None:
-    """Removes containers of jobs that are over, and of job workers that died on this machine.
+    """Removes containers of jobs that have ended, and of job workers that died on this machine.
 
-    Of the former the folders go too, which were kept because a container could not be removed. What does not work is
-    logged, and tried again by the next.
+    Folders of ended jobs that were kept because a container could not be removed are removed as well. Failures are
+    logged; the next call tries again.
 
     Args:
         service: the service, with its catalog and object store.
@@ -161,7 +161,10 @@ def _is_quiet(run: Path) -> bool:
 
 
 def _runs(jobs: Path) -> list[Path]:
-    """The folders of all runs, job by job: jobs that end meanwhile take theirs away, which breaks a single glob."""
+    """Lists the folders of all runs, job by job.
+
+    Jobs that end meanwhile delete theirs, which breaks a single glob.
+    """
     found: list[Path] = []
     for job in jobs.glob("*"):
         with suppress(FileNotFoundError, NotADirectoryError):
@@ -188,7 +191,7 @@ class KeptOutputs:
     job: Resource
     run_id: str
     folder: Path
-    """The run's own."""
+    """Folder of the job's run whose upload failed."""
 
     @property
     def output_dir(self) -> Path:
@@ -273,7 +276,7 @@ def _is_kept(job: Resource, run_id: str, service: Service) -> bool:
 
 
 def _misses(document: SimulationJobDocument, run_id: str) -> bool:
-    """Whether the job says of a run that its outputs are nowhere."""
+    """Whether the job's document says that the outputs of a run are stored nowhere."""
     if run_id == document.run_id:
         return document.outputs is None
     earlier = kept_runs(document).get(run_id)
@@ -309,7 +312,7 @@ def _with_place(document: SimulationJobDocument, run_id: str, place: StoredPlace
 def _stored_late(
     document: SimulationJobDocument, outcome: Outcome, place: StoredPlace, service: Service
 ) -> SimulationJobProgress:
-    """Changes of the job: it stays failed, and is no longer without outputs."""
+    """Returns the changes of a job whose outputs were uploaded late: it stays failed, but has outputs now."""
     late = f"the outputs could not be stored when the run ended; they were at {service.clock():%Y-%m-%dT%H:%M:%SZ}"
     reason = shorten("\n".join(filter(None, (late, outcome.failure_reason))))
     if document.failure_code is None:  # such as of a job that was cancelled

@@ -1,4 +1,4 @@
-"""Owners of jobs: orders for oneself, the environment that they need, and the state of each owner."""
+"""Processes that run jobs: orders that a process runs itself, the environment they need, and who runs a job."""
 
 import logging
 import os
@@ -30,14 +30,13 @@ SETTINGS: Mapping[str, Sequence[str]] = {
     "StartSimulationJobBatch": (*_SIMULATION, "backend"),
     "CreateWorldGenerationJob": ("max_worlds_per_job",),
 }
-"""The settings that decide how jobs go, by the operation that orders them."""
+"""Settings that affect a job, by the operation that creates it."""
 
 OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
-"""Variables of simulations that are no settings."""
+"""Environment variables that affect simulations and are not settings."""
 
 _OF_PREFECT_RUN = re.compile(r"tmp\w+prefect|prefect-flow-run-\w+")
-"""Names that `tempfile` makes of the suffix that Prefect's workers give it, and of the prefix that `prefect flow-run
-execute` does, which containers of work pools run."""
+"""Pattern of temporary folder names that Prefect's workers make, or `prefect flow-run execute` in containers."""
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
@@ -102,7 +101,7 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
 
 
 def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The requests of simulations in a request."""
+    """Returns the requests of simulation jobs that a request of an operation contains."""
     if operation == "StartSimulationJobBatch":
         return list(request.get("createSimulationJobRequests") or ())
     return [request] if operation == "CreateSimulationJob" else []
@@ -123,7 +122,7 @@ def written(value: object) -> str:
 def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
     """Returns the folders of PYTHONPATH, absolute, without the temporary folder that Prefect adds.
 
-    No other run has that folder. What a run imported from it is a package, and missed as such.
+    No other run has that folder. A package that is imported from it is noticed as missing elsewhere.
     """
     folders = (Path(path).absolute() for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
     return tuple(str(folder) for folder in folders if not _OF_PREFECT_RUN.fullmatch(folder.name))
@@ -227,7 +226,7 @@ class OwnOrder:
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        """Begins the order."""
+        """Begins the order of a job that this process will run itself."""
         return self
 
     def __exit__(
@@ -258,7 +257,8 @@ class OwnOrder:
     def keep(self, arn: str) -> None:
         """Keeps the lease of the stored job.
 
-        A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
+        A job that an equal earlier call had stored may belong to another process; running it here then waits for its
+        lease.
         """
         if self._service.catalog.lease_of(arn)[0] != self._owner:
             return

@@ -1,4 +1,7 @@
-"""Running one simulation job: prepare, run its process, store its outputs, settle its end; again after a restart."""
+"""Runs one simulation job: prepares it, runs its processes, stores its outputs, records its end.
+
+An interrupted job is resumed.
+"""
 
 import logging
 import time
@@ -58,10 +61,10 @@ from .simulation_outcomes import (
 )
 
 Stop = Callable[[], StopReason | None]
-"""Asked while a job runs; answers why it should stop, or `None`."""
+"""Function that is called while a job runs, and returns why it should stop, or `None`."""
 
 OnTrials = Callable[[int, int], None]
-"""Told now and then how many trials of a job have finished, and how many there are."""
+"""Function that is called now and then with the numbers of finished and of all trials of a job."""
 
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _WORKER_DIED = "the job was stopped after its job worker had died"
@@ -89,11 +92,11 @@ def perform_job(
     Args:
         arn: the job.
         service: the service, with its catalog and object store.
-        stop: asked several times a second; see `Stop`.
-        run_step: how its steps `prepare`, `simulate` and `upload` are run.
-        on_trials: see `OnTrials`; absent: trials are not reported.
-        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its slot among the simulating jobs; absent: it needs none.
+        stop: returns why the job should stop, or `None`; called several times a second.
+        run_step: runs its steps `prepare`, `simulate` and `upload`, directly or as Prefect tasks.
+        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
+        place: slot of the job among the simulating jobs; absent: it needs none.
         waits: whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
@@ -117,14 +120,14 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
 
 
 class _Next(Enum):
-    """Next step of a job after a run."""
+    """Next step of a job after one of its runs."""
 
     NONE = auto()
     RESTART = auto()
-    """With a new run: a restart was requested."""
+    """Next step of a job: start a new run, because a restart was requested."""
 
     GO_ON = auto()
-    """Continues from the last checkpoint of what is left of a run that was killed, else from the start."""
+    """Continue a killed run from its last checkpoint, else from the start."""
 
 
 @cache
@@ -139,11 +142,11 @@ class JobRun:
     Args:
         lease: the right to change the job.
         service: the service, with its catalog and object store.
-        stop: see `Stop`.
-        run_step: how its steps are run.
-        on_trials: see `OnTrials`; absent: trials are not reported.
-        waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        place: its slot among the simulating jobs; absent: it needs none.
+        stop: returns why the job should stop, or `None`.
+        run_step: runs its steps, directly or as Prefect tasks.
+        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
+        place: slot of the job among the simulating jobs; absent: it needs none.
     """
 
     def __init__(
@@ -166,7 +169,7 @@ class JobRun:
         self._stop = stop
         self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
         self._begin: Callable[[], None] | None = None
-        """Says that the job runs, until it has been said."""
+        """Function that sets the job's status to running; `None` once it has been called."""
         self._answers = False
         """Whether applications listen on forwarded ports, or have had their time to."""
         self._kills = 0  # of runs, from outside, since one came further than those before
@@ -209,11 +212,11 @@ class JobRun:
 
     @property
     def _document(self) -> SimulationJobDocument:
-        """The job's document as it is now."""
+        """Returns the job's current document."""
         return SimulationJobDocument.of(self._lease.job)
 
     def _left_by_a_dead_worker(self) -> RunPlan | None:
-        """The run that can be continued, if there is one."""
+        """Returns the plan of an interrupted run on this machine that can be continued, if there is one."""
         run_id = self._document.run_id
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
@@ -251,25 +254,31 @@ class JobRun:
         return next_run
 
     def _note_attempt(self, run_id: str) -> None:
-        """Records a further attempt of a run; if the last one got further, the count of dead job workers restarts."""
+        """Records a further attempt of a run.
+
+        Resets the count of dead job workers if the last attempt made progress.
+        """
         before, reached = self._document, reached_s(self._folder(run_id))
         self._lease.update(SimulationJobProgress(attempts=before.attempts + 1, reached_s=reached, simulated_at=None))
         if reached > before.reached_s:
             self._lease.forget_lost_workers()
 
     def _may_try_again(self, run_id: str) -> bool:
-        """Whether to repeat a run that was killed from outside: while each attempt gets further in simulated time."""
+        """Whether to repeat a run that was killed from outside.
+
+        It is repeated only while each attempt reaches a later simulated time.
+        """
         self._kills = 1 if reached_s(self._folder(run_id)) > self._document.reached_s else self._kills + 1
         return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
 
     def _after_kill(self, why: str) -> "_Next":
-        """Logs that a run was killed, and waits before the next try."""
+        """Logs that a run was killed, and waits before the next attempt."""
         _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
         time.sleep(self._service.timing.after_kill_s)
         return _Next.GO_ON
 
     def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
-        """Fetches all that a new run needs; it counts as running from then on."""
+        """Downloads everything that a new run needs; from then on the job counts as running."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         begun = SimulationJobProgress.begun(run_id, self._waited_s, token_urlsafe())
         self._lease.transition("prepare", begun)
@@ -286,7 +295,7 @@ class JobRun:
         return plan
 
     def _note_running(self) -> None:
-        """Changes the job's status to `Running`, unless it has it."""
+        """Sets the job's status to `Running`, unless it is already."""
         if self._begin is not None:
             self._begin()
             self._begin = None
@@ -308,7 +317,7 @@ class JobRun:
         )
 
     def _carry_out(self, plan: RunPlan) -> "_Next":
-        """Carries out a planned run; returns the job's next step."""
+        """Runs a prepared run plan; returns the job's next step."""
         run_id = plan.run_id
         service, folder = self._service, self._folder(run_id)
         with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
@@ -341,7 +350,7 @@ class JobRun:
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
-        """Runs the plan's processes to their end."""
+        """Runs the plan's processes until they have ended; returns the result."""
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
@@ -355,9 +364,9 @@ class JobRun:
             )
 
     def _note_simulated(self, is_drawn: bool) -> None:
-        """Frees the slot for the next job: the simulation is over, and only videos and outputs remain.
+        """Frees the job's machine slot, because the simulation has ended and only videos and outputs remain.
 
-        From here on the batch's timeout ends the job no more; the job's own end still does what it did.
+        From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do.
         """
         status, reason = self._asked()
         self._finishes = reason is None and not self._is_to_restart(status)
@@ -397,18 +406,18 @@ class JobRun:
     # Stopping
 
     def _is_stopped(self) -> bool:
-        """Whether the job has to end."""
+        """Whether the running simulation job has to end."""
         return self._why_stop() is not None
 
     def _why_stop(self) -> StopReason | None:
-        """Reason why the job has to end, or `None`."""
+        """Returns the reason why the running simulation job has to end, or `None`."""
         return self._asked()[1]
 
     def _note_answers(self) -> None:
         self._answers = True
 
     def _interruption(self) -> RunStop | None:
-        """Returns why the run has to end, if it has to; says that its job runs once forwarded ports answer."""
+        """Returns why the run has to end, or `None`; also sets the job to running once its forwarded ports answer."""
         try:
             if self._answers:
                 self._note_running()
@@ -441,9 +450,9 @@ class JobRun:
             return self._lease.job.status, None
 
     def _terminate(self, outcome: Outcome, of_run: str | None = None) -> None:
-        """Ends the job; files of a run that could not be started are stored, without a manifest.
+        """Ends the job; files of a run that could not be started are uploaded without a manifest.
 
-        Such as its log, and all that the attempts before wrote, of a run that was to continue from a checkpoint.
+        Such files are its log, and the files of earlier attempts if the run was to continue from a checkpoint.
         """
         output = self._folder(of_run) / "output" if of_run else None
         has_left = output is not None and output.is_dir() and any(output.iterdir())
@@ -469,11 +478,11 @@ class JobRun:
         return RunOutputs(self._lease.job, run_id, self._folder(run_id), self._service)
 
     def _published(self, run_id: str, outcome: Outcome, *, resumes: bool = False) -> Outcome:
-        """Stores the outputs; returns the outcome, which is a failure when that does not work.
+        """Uploads a run's outputs; returns the outcome, which is a failure if the upload fails.
 
         Args:
-            run_id: the run that left them.
-            outcome: how it ended.
+            run_id: the run.
+            outcome: outcome of the run.
             resumes: whether a job worker that died may have stored a part of them.
         """
         outputs = self._outputs(run_id)
@@ -498,7 +507,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": place})
 
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
-        """The outcome of a job that was cancelled while its outputs were stored, of which a part may be."""
+        """Returns the outcome of a job that may have been cancelled while its outputs were being stored."""
         # A catalog that is away now cannot say why; only cancelling ends an upload.
         if is_overtaken(outcome.status, self._why_stop() or StopReason.CANCELED, is_whole=False):
             outcome = self._overtaken(outcome, outputs)
@@ -515,14 +524,17 @@ class JobRun:
         return is_overtaken(outcome.status, self._why_stop())
 
     def _overtaken(self, outcome: Outcome, outputs: RunOutputs) -> Outcome:
-        """The outcome of a job that was cancelled while they were stored; the run's result has no verdict any more."""
+        """Returns the outcome of a job that was cancelled while its outputs were stored.
+
+        Its result then has no verdict.
+        """
         outcome = overtaken(outcome, self._why_stop())
         self._lease.update(SimulationJobProgress(outcome=outcome, verdict=None, verdict_reason=None))
         remove_verdict(outputs.output_dir)
         return outcome
 
     def _published_after_all(self) -> Outcome:
-        """The outcome of a job whose job worker died in the midst of publishing; its outputs may be here or stored."""
+        """Returns the outcome of a job whose worker died while publishing; its outputs may be local or stored."""
         document = self._document
         outcome, run_id = document.outcome, document.run_id
         if outcome is None:

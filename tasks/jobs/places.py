@@ -1,4 +1,4 @@
-"""The place of a job among those that simulate, given back once it only draws and stores."""
+"""Slot of a job among those that simulate, given back once the job only draws videos and uploads."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
@@ -9,17 +9,17 @@ from ..catalog import Resource
 from ..machine.machine_slots import MachineSlots, Turn
 
 Take = Callable[[ExitStack], Turn | None]
-"""Takes all that a job needs to simulate and leaves it on the stack, after waiting; `None`: the job has to stop."""
+"""Function that waits for a slot to simulate and puts its release on the stack; `None`: the job has to stop."""
 
 Permit = Callable[[ExitStack], bool]
-"""Takes the right to finish beside those that simulate, without waiting; answers whether one was free."""
+"""Function that takes permission to finish beside simulating jobs, without waiting; returns whether one was free."""
 
 
 IS_STORED = "Terminating"
-"""The status of a job whose run is over, and whose outputs are uploaded: the end of a batch takes it nothing."""
+"""Status of a job whose run is over and whose outputs are being uploaded; the end of its batch does not affect it."""
 
 SIMULATED = "simulatedAt"
-"""The member of a job's document that says that its programs have ended: it draws or stores."""
+"""Member of a job's document with the time at which its programs ended; from then on it draws videos or uploads."""
 
 
 def only_finishes(job: Resource, reason: StopReason) -> bool:
@@ -30,7 +30,7 @@ def only_finishes(job: Resource, reason: StopReason) -> bool:
 
 
 def _no_turn(_: ExitStack) -> Turn | None:
-    """Takes nothing, where no other job waits."""
+    """Takes no slot, for jobs that need none."""
     return Turn({})
 
 

@@ -1,4 +1,4 @@
-"""The order in which a batch makes jobs of its requests, where a comparison may end it before all of them ran."""
+"""Order in which a batch creates jobs of its requests, mixed as a comparison may end the batch early."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -9,16 +9,16 @@ from ..simulations.planning.run_plans import world_arn
 
 
 def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Mixes requests in an order that only their places fix, so that easy ones are not all first.
+    """Mixes requests in a fixed pseudo-random order, so that easy ones are not all first.
 
-    The requests of one world stay together where there are enough worlds to compare whole ones: such a world counts
-    when the last of its jobs has ended.
+    If there are enough worlds to compare whole ones, the requests of a world stay together: such a world counts when
+    the last of its jobs has ended.
 
     Args:
         requests: requests for simulation jobs on the wire.
 
     Returns:
-        The places of all requests, the first one to become a job first.
+        Indices of all requests; the first one becomes a job first.
     """
     worlds = [world_arn(request) or "" for request in requests]
     first: dict[str, int] = {}
@@ -30,5 +30,5 @@ def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def _drawn(place: int) -> str:
-    """A text that is as good as drawn by chance, and the same in every process."""
+    """Returns a pseudo-random sort key for an index, the same in every process."""
     return hashlib.sha256(str(place).encode()).hexdigest()

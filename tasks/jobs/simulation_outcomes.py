@@ -1,4 +1,4 @@
-"""Finishes simulation jobs, and their runs before the last one, of which the job says where they are stored."""
+"""Outcomes of simulation jobs, and the stored outputs of a job's earlier runs."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -22,14 +22,14 @@ from ..simulations.outputs.run_outputs import RunOutputs
 from .job_folders import kept_runs
 
 END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "fail", "Canceled": "cancel"}
-"""The event that leads from `Terminating` to an outcome's status."""
+"""Event that leads from status `Terminating` to the final status, by outcome."""
 
 
 def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     """Determines the outcome of a simulation job from its run's end.
 
     Args:
-        run: how the run ended.
+        run: outcome of the run.
         stopped_because: why the job had to stop; `None` if it did not have to.
     """
     if is_overtaken(run.status, stopped_because):
@@ -52,10 +52,10 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
 
 
 def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, is_whole: bool = True) -> bool:
-    """Whether a run that ended well counts as cancelled, because a cancellation was accepted before.
+    """Whether a successful run counts as cancelled, because a cancellation was accepted before.
 
-    One that failed stays failed, and the end of a batch takes nothing from a job whose run was over, unless its outputs
-    were not stored as a whole for that.
+    A failed run stays failed. The end of a batch does not affect a job whose run was over, unless its outputs could not
+    be stored completely because of that.
     """
     if stopped_because is StopReason.BATCH_CANCELED and is_whole:
         return False
@@ -98,8 +98,10 @@ DIED = "the job worker died while this run went on; the job was run again"
 KILLED = "this run was killed while it went on; the job was run again"
 _LOST = "the machine it ran on died before its outputs were stored"
 _RUNS = ("Preparing", "Running", "RunningFailed", "Restarting")
-"""Statuses of a job that has a run, in which code may have run: with forwarded ports it is `Preparing` until they
-answer."""
+"""Statuses of a job in which its applications may have run.
+
+A job with forwarded ports is `Preparing` until they answer.
+"""
 
 _logger = logging.getLogger(__name__)
 
@@ -127,7 +129,7 @@ class EarlierRuns:
     def keep_dead(self, why: str) -> None:
         """Uploads the outputs of a run whose job worker died, and records that run in the job.
 
-        Whether it had ended cannot be known any more, so it gets no manifest.
+        It is unknown whether the run had ended, so it gets no manifest.
 
         Args:
             why: reason why the run was not finished, for readers of its outputs.
@@ -150,7 +152,7 @@ class EarlierRuns:
         """Records that a completed run is lost with its machine, so that the job has to run again.
 
         Returns:
-            Whether it is: its outputs are neither on this machine nor stored. A store that does not answer cannot tell.
+            Whether it is lost: its outputs are neither on this machine nor stored. False if the store does not answer.
         """
         document = self._document
         run_id, outcome = document.run_id, document.outcome
@@ -175,13 +177,13 @@ class EarlierRuns:
 
     @property
     def _document(self) -> SimulationJobDocument:
-        """The job's document as it is now."""
+        """Returns the job's current document."""
         return SimulationJobDocument.of(self._lease.job)
 
     def _keep(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
-        """Stores the outputs of a run that is not the job's last one; says in the job where they are.
+        """Uploads the outputs of a run that is not the job's last one, and records in the job where they are.
 
-        One that has to end while the store does not answer has no other: this run's outputs become those of the job.
+        If the job has to end while the store does not answer, this run's outputs become those of the job.
         """
         outputs = self._outputs_of(run_id)
         place, not_stored = None, None
@@ -206,7 +208,7 @@ class EarlierRuns:
         place: StoredPlace | None = None,
         not_stored: str | None = None,
     ) -> None:
-        """Stores in the job how a run ended, and where its outputs are."""
+        """Records in the job how a run ended, and where its outputs are."""
         document = self._document
         run = EarlierRun(
             run_id=run_id,
@@ -223,5 +225,5 @@ class EarlierRuns:
 
 
 def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
-    """Makes the text that a run's outputs are lost with the machine it ran on."""
+    """Describes that a run's outputs are lost with the machine it ran on."""
     return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

@@ -1,4 +1,4 @@
-"""Runs of world generation jobs and world export jobs."""
+"""Runs world generation jobs and world export jobs."""
 
 import logging
 import os
@@ -102,13 +102,13 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
 
 
 NO_FAILURES = WorldFailures()
-"""The summary of a job none of whose worlds failed."""
+"""Failure summary of a job in which no world failed."""
 
 
 def run_generation(lease: Lease, service: Service) -> None:
-    """Runs a world generation job to its end; one that asks for too many worlds fails.
+    """Runs a world generation job to its end; a job that asks for too many worlds fails.
 
-    So it was with the service: the call took any number, and the job said that it was too many.
+    AWS RoboMaker did the same: the call accepted any number, and the job then failed.
     """
     count = WorldGenerationJobDocument.of(lease.job).request.world_count
     most = service.settings.max_worlds_per_job
@@ -170,7 +170,7 @@ class GenerationRun:
         self._settle()
 
     def _reused(self, index: int, world_arn: str) -> bool:
-        """Whether a world was found that need not be generated again."""
+        """Whether an equal world was found that is used in place of generating one."""
         if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
             return False
         self._note_end(world_arn, None)
@@ -185,7 +185,7 @@ class GenerationRun:
             self._note_end(world_arn, failure)
 
     def _stopped(self) -> bool:
-        """Whether no more worlds are wanted."""
+        """Whether no more worlds should be generated, because the job was cancelled or its lease lost."""
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
     def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
@@ -231,7 +231,7 @@ class GenerationRun:
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
-        """Ends the job, and records the worlds that it made; that record remains when worlds are deleted later."""
+        """Ends the job, and records the worlds that it generated; that record remains when worlds are deleted later."""
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
         plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
         made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)
@@ -252,7 +252,7 @@ class GenerationRun:
 
 
 def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
-    """Failures of worlds, summed up by code as the service does."""
+    """Summarises failures of worlds by failure code, as AWS RoboMaker did."""
     counts = Counter(failure.code for failure in failures)
     samples = {failure.code: failure.reason for failure in reversed(failures)}
     return WorldFailures(
@@ -309,7 +309,7 @@ def run_export(lease: Lease, service: Service) -> None:
 
 
 def _stored_archive(lease: Lease, service: Service) -> bool:
-    """Whether the archive is stored; not if the job is cancelled, or performed by another."""
+    """Uploads the archive of an export job; returns false if the job was cancelled or another worker took it over."""
     from ..worlds.export_packing import export_worlds
 
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
@@ -323,7 +323,7 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
 
 
 def _acting(job: Resource, service: Service) -> Service:
-    """The service as the job's role has it.
+    """Returns the service with the object store access of the job's role.
 
     Raises:
         StorageError: the job's role does not exist, or its credentials are refused.

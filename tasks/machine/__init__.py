@@ -1,1 +1,1 @@
-"""Slots, memory and disk that simulation jobs share on one machine, and the order in which waiting jobs begin."""
+"""Machine slots, memory and disk that simulation jobs share, and the order in which waiting jobs begin."""

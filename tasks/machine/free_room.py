@@ -1,4 +1,4 @@
-"""Free memory and disk of this machine, and whether a job may begin."""
+"""Measures this machine's free memory and disk, and decides whether a job may begin."""
 
 import shutil
 from collections.abc import Iterator
@@ -33,16 +33,16 @@ class Room:
     """Free memory and disk space of a machine in bytes, and the number of running jobs."""
 
     memory_bytes: int | None
-    """Available memory; None: not known, so nothing waits for it."""
+    """Available memory in bytes; `None`: unknown, so no job waits for it."""
 
     disk_bytes: int
-    """Free on the disk of the data home."""
+    """Free bytes on the disk of the data home."""
 
     running: int
-    """Number of running jobs."""
+    """Number of jobs that run on the machine."""
 
     growing: int
-    """Number of jobs that began a moment ago, and may still take all the memory that a job needs."""
+    """Number of jobs that began a moment ago, and whose memory use may still grow."""
 
 
 def why_wait(need: Need, room: Room) -> Wait | None:
@@ -102,7 +102,7 @@ def _machine(proc: Path) -> Iterator[int]:
 
 
 def _groups(proc: Path, control_groups: Path) -> Iterator[int]:
-    """Bytes that each control group with a limit can still take, from the group of this process up to the root."""
+    """Yields the bytes of memory left in each limited control group, from this process's group up to the root."""
     try:
         lines = (proc / "self" / "cgroup").read_text().splitlines()
     except OSError:
@@ -132,7 +132,7 @@ def _version_1(root: Path, path: str) -> Iterator[int]:
 
 
 def _upwards(root: Path, path: str) -> Iterator[Path]:
-    """A group's folder and all above it; inside a container those above are not there, and the root is its own."""
+    """Yields a control group's folder and all folders above it that exist; inside a container, the root is its own."""
     folder = root / path.lstrip("/")
     yield folder
     while folder != root and root in folder.parents:
@@ -141,7 +141,7 @@ def _upwards(root: Path, path: str) -> Iterator[Path]:
 
 
 def _cached(folder: Path, name: str) -> int:
-    """Contents of files that the kernel drops when memory is wanted."""
+    """Returns the bytes of cached file contents that the kernel frees when memory is needed."""
     with suppress(OSError, ValueError):
         for line in (folder / "memory.stat").read_text().splitlines():
             if line.startswith(f"{name} "):

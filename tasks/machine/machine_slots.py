@@ -1,4 +1,4 @@
-"""Slots of this machine: how many simulation jobs run here at once, with notices and times of those who wait."""
+"""Machine slots: limit of simulation jobs that run here at once, with messages and times of those that wait."""
 
 import logging
 import os
@@ -81,7 +81,7 @@ _WAITERS = "waiting"
 _FINISHING = "finishing"
 _LOOK_S = 0.1
 _GROWS_S = 10.0
-"""After that long a job has taken the memory that it needs, or most of it."""
+"""Time after its start within which a job takes most of the memory that it needs, in seconds."""
 
 _logger = logging.getLogger(__name__)
 
@@ -91,7 +91,7 @@ class Turn:
     """A slot that a job holds, as long as the enclosing `with` block lasts."""
 
     waited_s: Mapping[Scarce, float]
-    """Time that the job waited for it, in seconds, by what it waited for; waits for its own batch do not count."""
+    """Time that the job waited for the slot, in seconds, by scarce resource; waits for its own batch do not count."""
 
 
 class MachineSlots:
@@ -146,7 +146,7 @@ class MachineSlots:
         """Waits for a slot, and holds it inside the `with` block.
 
         Args:
-            should_stop: asked while waiting; once true, waiting ends.
+            should_stop: called while waiting; once true, waiting ends.
             name: name of the waiting job, for messages.
             wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
                 turn is kept for it, so that the slot goes to no batch that comes after this one.
@@ -222,7 +222,10 @@ class MachineSlots:
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
-        """Waits for a slot; one waiting thread polls, and the batch counts as waiting until the last has a slot."""
+        """Waits for a slot; one waiting thread polls.
+
+        The batch counts as waiting until the last thread has a slot.
+        """
         with self._lock:
             if self._kept:
                 self._kept -= 1
@@ -245,7 +248,7 @@ class MachineSlots:
                     self._leave()
 
     def _keep_turn(self, name: str) -> None:
-        """Registers the wait of a thread that is about to wait; without one, others are held back for some seconds."""
+        """Announces that a thread is about to wait, so that other batches do not take the slot for some seconds."""
         with self._lock:
             now_s = self._clock()
             self._since_s = self._since_s or now_s
@@ -267,12 +270,12 @@ class MachineSlots:
         return why_wait(self._need, room)
 
     def _told(self, wait: Wait, slots: Slots) -> Wait | None:
-        """The wait, unless it is only for other jobs of the same batch, which is how batches are."""
+        """Returns the wait to report; `None` if it is only for other jobs of the same batch, which is normal."""
         only_own = self._batch is not None and all(holder.batch == self._batch for holder in slots.holders)
         return None if wait.scarce == "slots" and only_own else wait
 
     def _see(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Counts the time that is waited, and says to people that and why, when it is time."""
+        """Adds up the time of a wait, and reports to users that and why jobs wait, when that is due."""
         self._times.see(wait and wait.scarce, now_s)
         if self._notices.is_due(wait, now_s) and wait is not None:
             text = f"{name} waits: {wait.text}"
@@ -283,7 +286,7 @@ class MachineSlots:
             self._watch(self._shown)
 
     def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Writes the record by which the other waiting processes see that this batch waits."""
+        """Writes the record by which other processes see that this batch waits for a slot."""
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)

@@ -1,4 +1,4 @@
-"""Files of machine slots and of those who wait for them, and the order in which they get one."""
+"""Lock files of machine slots and announcements of waiting processes, and the order in which these get slots."""
 
 import fcntl
 import os
@@ -27,12 +27,12 @@ class Slots:
     """The free and the held slots of a machine at one moment."""
 
     free: tuple[int, ...]
-    """Numbers of the slots that no process held."""
+    """Numbers of the machine slots that no process held."""
 
     holders: tuple[Holder, ...]
 
     def by_batch(self) -> Counter[str | None]:
-        """Counts the running jobs by batch."""
+        """Counts the jobs in machine slots by batch."""
         return Counter(holder.batch for holder in self.holders)
 
 
@@ -41,7 +41,7 @@ class SlotFiles:
 
     Args:
         folder: folder of the slots' files.
-        count: how many there are.
+        count: number of slots.
     """
 
     def __init__(self, folder: Path, count: int) -> None:
@@ -90,7 +90,10 @@ class SlotFiles:
 
 
 def _holder(text: bytes) -> Holder:
-    """Job in a slot, from the slot's file; no facts for an earlier version, or while the file is being written."""
+    """Reads the job in a slot from the slot's file.
+
+    It has no details if an earlier version wrote the file, or while the file is being written.
+    """
     with suppress(ValidationError):
         return Holder.model_validate_json(text)
     return Holder()
@@ -99,7 +102,7 @@ def _holder(text: bytes) -> Holder:
 _COUNTS_S = 3.0
 _REMOVED_S = 60.0
 WRITE_EVERY_S = 0.5
-"""Seconds between two writes of a waiter's file."""
+"""Interval between two writes of a waiting process's file, in seconds."""
 
 
 class WaiterRecord(Model):
@@ -167,8 +170,8 @@ def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping
     Args:
         ticket: the waiter's.
         waiters: all waiters of the machine by ticket, this one included.
-        running: how many jobs run on the machine, by batch.
-        free: how many slots are free.
+        running: number of jobs that run on the machine, by batch.
+        free: number of free slots.
     """
     line, counts = dict(waiters), Counter(running)
 

@@ -1,4 +1,4 @@
-"""Runs as nights: what is kept of one until it has ended, and how one that broke off is found and finished.
+"""Runs of specifications (nights): files kept until a run has ended, so that an interrupted run is found and resumed.
 
 ```
 run's folder    order.json        all that another process needs; gone when the run has ended

@@ -1,4 +1,4 @@
-"""Runs whose processes have died before they had ended: which there are, and what becomes of each."""
+"""Interrupted runs, whose process died before they had ended: lists them, and says whether each is resumed."""
 
 import os
 import socket
@@ -15,17 +15,22 @@ from ..jobs.job_owners import environment_here
 from .open_runs import LOCK, has_broken_off, read_order
 
 MOST_INTERRUPTIONS = 10
-"""A run that has lost so many processes may be what kills them, and is left to a person."""
+"""Limit of the processes that a run may lose; above it a person decides, as the run may be the cause."""
 
 MOST_QUICK_DEATHS = 3
-"""So is one of which so many, one after the other, died soon after they had taken it; restarts of services are not so
-many, nor so soon."""
+"""Limit of consecutive processes that die soon after they have resumed a run; above it a person decides.
+
+Restarts of services are not so many, nor so soon.
+"""
 
 _SOON_S = 600.0
 _NEXT = "the next process that may run jobs finishes it"
 
 _SILENCE_S = 120.0
-"""Time that the process on another machine has to be silent: a network file system may not tell of its lock."""
+"""Time without a sign of life after which a process on another machine counts as dead, in seconds.
+
+A network file system may not show its lock.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,13 +40,13 @@ class BrokenOff:
     order: Order
     folder: Path
     died_at: datetime
-    """Time at which its process last noted that it lived."""
+    """Time of the last sign of life of an interrupted run's process."""
     limits: tuple[str, ...]
-    """Reason why no process finishes it by itself, in words; empty: one does."""
+    """Reason why no process resumes it automatically, in words; empty: one does."""
     differences: tuple[str, ...]
-    """Differences of this process from what the run needs; empty: none."""
+    """Differences between this process's environment and the one that the run needs; empty: none."""
     command: str
-    """The command that finishes it as it was ordered."""
+    """Command that resumes an interrupted run as it was ordered."""
 
     @property
     def why_left(self) -> str:
@@ -70,7 +75,7 @@ def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[Bro
     """Lists the interrupted runs of a data home, oldest first.
 
     Args:
-        settings: of this process, with which each run's needs are compared.
+        settings: settings of this process, with which each run's needs are compared.
         now: the time; `None`: that of the clock.
     """
     folders = (path.parent for path in (settings.home / "runs").glob(f"*/{LOCK}"))
@@ -82,7 +87,7 @@ def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
     """Lists the interrupted runs of a specification, in the form in which its history shows them.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         name: name of the specification.
     """
     return [
@@ -133,7 +138,7 @@ def _limits(order: Order, died_at: datetime, settings: Settings, now: datetime) 
 
 
 def _quick_deaths(order: Order, died_at: datetime) -> int:
-    """Number of the last processes that died soon after they had taken the run."""
+    """Returns how many of the last processes died soon after they had resumed the run."""
     deaths = [*(each.lost_at for each in order.interruptions[1:]), died_at]
     lives = [
         (death - each.continued_at).total_seconds() for each, death in zip(order.interruptions, deaths, strict=False)

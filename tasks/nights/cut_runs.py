@@ -1,4 +1,4 @@
-"""Runs whose requests are cut down or replaced: probes and challenges leave nothing that the whole run makes itself."""
+"""Cleanup after probes and challenges, runs with reduced or changed requests: deletes what only they created."""
 
 from contextlib import suppress
 from datetime import datetime
@@ -19,7 +19,7 @@ def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
     """Deletes the applications and templates that a probe or a challenge has created.
 
     Args:
-        record: its run.
+        record: record of the probe's or challenge's run.
         since: time before which resources were not created by it.
         service: the service, with its catalog and object store.
     """

@@ -1,4 +1,4 @@
-"""The early end of a run that is carried out beside an earlier one: its jobs are cancelled once they have decided."""
+"""Early end of a run that is compared with an earlier run: its jobs are cancelled once the question is decided."""
 
 import logging
 import threading
@@ -15,20 +15,20 @@ from ..service.service import Service
 from .open_runs import OpenRun
 
 LOOK_S = 1.0
-"""Seconds between two looks whether jobs have ended: a job takes longer, and a look counts them only."""
+"""Interval between two checks whether jobs have ended, in seconds: a job takes longer, and a check only counts them."""
 
 _logger = logging.getLogger(__name__)
 
 
 class EarlyEnd:
-    """Watches the pairs of a run, and cancels its jobs once they have decided or cannot decide any more.
+    """Compares a run's jobs with those of an earlier run, and cancels the rest once the comparison is decided.
 
     Args:
         asked: the question.
         spec: the specification of the run.
-        service: where the run is stored.
-        listener: told when it is decided.
-        open_run: the run, where another process began it; that may have decided it.
+        service: the service, with its catalog and object store.
+        listener: called when it is decided.
+        open_run: the run, if another process began it, which may have decided it.
 
     Raises:
         ConfigurationError: the earlier run cannot be compared with; not where another process began the run.
@@ -57,7 +57,7 @@ class EarlyEnd:
 
     @property
     def is_decided(self) -> bool:
-        """Whether nothing more is to be run."""
+        """Whether the question is decided, so that no more jobs are needed."""
         return self._decided is not None
 
     @contextmanager
@@ -86,7 +86,7 @@ class EarlyEnd:
         """Returns the answer at the end of the run.
 
         Args:
-            steps: its steps, as they ended.
+            steps: results of its steps.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -131,7 +131,7 @@ class EarlyEnd:
                 return
 
     def _note_decided(self, answer: AgainstAnswer, run: OpenRun | None) -> None:
-        """Keeps the answer before jobs are cancelled, so that no process takes the cancelled jobs for lost ones."""
+        """Stores the answer before jobs are cancelled, so that no process takes the cancelled jobs for lost ones."""
         try:
             if run is not None:
                 run.change(decided=answer)

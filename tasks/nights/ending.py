@@ -1,4 +1,4 @@
-"""The end of a run: its state, report and record, and the message about it."""
+"""Finishes a run of a specification: determines its state, writes report and record, sends notifications."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ class Outlasting(Protocol):
     """Interface of a function that calls another one again until the catalog's database answers."""
 
     def __call__(self, call: Callable[[], Result], /) -> Result:
-        """Returns what the call returns."""
+        """Calls a function, again after outages of the catalog's database, and returns its result."""
         ...
 
 
@@ -57,7 +57,7 @@ class RunFacts:
     folder: Path
     against: Against | None = None
     challenge: Challenge | None = None
-    """The sabotages of a challenge; None: it is none."""
+    """Sabotages of a challenge run; `None`: the run is no challenge."""
 
 
 def finish_run(
@@ -75,13 +75,13 @@ def finish_run(
     """Writes the report and record of a run, however it ended, and sends notifications.
 
     Args:
-        facts: what is known of it from its beginning.
-        steps: how its steps ended.
-        service: where it is stored.
-        listener: told what went wrong here.
+        facts: facts of the run that are known when it begins.
+        steps: results of its steps.
+        service: the service, with its catalog and object store.
+        listener: called with problems.
         is_canceled: whether somebody ended it.
-        against: its answer, if it was carried out beside an earlier run.
-        interruptions: when its processes died.
+        against: result of the comparison, if the run was compared with an earlier one.
+        interruptions: times at which its processes died.
         flow_run: id of the flow run that ends it.
         outlasting: waits for the catalog.
     """
@@ -137,12 +137,12 @@ def finish_run(
 
 
 def is_pinged(facts: RunFacts) -> bool:
-    """Whether a run is a full nightly run, whose end a monitoring URL is told; reruns and probes are not."""
+    """Whether a monitoring URL is called when this run ends: only for full nightly runs, not for reruns and probes."""
     return facts.rerun_of is None and not facts.is_probe
 
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
-    """Comparison of the run with its forecast; a run that may run less than was forecast has none."""
+    """Compares the run with its forecast; `None` for a run that may run less than was forecast."""
     from ..inspection.forecasting import check_forecast
 
     if facts.is_probe or facts.rerun_of or service.reuses:
@@ -162,8 +162,8 @@ def state_of_run(
 
     Args:
         checked: the specification.
-        steps: how its steps ended.
-        jobs: its simulation jobs.
+        steps: results of its steps.
+        jobs: simulation jobs of the run.
         is_canceled: whether somebody ended it.
         ended_early: whether it cancelled jobs itself, since the others had answered the question; they do not count.
     """

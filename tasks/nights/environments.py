@@ -1,6 +1,6 @@
-"""The environment that a run needs: recorded when it begins, compared before another process finishes it.
+"""Environment that a run needs: recorded when it begins, and compared before another process resumes it.
 
-Its steps are not resolved yet when it begins, so its specification is read for what they will import.
+Its steps are not resolved yet when it begins, so the packages that they will import are read from its specification.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +24,7 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
 
     Args:
         spec: the run's specification.
-        service: where its applications are, and the settings that hold.
+        service: the service, with the applications and the current settings.
     """
     inputs = {name: plain(step.input) for name, step in spec.steps.items()}
     operations = {step.operation for step in spec.steps.values()}
@@ -37,7 +37,7 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
 
 
 def _packages(found: list[Mapping[str, Any]], service: Service) -> dict[str, str] | None:
-    """The packages that the run imports; `None`: nothing but what is built in."""
+    """Returns the digests of packages that the run imports; `None` if it uses only built-in code."""
     packages: dict[str, str] = {}
     imports_own = False
     for each in found:
@@ -59,7 +59,7 @@ def _packages(found: list[Mapping[str, Any]], service: Service) -> dict[str, str
 
 
 def _mappings(value: Any) -> Iterator[Mapping[str, Any]]:
-    """All mappings in a value, however deep."""
+    """Yields all mappings in a nested value."""
     if is_mapping(value):
         yield value
         for inner in value.values():

@@ -1,4 +1,4 @@
-"""The answers of a run's steps, kept in its folder: a run that another process finishes asks for nothing twice."""
+"""Responses of a run's finished requests, kept in its folder so that a resumed run does not repeat them."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from ..inspection.pipeline_parts import Permit
 from ..operations.step_operations import step_registry
 
 ANSWERS = "answers.jsonl"
-"""File in the folder of a run, until the run has ended; it has a line for each answer."""
+"""Name of the file in a run's folder with one response a line, which exists until the run has ended."""
 
 
 class KeptAnswers:
@@ -40,7 +40,7 @@ class KeptAnswers:
     def __call__(
         self, step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]
     ) -> dict[str, Any]:
-        """Carries out a step's request, or tells what it was answered before."""
+        """Sends a step's request, or returns the stored response of an earlier process."""
         place = self._place(step.name)
         if place not in self._kept:
             answer = self._permit(step, request, carry_out)
@@ -65,13 +65,13 @@ class KeptAnswers:
 
 
 def answered_requests(folder: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Returns the answers of a run that has not ended, in the order in which they came.
+    """Returns the stored responses of a run that has not ended, in order.
 
     Args:
         folder: the run's.
 
     Returns:
-        For each request the step and the answer; of a job its ARN alone.
+        The step and the response of each request; of a job only its ARN.
     """
     return [(place.rpartition(" ")[0], answer) for place, answer in _read(folder / ANSWERS).items()]
 

@@ -1,7 +1,7 @@
-"""Nights that did not happen: which of those that were due, why, and the message about them.
+"""Scheduled nights that did not happen: detects them, their reason, and makes the notification.
 
-Prefect has a run for each time of a schedule, days before it is due. So what it said of the next ones is kept: of a
-schedule that is paused meanwhile it has no runs any more.
+Prefect has a run for each time of a schedule, days before it is due. The next ones are recorded here, as Prefect
+deletes the future runs of a schedule that is paused.
 """
 
 import fcntl
@@ -22,14 +22,16 @@ from ..notifications.sending import send
 
 _FOLDER, _LOCK, _WRITING = "nights", "lock", "writing.lock"
 _MOST_WAIT_S, _PAUSE_S = 5.0, 0.01
-"""Limit and pause of the wait for a process that writes, which takes milliseconds: one that was stopped just then holds
-up no night."""
+"""Limit and interval of waiting for another process that writes a schedule's record, in seconds.
+
+A write takes milliseconds; a process that was stopped in the middle of it must not delay a night.
+"""
 
 _MOST_MISSED = 100
-"""Number of missed nights of a schedule that are kept: as many as a history shows."""
+"""Limit of the missed nights that are kept for a schedule: as many as its history shows."""
 
 _SKEW = timedelta(minutes=1)
-"""Largest difference between the clocks of this machine and of the Prefect server."""
+"""Largest assumed difference between the clocks of this machine and of the Prefect server."""
 
 PAUSED = "its schedule was paused"
 _PAUSED_LATER = "it had not begun when its schedule was paused"
@@ -42,11 +44,11 @@ class DueRun:
     """A scheduled run of a deployment, as Prefect lists it."""
 
     state: str
-    """The type of its state: `SCHEDULED`, `COMPLETED`."""
+    """Type of a scheduled run's Prefect state: `SCHEDULED`, `COMPLETED`."""
     state_name: str
     message: str
     has_begun: bool
-    """Whether there is anything of it: one that crashed in its first moments has left nothing."""
+    """Whether the run left anything; one that crashed in its first moments has not."""
 
 
 def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
@@ -58,8 +60,8 @@ def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
     Args:
         home: the data home.
         name: name of the specification.
-        since: when it may have begun.
-        until: until when it may have begun.
+        since: earliest start.
+        until: latest start.
     """
     first, last = new_run_id(name, since - _SKEW), new_run_id(name, until + _SKEW)
     with suppress(OSError):
@@ -92,7 +94,7 @@ def schedules_of(home: Path) -> list[NightSchedule]:
 
 
 def store_schedule(home: Path, schedule: NightSchedule) -> None:
-    """Writes what a look found of a schedule; its name stays as the last run noted it, also while this look went on."""
+    """Stores the result of a check of a schedule; keeps the specification's name as the last run recorded it."""
     with _writing(home):
         known = _known(home, schedule.deployment)
         _write(home, schedule if known is None else schedule.model_copy(update={"name": known.name}))
@@ -103,7 +105,7 @@ def _known(home: Path, deployment: str) -> NightSchedule | None:
 
 
 def _write(home: Path, schedule: NightSchedule) -> None:
-    """Writes a schedule; readers find the old or the new, whole."""
+    """Writes the record of a schedule atomically."""
     folder = home / _FOLDER
     part = folder / f".{schedule.deployment}.part"
     part.write_text(schedule.model_dump_json(indent=2))
@@ -112,7 +114,10 @@ def _write(home: Path, schedule: NightSchedule) -> None:
 
 @contextmanager
 def _writing(home: Path) -> Iterator[None]:
-    """Keeps other processes from changing what is known of schedules: for a moment, as looks ask Prefect meanwhile."""
+    """Locks the records of schedules for a moment against changes by other processes.
+
+    It is needed because checks query Prefect meanwhile.
+    """
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     until_s = time.monotonic() + _MOST_WAIT_S
@@ -163,12 +168,12 @@ def judged(
     """Determines which scheduled runs did not happen since the last check, and returns the updated schedule.
 
     Args:
-        schedule: what is known of it.
-        runs: those that Prefect has for times of the schedule since `checked_until`, also for times to come.
+        schedule: record of the schedule.
+        runs: Prefect's runs for times of the schedule since `checked_until`, also for future times.
         is_paused: whether Prefect begins none now.
         now: the time.
-        max_late: how late a night may begin.
-        booted_at: when this machine was started; `None`: not known.
+        max_late: largest delay with which a night may begin.
+        booted_at: start time of this machine; `None`: unknown.
 
     Returns:
         What is known of it now.
@@ -199,7 +204,7 @@ def judged(
 
 
 def _why_missed(at: datetime, run: DueRun | None, *, paused_since: datetime | None, booted_at: datetime | None) -> str:
-    """Reason why a night did not happen, in words; empty: it did."""
+    """Returns the reason why a scheduled run did not happen, in words; empty if it did."""
     was_off = f"this machine was off, until {booted_at:%Y-%m-%d %H:%M} UTC" if booted_at and booted_at > at else ""
     if run is None:
         if paused_since is not None:
@@ -220,8 +225,8 @@ def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | 
     """Makes the notification about scheduled runs that did not happen; `None` if nothing is new.
 
     Args:
-        before: what was known of the schedule.
-        found: what is known of it now.
+        before: record of the schedule before the check.
+        found: record of the schedule after the check.
 
     Returns:
         The message; `None`: there is nothing new to tell. Of a schedule that stays paused the first night is told.

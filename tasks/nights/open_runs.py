@@ -1,7 +1,7 @@
-"""A run that has not ended, in its folder: its order, and the lock that its process holds for as long as it lives.
+"""Unfinished runs in their folders: the stored order, and the lock file that the run's process holds.
 
-The system lets go of the lock when the process dies, however it does; a process that only sleeps or is stopped keeps
-it. So a run that goes on is never taken for dead, and two processes never carry out the same run.
+The system releases the lock when the process dies, however it dies; a process that only sleeps or is stopped keeps it.
+So a living run is never taken for dead, and two processes never carry out the same run.
 """
 
 import fcntl
@@ -23,10 +23,10 @@ from ..inspection.run_records import ORDER_NAME, RECORD_NAME
 from .kept_answers import ANSWERS
 
 ORDER, LOCK, CANCEL, LOG = ORDER_NAME, "running.lock", "cancel", "process.log"
-"""Files in the folder of a run: the order, the lock, what asks the run to end, and what its process says."""
+"""Files in a run's folder: order, lock, cancellation request, and the process's log."""
 
 BEAT_S = 10.0
-"""Interval at which a run's process notes that it lives."""
+"""Interval in seconds at which a run's process records that it is alive."""
 
 _logger = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ class OpenRun:
 
     Args:
         folder: the run's.
-        order: what was ordered.
+        order: order of the run.
         lock: the locked file, which is not closed before the process ends or the run has ended.
     """
 
@@ -121,7 +121,7 @@ class OpenRun:
     def live(self) -> None:
         """Records regularly that this process is alive, until the run has ended.
 
-        It says when a run died, and is all that machines see whose network file system knows no locks.
+        It shows when a run died, and is the only sign for machines whose network file system has no locks.
         """
 
         def note() -> None:
@@ -147,7 +147,7 @@ class OpenRun:
 
 
 def own_name() -> JobOwner:
-    """Returns this process's name, as the one that carries out a run."""
+    """Returns this process's name for the run's record of its owner."""
     return JobOwner.of_lease(new_owner())
 
 

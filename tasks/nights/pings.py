@@ -1,7 +1,7 @@
-"""Calling an address when a night begins and ends, as services expect that notice when nothing calls any more.
+"""Calls a monitoring URL when a night begins and ends, for services that raise an alarm if no call comes.
 
-`ADDRESS/start` is called when a night begins, `ADDRESS` when it ended well, `ADDRESS/fail` when it did not: what
-healthchecks.io and those that followed it take. A message can only come from a machine that is on.
+`ADDRESS/start` is called when a night begins, `ADDRESS` when it ended well, `ADDRESS/fail` when it did not, as
+healthchecks.io and similar services expect. A notification, in contrast, can only come from a machine that is on.
 """
 
 import logging
@@ -17,7 +17,7 @@ NAME = "{name}"
 """Placeholder in the address for the name of the specification."""
 
 _TIMEOUT_S = 10.0
-"""A night does not wait longer for somebody who only listens."""
+"""Time limit of a call, in seconds; a night does not wait longer for a monitoring service."""
 
 _logger = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ def ping_start(address: str | None, name: str, run_id: str) -> None:
     """Calls the monitoring URL at the start of a nightly run; returns at once.
 
     Args:
-        address: of the setting; `None`: there is none.
+        address: monitoring URL in the settings; `None`: there is none.
         name: name of the specification.
         run_id: id of the run.
     """
@@ -41,9 +41,9 @@ def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None
     """Calls the monitoring URL at the end of a nightly run, with its result.
 
     Args:
-        address: of the setting; `None`: there is none.
+        address: monitoring URL in the settings; `None`: there is none.
         record: the run.
-        complain: told that nothing answers there.
+        complain: called with an error text if nothing answers there.
     """
     if address is not None:
         last = "" if record.state == "succeeded" else "fail"
@@ -54,7 +54,7 @@ def ping_address(address: str, name: str, last: str) -> str:
     """Makes the monitoring URL for a specification.
 
     Args:
-        address: of the setting.
+        address: monitoring URL in the settings.
         name: name of the specification.
         last: the last part of the path; empty: none.
     """

@@ -1,4 +1,4 @@
-"""Keeping the order of a run, taking the order of one that broke off, and the specification made of it again."""
+"""Stores the order of a run, resumes an interrupted run from its order, and makes its specification from it again."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,13 +33,13 @@ def keep_order(
     """Stores everything another process needs to finish a run if this one dies.
 
     Args:
-        facts: what is known of the run from its beginning.
-        service: where it is stored.
+        facts: facts of the run that are known when it begins.
+        service: the service, with its catalog and object store.
         open_run: the run, if its order is kept already.
         flow_run: id of its flow run.
         deployment: id of the Prefect deployment that this is a run of.
         outlasting: waits for the catalog.
-        listener: told what went wrong here.
+        listener: called with problems.
 
     Returns:
         The run; `None`: its order cannot be kept, and it goes on without.
@@ -85,7 +85,7 @@ def keep_order(
 
 
 class OrderedRun(TypedDict):
-    """Arguments by which a run whose order is kept is carried out as it was ordered."""
+    """Arguments with which an interrupted run is resumed as it was ordered."""
 
     spec_path: str
     command: Sequence[str]
@@ -96,7 +96,7 @@ class OrderedRun(TypedDict):
 
 
 def as_ordered(run: OpenRun) -> OrderedRun:
-    """Returns what a run's order says about it, but for its specification."""
+    """Returns the run arguments in a stored order, except its specification."""
     order = run.order
     return OrderedRun(
         spec_path=order.spec_path, command=order.command, reuse=order.reuse, rerun_of=order.rerun_of,
@@ -120,7 +120,7 @@ def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
     """Takes over an interrupted run, so that this process finishes it; or returns why it cannot.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         run_id: the run's id.
 
     Returns:
@@ -136,11 +136,11 @@ def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
 
 
 def _left_in_words(run: BrokenOff) -> str:
-    """Says what finishes a run that processes like this one leave."""
+    """Describes what resumes a run that processes like this one do not resume."""
     return f"its process died, and {run.why_left}; this finishes it: {run.place}{run.command}"
 
 
 def tell_of_left(run: BrokenOff) -> None:
-    """Writes into a dead flow run in Prefect what finishes its run."""
+    """Writes into a dead flow run's state in Prefect how its run is resumed."""
     if run.order.flow_run is not None:
         tell_of_dead(run.order.flow_run, _left_in_words(run))

@@ -1,4 +1,4 @@
-"""Runs as they stand: ended, still running, or broken off, with their jobs and the table of their results so far."""
+"""Current state of runs (ended, running or interrupted), with their jobs and the table of results so far."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,22 +18,22 @@ from .open_runs import is_going, read_order
 from .run_orders import ordered_spec
 
 RunOutcome = RunState | Literal["running", "broken off"]
-"""Outcome of a run as a whole; or that it has not, because it goes on, or because its process died."""
+"""Outcome of a whole run; or that it is still running, or was interrupted."""
 
 
 @dataclass(frozen=True)
 class StandingRun:
-    """A run as it stands, with its record once it has ended, and its order until then."""
+    """Current state of a run, with its record if it has ended, else with its order."""
 
     run_id: str
     name: str
-    """Name of the specification."""
+    """Name of the specification of a run."""
     folder: Path
     outcome: RunOutcome
     steps: Sequence[StepRecord]
-    """Steps that were ordered so far, in their order."""
+    """Steps of a run that were ordered so far, in order."""
     jobs: Sequence[JobRecord]
-    """Simulation jobs that are known so far, and requests of which none came, or none yet."""
+    """Simulation jobs known so far, and requests that have no job (yet)."""
     record: RunRecord | None = None
     order: Order | None = None
 
@@ -49,16 +49,16 @@ class StandingRun:
         return self.outcome == "succeeded" and verdicts == {"PASS"}
 
     def in_words(self) -> str:
-        """Returns how it stands in a line: `failed: 3 of 4 verdicts pass`."""
+        """Describes the run's state in one line: `failed: 3 of 4 verdicts pass`."""
         return ": ".join(filter(None, (self.outcome, counts_in_words(self.jobs))))
 
 
 def stand_of(folder: Path, service: Service) -> StandingRun:
-    """Returns how a run stands.
+    """Returns the current state of a run.
 
     Args:
         folder: the run's.
-        service: where its jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         ConfigurationError: the folder is no run's, or its record cannot be read.
@@ -84,11 +84,11 @@ def stand_of(folder: Path, service: Service) -> StandingRun:
 
 
 def table_of(run: StandingRun, service: Service) -> ResultTable:
-    """Returns the table of a run's results: that of its folder, or one made of its jobs anew.
+    """Returns a run's table of results: the one in its folder, or a new one made from its jobs.
 
     Args:
         run: the run.
-        service: where its jobs are stored.
+        service: the service, with its catalog and object store.
 
     Raises:
         CatalogAwayError: the catalog does not answer.
@@ -111,7 +111,7 @@ def _ended(folder: Path) -> StandingRun | None:
 
 
 def _steps_so_far(folder: Path, order: Order) -> list[StepRecord]:
-    """The steps that were answered, without the states of what they made."""
+    """Returns the steps that have responses, without the states of the resources that they created."""
     operations = {name: step.operation for name, step in ordered_spec(order).steps.items()}
     return [
         StepRecord(name=step, operation=operations[step], status="InProgress", arn=answer.get("arn"), output=answer)

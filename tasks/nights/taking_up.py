@@ -1,4 +1,4 @@
-"""Finishing runs that broke off, beside other work: each in a process of its own, which outlives this one.
+"""Resumes interrupted runs in the background, each in a process of its own, which outlives this one.
 
 Every process of the home that may run jobs does this: `robomaker serve`, Prefect workers, the runs of those, and
 `robomaker run`, `perform` and `work`. The lock of a run decides which of them takes it.
@@ -22,49 +22,58 @@ from .open_runs import LOG, OpenRun, is_going
 
 PROGRAM = "prefect_robomaker.deployments.cli.ordered_run"
 CONTINUED = "continued"
-"""Second word of the program for a run that broke off, by which people know the process."""
+"""Second word in the command line of a process that resumes a run, by which people recognise it."""
 
 EVERY_S = 5.0
-"""Interval at which runs that broke off are looked for: a glance at the folders of runs."""
+"""Interval between two searches for interrupted runs, in seconds; a search only lists the folders of runs."""
 
 _MISSED_EVERY_S = 60.0
-"""Interval at which nights that did not happen are looked for: two requests to Prefect for each schedule."""
+"""Interval between two searches for missed nights, in seconds: two requests to Prefect for each schedule."""
 
 _NONE_KNOWN_EVERY_S = 600.0
-"""The same interval where no schedule is known: Prefect may have one of which no run has begun yet."""
+"""Interval between two searches for missed nights if no schedule is known, in seconds.
+
+Prefect may have a schedule of which no run has begun yet.
+"""
 
 _FIRST_ITS_WORKER_S = 20.0
-"""Time that the run of a deployment is left to its Prefect worker, which has the variables that it needs."""
+"""Time in seconds that an interrupted run of a deployment is left to its Prefect worker, which has its variables."""
 
 _PAUSES_S = (60.0, 600.0)
-"""Pause before a run that died again is taken up again: what it lacked may be there then."""
+"""Pauses before a run that died again is resumed, in seconds: the missing resource may be there then."""
 
 _PREFECTS = "PREFECT__"
-"""Beginning of the names of variables that tell a process which flow run it carries out."""
+"""Prefix of environment variables that tell a process which flow run it executes."""
 
 _MOST_AT_ONCE = 4
-"""Each is a process of some 200 MB; their jobs share the machine with all others."""
+"""Limit of runs that are resumed at the same time.
+
+Each is a process of some 200 MB, and their jobs share the machine.
+"""
 
 _CLAIMED_WITHIN_S = 60.0
-"""Time that a flow run in a container waits at its end for runs to be taken up: the first look leaves them for 20 s."""
+"""Time in seconds that a flow run in a container waits at its end for runs to resume.
+
+The first search leaves such runs to their Prefect worker for 20 s.
+"""
 
 _logger = logging.getLogger(__name__)
 
 OrderFlowRun = Callable[[Order], bool]
-"""Has a Prefect worker finish the run of a deployment; returns whether it will."""
+"""Function that makes a Prefect worker resume the run of a deployment; returns whether it will."""
 
 Tell = Callable[[BrokenOff], None]
-"""Tells people, in Prefect, what finishes a run that is left."""
+"""Function that tells users, in Prefect, how a run is resumed that is not resumed automatically."""
 
 
 class TakingUp:
     """Looks for interrupted runs, and starts processes that resume them.
 
     Args:
-        settings: of this process.
+        settings: settings of this process.
         variables: environment variables for the processes that finish runs, besides those of this one.
         order_flow_run: has a Prefect worker finish the run of a deployment; `None`: this process cannot.
-        tell: told of each run that is left, once; `None`: it is only logged.
+        tell: called once for each run that is not resumed; `None`: it is only logged.
         look_for_missed: looks for nights that did not happen; called once a minute if any schedule is looked after,
             else every ten minutes.
     """
@@ -127,7 +136,7 @@ class TakingUp:
         )
 
     def _is_for_this_home(self, run: BrokenOff) -> bool:
-        """Whether this process may finish a run; else a server that knows the visitor's key does."""
+        """Whether this process may resume a run; otherwise a server with the user's access key does."""
         return run.order.key_id is None or self._settings.access_keys_file is not None
 
     def _look_until_end(self) -> None:
@@ -180,7 +189,7 @@ class TakingUp:
 
 
 def _try(look: Callable[[], object], what: str, told: set[str]) -> None:
-    """Looks once; whatever breaks a look, there may be something to find later, and the trouble is told once."""
+    """Runs one search; errors are logged once and end nothing, as a later search may succeed."""
     try:
         look()
         told.discard(what)
@@ -191,7 +200,7 @@ def _try(look: Callable[[], object], what: str, told: set[str]) -> None:
 
 
 def _ends_with_container() -> bool:
-    """Whether the first process of the container, or machine, is that of a flow run."""
+    """Whether the first process of the container (or machine) is that of a flow run."""
     try:
         return any(
             word.startswith(b"PREFECT__FLOW_RUN_ID=") for word in Path("/proc/1/environ").read_bytes().split(b"\0")

@@ -1,1 +1,1 @@
-"""Telling people how a run ended: by webhook, e-mail or chat, through apprise."""
+"""Notifications about runs by webhook, e-mail or chat, through apprise."""

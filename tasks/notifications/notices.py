@@ -1,4 +1,4 @@
-"""Sends notifications of runs: of one that has ended, if it is worth one, and of one that waits for disk space."""
+"""Sends notifications about runs: one that has ended, if it is worth a message, and one that waits for disk space."""
 
 import logging
 import platform
@@ -29,8 +29,8 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
 
     Args:
         record: the run, whose record and report are written.
-        service: where it is stored; its settings say who is told, and when.
-        listener: told of every channel that did not take the message.
+        service: the service, whose settings say who is notified, and when.
+        listener: called for every channel that did not accept the message.
     """
     if not service.settings.notify:
         return
@@ -59,7 +59,7 @@ def is_due(
     A run that was cancelled says nothing about the robot, and is told only where all are.
 
     Args:
-        when: what is to be told.
+        when: kinds of results that are notified.
         record: the run.
         before: the last run of the specification before it that was not cancelled; None: there is none.
         since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
@@ -77,7 +77,7 @@ def is_due(
 
 
 def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, bytes]:
-    """A picture of each failure: of its video, else of its world."""
+    """Returns a picture of each failure: of its video, else of its world."""
     stored = service.catalog.get_many(job.arn for job in failures if job.arn)
     pictures: dict[str, bytes] = {}
     for number, job in enumerate(failures, start=1):
@@ -87,7 +87,7 @@ def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, byte
 
 
 def _picture(job: SimulationJobDocument, service: Service) -> bytes:
-    """A picture of a job; empty if there is none."""
+    """Returns a picture of a job (PNG); empty if there is none."""
     if poster := _fetched(job.outputs, "poster.png", service):
         return poster
     arn = world_arn(job.request)
@@ -106,7 +106,7 @@ def _fetched(place: StoredPlace | None, name: str, service: Service) -> bytes:
 
 
 AFTER_S = 540.0
-"""Time that a run waits for disk before a message says so; it is looked at every 10 min."""
+"""Time that a run waits for disk space before a notification is sent, in seconds; the disk is checked every 10 min."""
 
 
 class LongWaits:
@@ -116,8 +116,8 @@ class LongWaits:
     themselves, when jobs do; of the end of the run is told as always.
 
     Args:
-        name: of the specification.
-        settings: who is told, and when.
+        name: name of the specification.
+        settings: settings that say who is notified, and when.
         listener: is given every event, and what channel did not take the message.
         clock: seconds.
     """
@@ -133,7 +133,7 @@ class LongWaits:
                 listener(Note(f"no message can be sent: {problem}"))
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Takes an event."""
+        """Handles a progress event of a run: notices long waits for disk space, and forwards the event."""
         self._listener(event)
         if isinstance(event, StepProgress):
             self._since_s = (self._since_s or self._clock()) if event.waits_for == "disk" else None
@@ -142,11 +142,11 @@ class LongWaits:
             self._tell(event.text)
 
     def _waited_s(self) -> float:
-        """For how long it has waited for disk; less than nothing: it does not."""
+        """Returns how long the run has waited for disk space, in seconds; negative if it is not waiting."""
         return -1.0 if self._since_s is None else self._clock() - self._since_s
 
     def _tell(self, why: str) -> None:
-        """Sends the message; it never raises: a message is not worth a run."""
+        """Sends the notification; never raises an error, as a message is not worth a run."""
         body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
         message = Message(f"{self._name}: waits for disk", body, good=False)
         try:

@@ -1,4 +1,4 @@
-"""Texts of notifications: pure functions of a run and of the one before it."""
+"""Texts of notifications: pure functions of a run and the run before it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from ..reporting.nights.changes import (
 )
 
 WORST = 3
-"""Number of failures that a message names."""
+"""Number of the worst failures that a message names."""
 
 _MAX_REASON = 300
 _WORDS: Mapping[CaseOutcome, str] = {
@@ -44,7 +44,8 @@ class Message:
 def failed_jobs(record: RunRecord) -> list[JobRecord]:
     """Lists the jobs that did not pass, worst first; cancelled jobs are left out.
 
-    What broke comes before verdicts, then what missed most requirements; else the order is that of the requests.
+    Errors come before failed verdicts, then jobs that missed most requirements; otherwise the order of requests is
+    kept.
     """
     failed = [job for job in record.jobs if _outcome(job) in ("broken", "failed")]
     return sorted(failed, key=lambda job: (_outcome(job) != "broken", -len(_missed(job))))
@@ -101,7 +102,7 @@ def message_of(
 
 
 def _lost_briefly(since: Losses | None) -> str:
-    """`1 job gone, 2 no longer judged`; empty where nothing is lost."""
+    """Summarises lost jobs: `1 job gone, 2 no longer judged`; empty if none are lost."""
     if since is None:
         return ""
     gone = f"{len(since.gone)} {'job' if len(since.gone) == 1 else 'jobs'} gone" if since.gone else ""

@@ -1,4 +1,4 @@
-"""Sending a message to the channels that apprise knows."""
+"""Sends a message to notification channels through apprise."""
 
 import logging
 import re
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _logger = logging.getLogger(__name__)
 
 TIMEOUT_S = 60.0
-"""Time limit for all channels together."""
+"""Time limit for sending a notification to all channels together, in seconds."""
 
 
 def send(
@@ -31,9 +31,9 @@ def send(
 
     Args:
         urls: apprise's addresses, such as `json://host/path`, `mailtos://user:password@host` or `slack://…`.
-        message: what is said.
+        message: the message.
         pictures: PNG files by name, for channels that can attach.
-        timeout_s: how long to wait for them.
+        timeout_s: time limit for all channels, in seconds.
 
     Returns:
         For each channel that did not take it, which it is and why; without its secrets.
@@ -62,7 +62,7 @@ def unknown_channels(urls: Sequence[str]) -> list[str]:
 
 
 def _channels(urls: Sequence[str]) -> "list[NotifyBase | None]":
-    """The channels of addresses; None for those that apprise does not understand."""
+    """Converts URLs to apprise's channels; `None` for URLs that apprise does not understand."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # one of its modules imports what Python 3.13 has not
         import apprise
@@ -108,7 +108,7 @@ def _named(place: int) -> str:
 
 @contextmanager
 def _complaints() -> Iterator[list[str]]:
-    """Collects apprise's complaints in this thread, inside the block; other threads send to other channels."""
+    """Collects apprise's log messages in this thread, inside the `with` block; other threads send to other channels."""
     said: list[str] = []
     handler = logging.Handler(logging.WARNING)
     handler.addFilter(lambda record: record.thread == threading.get_ident())
@@ -122,7 +122,7 @@ def _complaints() -> Iterator[list[str]]:
 
 
 def _shown(channel: "NotifyBase") -> str:
-    """A channel for people: its service and host; user and path may be what lets one in."""
+    """Describes a channel for people by service and host only, as user and path may be secrets."""
     service, _, rest = str(channel.url(privacy=True)).partition("://")
     return f"{service}://{re.split('[/?]', rest)[0].rpartition('@')[2]}"
 

@@ -1,1 +1,4 @@
-"""Handlers of the 57 operations, one module per resource: check, store, answer; no Prefect. Steps have one more."""
+"""Handlers of the 57 API operations, one module per resource: check a request, store, respond; without Prefect.
+
+Steps of specifications can call one operation more.
+"""

@@ -1,4 +1,4 @@
-"""The operations on robot applications and on simulation applications, which differ in nothing but their names."""
+"""Handlers of operations on robot and simulation applications, which differ only in their names."""
 
 import uuid
 from collections.abc import Mapping
@@ -221,7 +221,7 @@ def existing_application(step: CheckedStep, request: Mapping[str, Any], service:
 
 
 def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """Returns an application's definition as a new revision; archives with the ETags they have now."""
+    """Makes an application's definition from a request, as a new revision; archives get their current ETags."""
     definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
     if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
@@ -254,7 +254,7 @@ _ATTEMPTS = 10
 
 
 class _ChangedMeanwhile(Exception):
-    """The application has another revision than the one whose archives were looked at."""
+    """Raised when an application has another revision than the one whose archives were checked."""
 
 
 def create_version(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -297,7 +297,7 @@ def _version(application: Resource, number: int, content: ApplicationDocument) -
 
 
 def _content(application: Resource, request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """Returns the content of a version: the application, with its archives as they are at this moment."""
+    """Returns the content of a version: the application with the current ETags of its archives."""
     content = ApplicationDocument.of(application).without("last_number", VERSION_KEY)
     if content.sources:
         sources = [with_etag(source.to_json(), index, service) for index, source in enumerate(content.sources)]
@@ -318,7 +318,7 @@ def _check_etags(wanted: list[str] | None, content: ApplicationDocument, applica
 
 
 def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
-    """Returns the digest of the version's image: that of its URI, else the caller's."""
+    """Returns the digest of the version's container image: from its URI, else from the request."""
     known = content.image_digest
     if wanted is None:
         return known

@@ -1,4 +1,4 @@
-"""One registry of operations: what checks a request, does it, and answers, long lists by pages; without Prefect.
+"""Registry of API operations: checks a request, calls its handler, returns the response, pages of lists; no Prefect.
 
 ```
 @operation("DescribeWorld")                      handler(request, service) -> response
@@ -32,12 +32,12 @@ from ..execution.job_leases import CatalogWait
 from ..service.service import Service
 
 Answer = Shape | Mapping[str, Any]
-"""A response, or the members of one."""
+"""Response of an operation, or its members."""
 
 Handler = Callable[[Any, Service], Answer]
 
 JobRunner = Callable[[str, Service], None]
-"""Runs the stored job of an ARN to its end; a job worker calls it."""
+"""Function that runs the stored job of an ARN to its end; a job worker calls it."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Operation:
 
         Args:
             data: the request's members.
-            through: gives the service that stores the job with its lease: `OwnOrder.through`.
+            through: returns the service that stores the job with its lease: `OwnOrder.through`.
             service: checks the request.
 
         Raises:
@@ -114,7 +114,7 @@ class Operation:
 
     @contextmanager
     def _own_errors(self) -> Iterator[None]:
-        """Raises the operation's own errors only, which are those that its clients know."""
+        """Converts errors inside the `with` block to those that clients of the operation know."""
         try:
             yield
         except ServiceError as error:
@@ -125,8 +125,8 @@ class Operation:
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
         """Runs a stored job to its end, and returns its final description.
 
-        Called again for the same job, by any job worker, it continues where the job stands. An interruption
-        (Ctrl-C, the end or cancellation of the flow run) cancels the job, and goes on once it has ended.
+        If called again for the same job, by any job worker, it continues from the job's state. An interruption (Ctrl-C,
+        the end or cancellation of the flow run) cancels the job, and is raised again once the job has ended.
         """
         if self.run_job is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to perform")
@@ -160,7 +160,7 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
     Args:
         name: the operation's name, a key of `OPERATIONS`.
-        perform: for job operations, what carries the job of an ARN to its end.
+        perform: for job operations, function that runs the job of an ARN to its end.
     """
 
     def register(handler: Handler) -> Handler:
@@ -240,7 +240,7 @@ def page_of(
         service: the service, with its catalog and object store.
         filters: names of the operation's filters: `name`, `status` or a label of the resource.
         most: entries per page, unless the request asks for fewer.
-        members: which members of large documents are read; `None`: all.
+        members: members of large documents to read; `None`: all.
         without: names that are left out, by kind.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Robot applications: the programs that drive robots."""
+"""Handlers of operations on robot applications, the programs that control robots."""
 
 from .applications import register_operations
 

@@ -1,4 +1,4 @@
-"""Simulation applications: what robots are tried in."""
+"""Handlers of operations on simulation applications, the environments in which robots are tested."""
 
 from .applications import register_operations
 

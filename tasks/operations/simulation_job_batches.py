@@ -1,4 +1,4 @@
-"""Simulation job batches: many jobs, never more than `maxConcurrency` at once."""
+"""Handlers of operations on simulation job batches: many jobs, of which at most `maxConcurrency` run at once."""
 
 from typing import Any
 
@@ -82,9 +82,8 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
 def cancel_simulation_job_batch(request: CancelSimulationJobBatchRequest, service: Service) -> Answer:
     """Handles `CancelSimulationJobBatch`: cancels a batch and its jobs, at once or through its job worker.
 
-    A running batch is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
-
-    Cancelling a batch that has ended changes nothing and succeeds.
+    A running batch is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing and
+    succeeds.
     """
     service.catalog.get(request.batch, kind=KIND)
     service.catalog.request_cancel(request.batch)
@@ -93,7 +92,10 @@ def cancel_simulation_job_batch(request: CancelSimulationJobBatchRequest, servic
 
 
 def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> None:
-    """Refuses goals in rooms that do not exist; a world that does not fails its request later, as without goals."""
+    """Raises an error for goals in rooms that do not exist.
+
+    If the world itself is missing, its request fails later, as it does without goals.
+    """
     requests = {
         index: (job_request, world)
         for index, job_request in enumerate(request.createSimulationJobRequests)

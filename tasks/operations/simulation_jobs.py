@@ -1,4 +1,4 @@
-"""Simulation jobs: one robot, one world, one run."""
+"""Handlers of operations on simulation jobs: one robot, one world, one run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -101,11 +101,8 @@ def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -
 def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> Answer:
     """Handles `CancelSimulationJob`: cancels a simulation job, at once or through its job worker.
 
-    A running job is cancelled as soon as its worker notices, and stores its outputs; cancelled again, it ends with what
-    is stored by then. Cancelling one that has ended changes nothing.
-
-    Cancelling a job that has ended changes nothing and succeeds. A job that was cancelled while it ran stores its
-    outputs; cancelled again, it ends with what is stored by then.
+    A running job is cancelled as soon as its worker notices, and stores its outputs; if cancelled again, it ends with
+    the outputs stored by then. Cancelling a job that has ended changes nothing and succeeds.
     """
     service.catalog.get(request.job, kind=KIND)
     status, is_canceled = service.catalog.standing(request.job)

@@ -1,4 +1,4 @@
-"""Operations that steps of specifications call: the service's own, and those that only steps have."""
+"""Operations that steps of specifications can call: the API's operations, and those that only steps have."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ def step_registry() -> Mapping[str, Operation]:
 
 
 def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:
-    """Makes each variation of each world and stores it, also one that breaks guarantees; those that are there, once."""
+    """Makes and stores each variation of each world, even if it breaks guarantees; existing ones are not made again."""
     made = [
         _varied(arn, variation, f"variations[{number}] of world {arn}", service)
         for arn in request.worlds

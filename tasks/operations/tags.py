@@ -1,4 +1,4 @@
-"""Tags: words that users put on resources; all versions of an application have the application's."""
+"""Handlers of operations on tags of resources; versions of an application share the application's tags."""
 
 from typing import get_args
 

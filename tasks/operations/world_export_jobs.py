@@ -1,4 +1,4 @@
-"""World export jobs: worlds packed into one archive."""
+"""Handlers of operations on world export jobs, which pack worlds into one archive."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +22,7 @@ from .registry import Answer, operation, page_of
 
 KIND = "world-export-job"
 _ORIGINS = ("generationJobId", "templateId")
-"""Labels of worlds that an export of theirs has too."""
+"""Labels of worlds that an export of these worlds gets, too."""
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:
@@ -69,9 +69,8 @@ def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service
 def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> Answer:
     """Handles `CancelWorldExportJob`: cancels an export job; no archive is left.
 
-    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
-
-    Cancelling a job that has ended changes nothing and succeeds.
+    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing and
+    succeeds.
     """
     cancel_world_job(request.job, KIND, service, lambda lease: run_export(lease, service))
     return {}

@@ -1,4 +1,4 @@
-"""World generation jobs: worlds from a template, several processes at a time."""
+"""Handlers of operations on world generation jobs, which make worlds from a template in several processes."""
 
 from typing import Any
 
@@ -85,9 +85,8 @@ def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service:
 def cancel_world_generation_job(request: CancelWorldGenerationJobRequest, service: Service) -> Answer:
     """Handles `CancelWorldGenerationJob`: cancels a generation job; its finished worlds stay.
 
-    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
-
-    Cancelling a job that has ended changes nothing and succeeds.
+    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing and
+    succeeds.
     """
     cancel_world_job(request.job, KIND, service, lambda lease: run_generation(lease, service))
     return {}

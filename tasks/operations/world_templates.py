@@ -1,4 +1,4 @@
-"""World templates: what worlds should be like."""
+"""Handlers of operations on world templates, the descriptions from which worlds are generated."""
 
 from ...schemas.documents.document_base import Changes
 from ...schemas.documents.worlds import TemplateBody, WorldGenerationJobDocument, WorldTemplateDocument
@@ -130,7 +130,7 @@ def delete_world_template(request: DeleteWorldTemplateRequest, service: Service)
 
 
 def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:
-    """The members of a template's document that its body decides."""
+    """Checks a template body, and returns the document members that depend on it."""
     given = text or _read_body(location, service)
     body = parse_template_body(given)
     if service.settings.refuse_deprecated and (uses := list(body_extensions(body))):

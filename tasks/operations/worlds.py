@@ -1,4 +1,4 @@
-"""Worlds: what generation jobs leave behind."""
+"""Handlers of operations on worlds, the results of generation jobs."""
 
 import json
 import logging

@@ -1,1 +1,1 @@
-"""Removing what is unneeded: old runs, their outputs and jobs, worlds that nothing names, files for robots, copies."""
+"""Deletes unneeded data (`robomaker gc`): old runs and jobs, unused worlds, files for robots, local copies."""

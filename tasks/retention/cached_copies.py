@@ -1,6 +1,6 @@
-"""Copies on this machine of worlds and of unpacked applications: those that nothing has used for long go.
+"""Deletes local copies of worlds and unpacked applications that were not used for long.
 
-They are fetched again when they are needed, so nothing is lost.
+They are downloaded again when they are needed, so nothing is lost.
 """
 
 from collections.abc import Set
@@ -14,20 +14,20 @@ from .removal import Amount, on_disk
 
 _CACHES = ("applications", "worlds", "world-packages")
 _LEAST = timedelta(days=14)
-"""As long as a job may last, which reads what it began with."""
+"""Least age of deleted copies: as long as a job may run, which reads the files it began with."""
 
 
 def collect_copies(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
     """Deletes cached local copies (of worlds, bundles, ...) that were not used recently.
 
     Args:
-        older_than: the time; less than 14 days count as these.
-        besides: names of folders that go, or went, with a world.
-        service: whose data home.
-        act: whether they are removed; otherwise it is only said what would be.
+        older_than: least time without use; less than 14 days count as 14 days.
+        besides: names of folders that are deleted with a world.
+        service: the service, whose data home has the copies.
+        act: whether copies are deleted; otherwise the result only says which would be.
 
     Returns:
-        What goes, as one item for each cache.
+        The deleted copies, as one item for each cache.
     """
     before = service.clock() - max(older_than, _LEAST)
     items = (_collected(service.settings.home / "cache" / name, before, besides, act=act) for name in _CACHES)

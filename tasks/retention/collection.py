@@ -1,4 +1,4 @@
-"""Collecting what is not needed any more: decides, measures, and removes unless it is only to look."""
+"""Deletes unneeded runs, jobs and worlds: selects them, measures their size, and deletes them, or only reports."""
 
 import fcntl
 from collections.abc import Callable, Iterator, Mapping, Set
@@ -43,15 +43,15 @@ from .removal import (
 
 @dataclass(frozen=True)
 class _Chosen:
-    """Decisions of one collection: units, and why some are kept."""
+    """Result of selecting what to delete: runs and jobs, and reasons why some are kept."""
 
     units: list[Unit]
     reasons: Mapping[str, str]
-    """Reasons for keeping those that are kept."""
+    """Reasons for keeping units (runs, orders), by the unit's id."""
     holders: Mapping[str, str]
     """Holder of a resource, by the resource's ARN: the kept job, run or deployment that names it."""
     worlds: list[Resource]
-    """Worlds that go."""
+    """Worlds that a garbage collection deletes."""
     notes: list[str]
 
 
@@ -127,12 +127,12 @@ def _gone(policy: RetentionPolicy, chosen: _Chosen) -> list[Unit]:
 
 
 def _removed(policy: RetentionPolicy, chosen: _Chosen) -> Set[str]:
-    """ARNs of the jobs that go."""
+    """Returns the ARNs of the jobs that are deleted."""
     return {arn for unit in _gone(policy, chosen) for arn in unit.jobs} - chosen.holders.keys()
 
 
 def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen: _Chosen) -> list[Resource]:
-    """Worlds that are old enough and that nothing names which stays."""
+    """Returns worlds that are old enough, and that no kept run, job or deployment uses."""
     if not policy.orphaned_worlds or policy.older_than is None:
         return []
     gone, removed = _gone(policy, chosen), _removed(policy, chosen)
@@ -144,7 +144,7 @@ def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen
 
 
 def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
-    """The same unit; where it matters, its jobs' verdicts say whether it failed."""
+    """Returns the unit, marked as failed if its jobs' verdicts say so; looked up only where the policy needs it."""
     if not policy.keep_failures or unit.candidate.failed:
         return unit
     for job in unit.jobs.values():
@@ -161,7 +161,7 @@ def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
 def _item(
     unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, counted: set[str], *, act: bool
 ) -> GcItem:
-    """Removes, thins or keeps a unit, and reports it; a job of several units counts for the first, by `counted`."""
+    """Deletes, thins or keeps a unit, and reports it; a job that several units share is counted once (`counted`)."""
     candidate = unit.candidate
     about = GcItem(
         kind="run" if unit.folder is not None else "jobs",
@@ -201,7 +201,7 @@ def _sizes(amount: Amount) -> dict[str, int]:
 
 
 def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> tuple[Amount, str | None]:
-    """Measures, then deletes; returns the amount, and the error as a text, if there was one."""
+    """Measures something, then deletes it; returns the amount, and an error text if the deletion failed."""
     amount = Amount()
     try:
         amount = measured()

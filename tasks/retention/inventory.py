@@ -1,4 +1,4 @@
-"""Inventory of what may be removed: runs of specifications, jobs that SDKs ordered, worlds; and what each names."""
+"""Inventory of deletable data: runs of specifications, jobs ordered through SDKs, worlds; and what each refers to."""
 
 import re
 from collections.abc import Iterator, Mapping, Set
@@ -18,11 +18,14 @@ from ..service.service import Service
 from .policy import Candidate
 
 RECORD, REMOVING = "run.json", "run.removing.json"
-"""A run's record, and what it is called once its removal has begun: no reader takes the rest for a whole run."""
+"""File name of a run's record, before and after its deletion has begun.
+
+After it, no reader takes the remaining files for a complete run.
+"""
 
 JOB, BATCH, EXPORT = "simulation-job", "simulation-job-batch", "world-export-job"
 _UNRECORDED_FOR = timedelta(days=14)
-"""For how long a run without a record may still be going on: as long as a job may last."""
+"""Time for which a run without a record may still be running: as long as a job may last."""
 _PAGE = 500
 _WORLD = re.compile(r"arn:[^\s\"]*:world/[^\s\"]+")
 
@@ -34,12 +37,12 @@ class Unit:
     candidate: Candidate
     state: str
     folder: Path | None = None
-    """The run's; None: there is none."""
+    """Folder of the run that may be deleted; `None`: there is none."""
     record: RunRecord | None = None
     orders: tuple[str, ...] = ()
-    """ARNs of the jobs and batches that it made, or names."""
+    """ARNs of the jobs and batches that the unit created or refers to."""
     jobs: Mapping[str, Resource] = field(default_factory=dict[str, Resource])
-    """Those of them that exist, and the jobs in batches, by ARN; a batch comes after its jobs."""
+    """Existing jobs of the unit, including those in batches, by ARN; a batch comes after its jobs."""
 
     @property
     def names(self) -> set[str]:
@@ -71,7 +74,7 @@ def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
 
 
 def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
-    """Lists all worlds that may be deleted; those that a current run may just have made are left out.
+    """Lists all worlds that may be deleted, except those that a current run may just have created.
 
     Args:
         service: the service, with its catalog and object store.
@@ -104,11 +107,11 @@ def texts_of_jobs(service: Service, besides: Set[str]) -> set[str]:
 
 
 def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
-    """Returns for jobs whose results were reused which job has reused them, by ARN.
+    """Returns, for jobs whose results were reused, the job that reused them, by ARN.
 
     Args:
         service: the service, with its catalog and object store.
-        besides: ARNs of those that do not count.
+        besides: ARNs of jobs that do not count.
     """
     others = (job for job in _all(service, (JOB,)) if job.arn not in besides)
     return {origin.job: job.arn for job in others if (origin := _origin(job))}
@@ -188,7 +191,7 @@ def _unrecorded(folder: Path, service: Service) -> Unit:
 
 
 def _begun(run: Unit) -> datetime:
-    """Time at which a run without a record began: its folder was made then, and its name says so."""
+    """Returns when a run without a record began, from its folder's name."""
     try:
         return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
     except ValueError:
@@ -216,7 +219,7 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
 
 
 def _content(job: Resource) -> dict[str, Any]:
-    """Document of a job, as JSON."""
+    """Returns a job's document as a JSON object."""
     return DOCUMENTS[job.kind].of(job).to_json()
 
 

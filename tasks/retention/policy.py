@@ -1,4 +1,4 @@
-"""Retention of runs: a pure function of the facts about them, the rules and the time."""
+"""Retention policy: decides from facts, rules and the time which runs are kept; pure functions."""
 
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ class Candidate:
     id: str
     ended_at: datetime
     group: str | None = None
-    """Name of the specification that it is a run of; None: of none, so that only its age counts."""
+    """Name of the specification that the run belongs to; `None`: no specification, so that only age counts."""
     failed: bool = False
-    """Whether it did not succeed."""
+    """Whether the run did not succeed."""
     busy: str = ""
-    """Reason why it cannot be deleted now; empty if it can."""
+    """Reason why a run or world cannot be deleted now; empty if it can."""
     begun: bool = False
-    """Whether its removal has begun, so that nothing but being in use keeps it."""
+    """Whether the deletion of the run or world has begun, so that only being in use keeps it."""
 
 
 def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: datetime) -> dict[str, str]:
-    """Returns for each candidate for deletion why it is kept; those that are missing may be deleted.
+    """Returns for each candidate for deletion why it is kept; missing ones may be deleted.
 
-    A candidate is removed only if no rule keeps it: it is older than `older_than`, is not among the newest `keep_runs`
-    of its group, and did not fail if failures are kept. What is in use is always kept; what is removed already in part
-    is removed.
+    A candidate is deleted only if no rule keeps it: it is older than `older_than`, is not among the newest `keep_runs`
+    of its group, and did not fail if failures are kept. Candidates in use are always kept; partly deleted ones are
+    deleted.
 
     Args:
         candidates: units that may be deleted; their ids differ.
@@ -36,7 +36,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
         now: the time.
 
     Returns:
-        By id the reason; those that are removed are absent.
+        Reason by id; candidates to delete are missing.
     """
     each = list(candidates)
     newest = _newest(each, policy.keep_runs)
@@ -62,7 +62,7 @@ def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
 
 
 def _newest(candidates: list[Candidate], keep_runs: int | None) -> Set[str]:
-    """Ids of the newest of each group; of several that ended at once the ids decide."""
+    """Returns the ids of the newest candidates of each group; of several that ended at once the ids decide."""
     seen: dict[str, int] = {}
     newest: set[str] = set()
     whole = [each for each in candidates if not each.begun]

@@ -1,4 +1,4 @@
-"""Recordings that `robomaker judge` stored and that no job and no open run names any more."""
+"""Deletes recordings that `robomaker judge` stored and that no job and no unfinished run refers to any more."""
 
 import re
 from collections.abc import Callable, Iterator, Set
@@ -14,9 +14,9 @@ from ..storage.base import ObjectInfo
 from .inventory import texts_of_jobs
 
 _LEAST = 2 * STORED_AGAIN
-"""Recordings younger than this stay: a run that is about to name one has stored it, or found it, not long ago."""
+"""Least age of deleted recordings: a run that is about to refer to one has stored or found it recently."""
 _KEY = re.compile(rf"{FOLDER}/[^\s\"'\\,\]}}]*")
-"""A key in a specification, which is YAML or JSON, or the beginning of one."""
+"""Pattern of a recording's object-store key (or its beginning) in a specification, which is YAML or JSON."""
 
 
 def collect_recordings(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
@@ -47,7 +47,10 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
 
 
 def _ordered(service: Service, besides: Set[str]) -> set[str]:
-    """Keys in the orders of runs that have not ended: a run that broke off may have no job yet, and is carried on."""
+    """Returns the recordings' keys in the orders of unfinished runs.
+
+    An interrupted run may have no job yet, and is resumed later.
+    """
     named: set[str] = set()
     for path in (service.settings.home / "runs").glob(f"*/{ORDER_NAME}"):
         if path.parent.name in besides:
@@ -62,7 +65,7 @@ def _ordered(service: Service, besides: Set[str]) -> set[str]:
 
 
 def _stored(service: Service) -> Iterator[tuple[str, list[ObjectInfo]]]:
-    """Recordings of the service's bucket, each by the beginning of its keys."""
+    """Yields recordings in the service's bucket: their key prefix, and their objects."""
     try:
         found = list(service.store.list(service.settings.bucket, f"{FOLDER}/"))
     except BucketNotFoundError:
@@ -89,7 +92,7 @@ def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act:
 
 
 def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
-    """Deletes objects, and returns the failure in words."""
+    """Deletes objects; returns the error as text, or `None`."""
     try:
         for each in objects:
             delete(each.bucket, each.key)

@@ -1,4 +1,4 @@
-"""Removing a run, its jobs and their outputs, in an order that leaves nothing half removed that looks whole."""
+"""Deletes a run, its jobs and their outputs, in an order in which nothing partly deleted looks complete."""
 
 import uuid
 from collections.abc import Iterator, Mapping, Set
@@ -33,7 +33,7 @@ from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
 
 KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))
-"""Files of a run that reports, `verify` and `repro` need."""
+"""Files of a run that are kept when it is thinned: reports, `verify` and `repro` need them."""
 
 _LEASE_S = 120.0
 
@@ -150,7 +150,7 @@ def _remove_job(job: Resource, service: Service) -> None:
 
 
 def _remove_folder(folder: Path) -> None:
-    """Removes the folder of a job; raises when a container of it is left, which the folder has to tell of."""
+    """Deletes the folder of a job; raises an error if a container of it is left, since the folder records that."""
     if not folder.is_dir():
         return
     remove_containers_of_job(folder)
@@ -173,7 +173,7 @@ def _thin(place: StoredPlace, service: Service) -> None:
 
 @contextmanager
 def _held(job: Resource, service: Service) -> Iterator[None]:
-    """Holds a job's lease, so that no other process changes it meanwhile."""
+    """Holds a job's lease inside the `with` block, so that no other process changes the job meanwhile."""
     owner = f"gc:{uuid.uuid4().hex}"
     try:
         claimed = service.catalog.claim(job.arn, owner, _LEASE_S)

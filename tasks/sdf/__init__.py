@@ -1,1 +1,1 @@
-"""Files in Gazebo's format: worlds with their models, shapes, materials and meshes, as typed data."""
+"""Reader for Gazebo's SDF files: worlds with models, shapes, materials and meshes, as typed data."""

@@ -1,4 +1,4 @@
-"""Poses of the frames of a model or world: `relative_to`, `attached_to`, `placement_frame` and names with `::`."""
+"""Resolves SDF frames of a model or world: `relative_to`, `attached_to`, `placement_frame` and names with `::`."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -59,14 +59,14 @@ class Scope:
 
     element: ET.Element
     nested: Mapping[str, "Scope"] = field(default_factory=dict)
-    """Scopes of the models in it, by name."""
+    """Frame scopes of nested SDF models, by name."""
     placement_frame: str = ""
     pose_of_model: Pose | None = None
     """Pose that an `<include>` gives the model in place of its own."""
     relative_to: str | None = None
-    """Frame of `pose_of_model`."""
+    """Frame that `pose_of_model` is relative to."""
     merged: tuple["Scope", ...] = ()
-    """Models whose parts count as this one's own."""
+    """Scopes of included models that are merged into this one (`<include merge>`)."""
     _frames: dict[str, ET.Element] | None = None
     _known: dict[str, Pose] = field(default_factory=dict)
     _resolving: set[str] = field(default_factory=set)
@@ -75,7 +75,7 @@ class Scope:
         """Returns the pose of a named frame in the model's frame.
 
         Args:
-            name: of a link, frame, joint or model in it; empty: its own frame.
+            name: name of a link, frame, joint or model in it; empty: its own frame.
 
         Raises:
             SdfError: the model has no frame of this name, or frames are relative to each other in a circle.
@@ -132,7 +132,7 @@ class Scope:
         """Returns the link, by its path in the model, that a frame is fixed to; the name itself if that is a link.
 
         Args:
-            name: of a link, frame, joint or model in it, as joints name their ends.
+            name: name of a link, frame, joint or model in it, as in a joint's `<parent>` or `<child>`.
         """
         at, seen = name, set[str]()
         while at not in seen:
@@ -156,7 +156,7 @@ class Scope:
         return name
 
     def model_pose(self, name: str) -> Pose:
-        """Returns the pose of a nested model."""
+        """Returns the pose of a nested SDF model."""
         return self.pose_of(self.nested[name])
 
     def pose_of(self, model: "Scope") -> Pose:

@@ -1,4 +1,4 @@
-"""Joints of a world: kind, place, axis and limits, and positions in the state that Gazebo's window saved."""
+"""Reads joints of an SDF world: kind, pose, axis and limits, and positions in the state that Gazebo's window saved."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ _KINDS: dict[str, JointKind] = {
     "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "ball": "ball", "fixed": "fixed",
 }  # fmt: skip
 _LIMITLESS = 1e6
-"""Limits beyond this mean none: files say 1e16."""
+"""Joint limits beyond this value (radians or metres) count as unlimited: files say 1e16."""
 _LEAST_SAVED_M = 1e-9
-"""Entries of poses that differ by less are the same: Gazebo's window saves six digits."""
+"""Smallest difference between saved pose entries that counts: Gazebo's window saves six digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,16 +27,16 @@ class JointPlace:
     element: ET.Element
     scope: Scope
     pose: Pose
-    """Pose of the model in the world."""
+    """Pose of the joint's model in the world's frame."""
     prefix: str
-    """Path of the model; empty: the world."""
+    """Path of the joint's model; empty: the joint is in the world."""
     version: str
-    """Version of SDF of the file."""
+    """SDF version of the file that a joint is in."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Moved:
-    """Frames of a joint where its links are, and how far that is from where the model has them."""
+    """Frames of a joint at its links' saved poses, and the joint's displacement from the model's poses."""
 
     pose: Pose
     axis: Vector
@@ -82,7 +82,7 @@ def read_joint(found: JointPlace, links: Mapping[str, Link], left_out: Omissions
 
 
 def _as_saved(found: JointPlace, links: Mapping[str, Link], kind: JointKind, placed: Pose, axis: Vector) -> _Moved:
-    """The joint between its links as they are saved: Gazebo goes by the poses of links, not by saved angles."""
+    """Returns the joint between its links at their saved poses, as Gazebo uses the poses of links, not saved angles."""
     ends: list[tuple[Pose, Pose]] = []
     for tag in ("parent", "child"):
         name = text_of(found.element, tag)
@@ -111,7 +111,7 @@ def _same(one: Pose, other: Pose) -> bool:
 
 
 def _angle(rotation: np.ndarray, axis: Vector) -> float:
-    """Turn of a rotation about an axis, radians between -pi and pi."""
+    """Returns the angle of a rotation about an axis, between -pi and pi radians."""
     sines = np.array([
         rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
     ])  # fmt: skip
@@ -123,7 +123,7 @@ def _child(element: ET.Element | None, tag: str) -> ET.Element | None:
 
 
 def _end(found: JointPlace, tag: str) -> str:
-    """Path of the link at an end of a joint, which may be named by a frame; or `world`."""
+    """Returns the path of the link at one end of a joint, which may be named by a frame; or `world`."""
     name = text_of(found.element, tag)
     if name == "world":
         return name
@@ -142,7 +142,7 @@ def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | N
 
 
 def _axis(axis: ET.Element | None, found: JointPlace, joint: Pose) -> Vector:
-    """Returns the joint's axis in the world; before SDF 1.5 it was given in the model's frame."""
+    """Returns a joint's axis in the world's frame; before SDF 1.5 it was given in the model's frame."""
     element = _child(axis, "xyz")
     along = np.array(numbers_of(element, 3, (0.0, 0.0, 1.0)))
     if not np.linalg.norm(along) > 0:

@@ -1,4 +1,4 @@
-"""Finds models and files that a world names, on this machine; nothing is ever fetched."""
+"""Finds models and files that an SDF world names, on this machine; nothing is downloaded."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,14 +11,14 @@ from .sdf_types import SdfError
 from .xml_files import read_xml
 
 PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH")
-"""Environment variables with folders of models, separated by colons."""
+"""Environment variables with model folders, separated by colons."""
 
 FUEL_VARIABLES = ("GZ_FUEL_CACHE_PATH", "IGN_FUEL_CACHE_PATH")
 _FUEL_HOMES = (".gz/fuel", ".ignition/fuel")
 _LEVELS_UP = 4
-"""Folders above a world that are looked at for its package."""
+"""Number of folders above a world file in which its ROS package is searched."""
 _MOST_LISTED = 20_000
-"""Folders of a search path that are looked at for similar names."""
+"""Limit of the folders of a search path that are compared for similar names."""
 
 
 class FoundModel(NamedTuple):
@@ -40,7 +40,7 @@ class Lookup:
     def __init__(self, world: Path, given: Sequence[Path], environment: Mapping[str, str]) -> None:
         self._package = _package_of(world)
         self.folders = list(dict.fromkeys(_search_folders(world, self._package, given, environment)))
-        """Folders that are searched, in this order."""
+        """Folders in which Gazebo models and meshes are searched, in order."""
         self._fuel = _fuel_caches(environment)
         roots = dict.fromkeys(folder.resolve() for folder in (*self.folders, *self._fuel))
         self._roots = [folder for folder in roots if folder != folder.parent]
@@ -49,7 +49,7 @@ class Lookup:
         """Finds the newest description of a Gazebo model.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
 
         Raises:
@@ -64,7 +64,7 @@ class Lookup:
         """Finds a mesh or texture file, by its exact name.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
         """
         found = self._find(uri, base)
@@ -74,14 +74,14 @@ class Lookup:
         """Finds a folder that an SDF file names.
 
         Args:
-            uri: as the file names it.
+            uri: URI in the file.
             base: folder of the file that names it.
         """
         found = self._find(uri, base)
         return found if found is not None and found.is_dir() else None
 
     def similar(self, uri: str) -> list[str]:
-        """Returns up to three existing models with similar names."""
+        """Returns up to three existing Gazebo models with similar names."""
         wanted = next((part for part in reversed(_rest(uri).split("/")) if part), "")
         there: dict[str, str] = {}
         for folder in self.folders:
@@ -103,7 +103,7 @@ class Lookup:
         return None
 
     def _inside(self, path: Path) -> Path | None:
-        """Raises an error for a file outside all search paths: a world must not read arbitrary files of its user."""
+        """Raises an error for a file outside all search paths, as a world must not read arbitrary files of its user."""
         resolved = path.resolve()
         return path if any(resolved.is_relative_to(root) for root in self._roots) else None
 
@@ -192,7 +192,7 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _described(folder: Path) -> FoundModel | None:
-    """Finds a model's file by its `model.config`: that of the newest version of SDF."""
+    """Finds the model file with the newest SDF version that a `model.config` lists."""
     config = folder / "model.config"
     named: list[tuple[tuple[int, ...], str]] = []
     if config.is_file():

@@ -1,6 +1,6 @@
-"""Reads meshes in COLLADA, STL, OBJ and glTF: triangles in metres, with places on pictures and colours.
+"""Reads COLLADA, STL, OBJ and glTF meshes: triangles in metres, texture coordinates and colours.
 
-The up axis of COLLADA files is not looked at, as Gazebo does not either: many say `Y_UP` and are Z up.
+The up axis of COLLADA files is ignored, as Gazebo ignores it, too: many say `Y_UP` and are Z up.
 """
 
 import io
@@ -23,13 +23,13 @@ from .xml_files import read_bytes
 
 MOST_MESH_BYTES = 128 * 1024 * 1024
 MOST_TRIANGLES = 1_000_000
-"""Triangles of one mesh; the largest public one has 568,000."""
+"""Limit of the triangles of one mesh; the largest public one has 568,000."""
 _MOST_COORDINATE_M = 1e5
 _MOST_NAMED = 12
 _SUFFIXES = (".dae", ".stl", ".obj", ".gltf", ".glb")
 
 Triangles = NDArray[np.float64]
-"""Corners, shape (n, 3, 3), in metres."""
+"""Triangle corners, shape (n, 3, 3), in metres."""
 
 
 class MeshError(SdfError):
@@ -38,7 +38,7 @@ class MeshError(SdfError):
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path}: {reason}")
         self.short = f"{path.name}: {reason}"
-        """The same without the folder, which differs from machine to machine."""
+        """Error text without the folder, which differs from machine to machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,19 +47,19 @@ class MeshPart:
 
     triangles: Triangles
     places: NDArray[np.float64] | None
-    """Places on the picture, shape (n, 3, 2)."""
+    """Texture coordinates of the corners, shape (n, 3, 2); `None`: no texture."""
     material: Material
     picture: Image.Image | None = None
-    """A picture that is in the file itself."""
+    """Texture that is embedded in the mesh file; `None`: there is none."""
     names: tuple[str, ...] = ()
-    """Names as a submesh, the one that Gazebo goes by first: that of the node, then that of the geometry."""
+    """Names of the submesh, the one that Gazebo uses first: that of the node, then that of the geometry."""
 
 
 class Meshes:
     """Reads the mesh files of an SDF world, each once.
 
     Args:
-        lookup: where pictures are.
+        lookup: finds texture files.
     """
 
     def __init__(self, lookup: Lookup) -> None:
@@ -133,7 +133,7 @@ class Meshes:
 
 
 def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPart, ...]:
-    """The parts of a submesh; a file without any names, such as STL, is one."""
+    """Returns the parts of a submesh; a file without any names, such as STL, has only one."""
     there = [each for part in parts for each in part.names[:1] if each]
     for named in ([part for part in parts if name in part.names[:1]], [part for part in parts if name in part.names]):
         if named:
@@ -144,7 +144,7 @@ def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPa
 
 
 def _sound(part: MeshPart) -> MeshPart:
-    """Leaves out triangles with corners that are no places."""
+    """Removes triangles with non-finite corners from a mesh part."""
     good = np.isfinite(part.triangles).all(axis=(1, 2)) & (np.abs(part.triangles) < _MOST_COORDINATE_M).all(axis=(1, 2))
     if good.all():
         return part
@@ -181,7 +181,7 @@ def _read_dae(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> Iter
 
 
 def _dae_geometries(nodes: Iterable[Any], matrix: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Placed geometries of a scene, each with the name of the nearest node around it that has one."""
+    """Yields the geometries in a COLLADA scene, transformed, each with the name of its nearest named node."""
     from collada.scene import Node
 
     for node in nodes:
@@ -276,7 +276,7 @@ def _trimesh_material(visual: Any) -> tuple[Material, Image.Image | None]:
 
 
 _Reader = Callable[[bytes, Path, bool, Lookup], Iterator[MeshPart]]
-"""The third says whether parts are wanted by name."""
+"""Function that reads a mesh file's parts; its third argument says whether parts are wanted by name."""
 _READERS: dict[str, _Reader] = {
     ".dae": _read_dae, ".stl": _read_trimesh, ".obj": _read_trimesh, ".gltf": _read_trimesh, ".glb": _read_trimesh,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Materials in scripts of OGRE: their colour and picture. Gazebo's own names of colours are known."""
+"""Reads colours and textures of materials in OGRE scripts; Gazebo's own colour names are built in."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from .xml_files import read_bytes
 
 _MOST_SCRIPT_BYTES = 4 * 1024 * 1024
 _MOST_SCRIPTS = 200
-"""Scripts of one folder that are read."""
+"""Limit of the material scripts of one folder that are read."""
 
 _TOKEN = re.compile(r"^\s*material\s+([^\s:{]+)[^{]*\{", re.MULTILINE)
 _DIFFUSE = re.compile(r"\bdiffuse\s+([\d.eE+-]+)\s+([\d.eE+-]+)\s+([\d.eE+-]+)(?:\s+([\d.eE+-]+))?")
@@ -31,14 +31,14 @@ GAZEBO_COLORS: dict[str, Rgba] = {
     "Gazebo/PaintedWall": (0.9, 0.9, 0.85, 1),
     "Gazebo/LightWood": (0.75, 0.6, 0.4, 1), "Gazebo/ZincYellow": (0.97, 0.96, 0.2, 1),
 }  # fmt: skip
-"""Colours of Gazebo's own scripts, which are not with the worlds; pictures have their middle colour."""
+"""Colours of Gazebo's own material scripts, which worlds do not bring; textures are replaced by their mean colour."""
 
 
 class OgreMaterials:
     """Reads OGRE material scripts of an SDF world, each once.
 
     Args:
-        lookup: where files are.
+        lookup: finds files.
     """
 
     def __init__(self, lookup: Lookup) -> None:
@@ -49,7 +49,7 @@ class OgreMaterials:
         """Finds a material by name in OGRE scripts.
 
         Args:
-            name: its name.
+            name: name of the material.
             uris: scripts and folders that the file names.
             base: folder that these are named from.
         """

@@ -1,11 +1,11 @@
-"""Polylines of one shape: those in others are holes, those in holes are parts of their own, as in Gazebo."""
+"""Polylines of one SDF shape: rings inside others are holes, rings in holes are separate parts, as in Gazebo."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 Ring = tuple[tuple[float, float], ...]
-"""Corners of a closed line, the first not repeated."""
+"""Corners of a closed polygon; the first one is not repeated."""
 
 
 def parts_of(rings: Sequence[Ring]) -> tuple[Ring, ...]:
@@ -32,7 +32,7 @@ def parts_of(rings: Sequence[Ring]) -> tuple[Ring, ...]:
 
 
 def _is_in(ring: Ring, around: Ring) -> bool:
-    """Whether most corners of a ring are inside another: some may lie on it."""
+    """Whether most corners of a ring are inside another ring, as some may be on it."""
     return sum(_is_inside(point, around) for point in ring) * 2 > len(ring)
 
 
@@ -52,7 +52,10 @@ def _turning(ring: Ring, *, left: bool) -> Ring:
 
 
 def _joined(outline: Ring, hole: Ring) -> Ring:
-    """An outline with a hole in it, as one line: from a corner that sees the hole's easternmost one, and back."""
+    """Returns an outline with a hole as one polygon.
+
+    It goes from a corner that sees the hole's easternmost one, and back.
+    """
     start = max(range(len(hole)), key=lambda index: hole[index][0])
     spot = hole[start]
     others = [*_edges(outline), *_edges(hole)]
@@ -72,7 +75,7 @@ def _away(one: tuple[float, float], other: tuple[float, float]) -> float:
 def _cross(
     one: tuple[tuple[float, float], tuple[float, float]], other: tuple[tuple[float, float], tuple[float, float]]
 ) -> bool:
-    """Whether two lines cross, or touch elsewhere than at common ends."""
+    """Whether two line segments cross, or touch elsewhere than at common ends."""
     if {*one} & {*other}:
         return False
     (a, b), (c, d) = one, other

@@ -1,4 +1,4 @@
-"""Reads a world with all that it includes: models, links and joints with their poses in the world."""
+"""Reads an SDF world with all included models, links and joints, and their poses in the world."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,23 +19,23 @@ from .xml_files import Element, flag_of, number_of, numbers_of, place, read_xml,
 _MOST_LINKS = 20_000
 _MOST_INCLUDES = 20_000
 _MOST_NESTED = 20
-"""Models in models; public worlds have three."""
+"""Limit of models inside models; public worlds have three levels."""
 _VERSIONS = ("1.3", "1.12")
 _GRAVITY = 0.0, 0.0, -9.8
 _GRAVITY_WITHIN = 0.05
-"""Difference of gravities in m/s2 that are the same: files say 9.8, 9.80665 and 9.81."""
+"""Difference up to which gravities count as equal, in m/s2: files say 9.8, 9.80665 and 9.81."""
 
 
 @dataclass(slots=True)
 class _Model:
-    """A model with those in it."""
+    """Model with its nested models, while the file is read."""
 
     name: str
     scope: Scope
     folder: Path
-    """Folder that its files are named from."""
+    """Folder that the model's other files are relative to."""
     is_static: bool | None
-    """Whether the model is static, as it says itself or by what it includes; None: neither says it."""
+    """Whether the model is static, as its own or its include's element says; `None`: neither says it."""
     nested: list["_Model"]
     kind: str
     is_merged: bool = False
@@ -178,7 +178,7 @@ class _WorldReader:
         return found is not None and any(self._file(found.file).find(tag) is not None for tag in ("actor", "light"))
 
     def _flatten(self, model: _Model, pose: Pose, path: tuple[str, ...], is_static: bool, state: SavedState) -> None:
-        """Adds the links, joints and lights of a model, and of those in it."""
+        """Adds the links, joints and lights of a model and its nested models to the world."""
         saved = state.models.get("::".join(path))
         if saved is not None and saved.pose is not None:
             pose = saved.pose
@@ -231,13 +231,13 @@ class _WorldReader:
         self._world.links.append(link)
 
     def _joints(self, element: ET.Element, scope: Scope, pose: Pose, prefix: str) -> None:
-        """Collects the joints of a model or of the world; they are read when all links are known."""
+        """Collects the joints of a model or of the world; they are read after all links are known."""
         self._found_joints += [
             JointPlace(joint, scope, pose, prefix, self._version_of(joint)) for joint in element.findall("joint")
         ]
 
     def _version_of(self, element: ET.Element) -> str:
-        """Version of the file that an element is in: models that are included have their own."""
+        """Returns the SDF version of the file that an element is in: included models have their own."""
         root = self._roots.get(Path(getattr(element, "file", "")))
         return self._world.version if root is None else root.get("version", "1.6")
 
@@ -274,7 +274,7 @@ class _WorldReader:
         )
 
     def _note_saved_angles(self, state: SavedState) -> None:
-        """Lists joints whose angle is saved without the pose of their link, which Gazebo leaves where it is, too."""
+        """Lists joints whose angle is saved without the pose of their link, which Gazebo does not move either."""
         for joint in self._world.joints:
             if joint.path in state.joints and joint.child not in state.links and joint.kind != "fixed":
                 self._world.left_out.add("saved angles of joints whose links have no saved pose", joint.path)
@@ -299,7 +299,7 @@ class _WorldReader:
 
 
 def _short_place(element: ET.Element) -> str:
-    """File and line without the folder, which differs from machine to machine."""
+    """Returns file name and line of an element, without the folder, which differs from machine to machine."""
     return place(element).rpartition("/")[2]
 
 

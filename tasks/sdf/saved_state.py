@@ -1,4 +1,4 @@
-"""The `<state>` of a world that Gazebo's window saved: poses in the world, scales, and what was deleted."""
+"""Reads the `<state>` element that Gazebo's window saved in a world: poses, scales, and deleted models."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class SavedState:
     models: dict[str, SavedModel] = field(default_factory=dict)
     links: dict[str, Pose] = field(default_factory=dict)
     joints: set[str] = field(default_factory=set)
-    """Joints with a saved angle, by their paths."""
+    """Paths of joints with a saved angle."""
     lights: dict[str, Pose] = field(default_factory=dict)
     deleted: set[str] = field(default_factory=set)
 

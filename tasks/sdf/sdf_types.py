@@ -1,4 +1,4 @@
-"""Contents of a world file in Gazebo's format, with all poses in the world, and the list of what was left out."""
+"""Types for the content of an SDF world, with all poses in the world's frame, and the list of omitted elements."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ ShapeKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane"
 JointKind = Literal["hinge", "slide", "ball", "fixed"]
 
 GRAY: Rgba = (0.7, 0.7, 0.7, 1.0)
-"""Colour of a visual that names none: Gazebo's own."""
+"""Colour (RGBA) of a visual that names none: Gazebo's default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class Pose:
     rotation: Matrix
 
     def __matmul__(self, other: "Pose") -> "Pose":
-        """Returns a pose that is given in this frame, in the frame around."""
+        """Composes two poses: converts a pose given in this frame to the outer frame."""
         return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
     def inverse(self) -> "Pose":
-        """Returns the inverse pose."""
+        """Returns the inverse of a pose."""
         return Pose(-self.rotation.T @ self.position, self.rotation.T)
 
 
@@ -61,24 +61,27 @@ class Geometry:
 
     kind: ShapeKind
     size: tuple[float, ...] = ()
-    """Full extents of a box, radii of an ellipsoid, radius and length of a cylinder, capsule or cone, radius of a
-    sphere, extents of a plane or heightmap, height of a prism; metres."""
+    """Size of the shape, in metres.
+
+    Full extents of a box, plane or heightmap, radii of an ellipsoid, radius and length of a cylinder, capsule or cone,
+    radius of a sphere, height of a prism.
+    """
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Normal of a plane."""
+    """Normal of an SDF plane."""
     file: Path | None = None
-    """File of a mesh or heightmap."""
+    """File of an SDF mesh or heightmap."""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     submesh: str | None = None
     is_centred: bool = False
-    """Whether a submesh is moved to its own middle."""
+    """Whether a submesh is moved so that its centre is at the origin."""
     outlines: tuple[tuple[tuple[float, float], ...], ...] = ()
-    """Corners of each part of a prism; a hole is joined to the outline around it by an edge, there and back."""
+    """Corners of each part of a prism; a hole is joined to the outline around it by an edge in both directions."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of a heightmap in its link, in metres."""
+    """Position of an SDF heightmap in its link, in metres."""
 
     @property
     def said(self) -> str:
-        """Name of its kind in the file."""
+        """Returns the name of the shape's kind in SDF."""
         return "polyline" if self.kind == "prism" else self.kind
 
 
@@ -89,7 +92,7 @@ class Material:
     color: Rgba = GRAY
     texture: Path | None = None
     is_stated: bool = False
-    """Whether the file says it; otherwise a mesh's own counts."""
+    """Whether the file names the material; otherwise that of the mesh is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,7 @@ class Collision:
 
     name: str
     pose: Pose
-    """Position in the world."""
+    """Pose of a collision shape in the world's frame."""
     geometry: Geometry
     friction: float
 
@@ -120,7 +123,7 @@ class Inertia:
     mass_kg: float
     pose: Pose
     moments: Matrix | None
-    """Absent: those of a box as large as the body's shapes."""
+    """Moments of inertia; `None`: those of a box as large as the body's shapes."""
 
 
 @dataclass(slots=True)
@@ -128,9 +131,9 @@ class Link:
     """A link (rigid part) of an SDF model."""
 
     path: str
-    """Names of the models around it and its own, joined by `::`."""
+    """Path of the link: names of the models around it and its own, joined by `::`."""
     model: str
-    """Name of the outermost model."""
+    """Name of the outermost model that the link is in."""
     pose: Pose
     is_static: bool
     inertia: Inertia | None
@@ -145,18 +148,18 @@ class Joint:
     path: str
     kind: JointKind
     parent: str
-    """Path of the link, or `world`."""
+    """Path of a joint's parent link, or `world`."""
     child: str
     pose: Pose
     axis: Vector
-    """Direction in the world."""
+    """Direction of a joint's axis in the world's frame."""
     lower: float | None
-    """Least position, radians or metres; absent: it has no end."""
+    """Lower limit of the position, in radians or metres; `None`: unlimited."""
     upper: float | None
     damping: float
     friction: float
     position: float = 0.0
-    """Position in the world as it is, radians or metres; not 0 where Gazebo's window saved the links elsewhere."""
+    """Initial position, in radians or metres; not 0 if Gazebo's window saved the links elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +185,8 @@ class Omissions:
         """Records an element that was left out.
 
         Args:
-            kind: what kind of thing, in the plural: `plugins`.
-            name: where it is, or what it is called.
+            kind: kind of element, in the plural: `plugins`.
+            name: path or name of the element.
         """
         self._found[kind].append(name)
 
@@ -191,7 +194,7 @@ class Omissions:
         return kind in self._found
 
     def names(self, kind: str) -> list[str]:
-        """Returns the names of the left-out elements of a kind."""
+        """Returns the names of the elements of a kind that an import left out."""
         return sorted(set(self._found.get(kind, [])))
 
     def as_list(self, most_names: int = 12) -> list[LeftOut]:
@@ -216,13 +219,13 @@ class SdfWorld:
     joints: list[Joint] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
     model_types: dict[str, str] = field(default_factory=dict)
-    """Kind of each model by its path: the name of the folder that it was included from, or its own."""
+    """Kind of each model by its path: the name of the folder that it was included from, or its own name."""
     left_out: Omissions = field(default_factory=Omissions)
     files: set[Path] = field(default_factory=set)
-    """Files that were read."""
+    """Paths of all files that were read for an SDF world."""
 
     def geometries(self) -> Iterator[Geometry]:
-        """Yields the shapes of all links."""
+        """Yields the shapes of all links of an SDF world."""
         for link in self.links:
             yield from (each.geometry for each in (*link.collisions, *link.visuals))
 

@@ -1,4 +1,4 @@
-"""Collisions, visuals, inertias and materials of a link, as the file says them."""
+"""Reads collisions, visuals, inertias and materials of SDF links."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -15,23 +15,26 @@ from .sdf_types import GRAY, Geometry, Inertia, Material, Omissions, Pose, Rgba,
 from .xml_files import flag_of, number_of, numbers_of, place, text_of
 
 MOST_FRICTION = 1.0
-"""MuJoCo takes the larger friction of two shapes where Gazebo takes the smaller: worlds that say 100 for floors and
-walls would hold every robot fast."""
+"""Limit of sliding friction.
+
+MuJoCo takes the larger friction of two shapes where Gazebo takes the smaller: worlds that say 100 for floors and walls
+would hold every robot fast.
+"""
 _LEAST_MOMENT = 1e-12
-"""Least moment of inertia of a body, kg m2: that of a milligram within a millimetre; MuJoCo refuses 1e-15."""
+"""Smallest moment of inertia of a body, in kg m2: that of a milligram within a millimetre; MuJoCo refuses 1e-15."""
 _ONES = (1.0, 1.0, 1.0)
 
 
 MISSING_COLLISION_MESHES = "collision meshes that are missing"
 MISSING_COLLISION_HEIGHTMAPS = "collision heightmaps that are missing or no pictures"
-"""A robot would drive through these, so an import is refused, instead of only listing them as left out."""
+"""Kind of omission for which an import is refused, as a robot would drive through missing terrain."""
 
 
 class ShapeReader:
     """Parses shapes, materials and inertias of SDF elements.
 
     Args:
-        lookup: where files are.
+        lookup: finds files.
         left_out: the list of what was left out.
     """
 
@@ -92,7 +95,7 @@ class ShapeReader:
         return Geometry("mesh", file=path, scale=(x, y, z), submesh=name or None, is_centred=is_centred)
 
     def _polylines(self, shapes: list[ET.Element], where: str) -> Geometry | None:
-        """Several polylines are one shape, as high as the first: those in others are holes."""
+        """Converts several polylines to one shape, as high as the first one: rings inside others are holes."""
         rings: list[Ring] = []
         for shape in shapes:
             corners = [numbers_of(point, 2, (0.0, 0.0)) for point in shape.findall("point")]

@@ -1,4 +1,4 @@
-"""The two models that come with Gazebo, which worlds include without having them: the sun and the ground plane."""
+"""Built-in SDF models that worlds include without bringing them: the sun and the ground plane."""
 
 from .xml_files import Element, parse_xml
 
@@ -17,7 +17,7 @@ def usual_model(uri: str) -> Element | None:
     """Returns the built-in SDF model of the sun or ground plane, if an address names one.
 
     Args:
-        uri: as a world names it.
+        uri: URI in a world file.
     """
     parts = [part for part in uri.rstrip("/").split("/") if part and not part.isdigit()]
     text = _TEXTS.get(parts[-1].lower().replace(" ", "_").replace("%20", "_")) if parts else None

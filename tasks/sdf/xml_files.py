@@ -1,4 +1,4 @@
-"""XML of files that somebody else wrote: size, entities and depth are limited, errors name the line."""
+"""Reads untrusted XML files: size, entities and depth are limited, errors name the line."""
 
 import xml.etree.ElementTree as ET
 from difflib import get_close_matches
@@ -9,12 +9,12 @@ from xml.parsers import expat
 from .sdf_types import SdfError
 
 MOST_XML_BYTES = 20 * 1024 * 1024
-"""The largest public world file has 3 MB."""
+"""Limit of an XML file's size, in bytes; the largest public world file has 3 MB."""
 _MOST_DEPTH = 200
-"""Levels of elements; includes are files of their own."""
+"""Limit of nested XML elements; included models are files of their own."""
 _MOST_ELEMENTS = 2_000_000
 _MOST_LISTED = 10_000
-"""Files of a folder that are looked at for similar names."""
+"""Limit of the files of a folder that are compared for similar names."""
 
 
 class Element(ET.Element):
@@ -48,7 +48,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
 
 
 def _similar_to(path: Path) -> str:
-    """Makes the end of an error message: files in the folder of a missing file with names similar to its name."""
+    """Returns the end of an error message about a missing file: similarly named files in its folder."""
     try:
         if not path.parent.is_dir():
             return f"; there is no folder {path.parent}"
@@ -91,7 +91,7 @@ def parse_xml(content: bytes) -> Element:
 
 
 class _Reader:
-    """Builds elements from a parser's events."""
+    """Builds elements from an XML parser's events."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -159,8 +159,8 @@ def numbers_of(
 
     Args:
         element: the element; absent: what is meant otherwise.
-        count: how many have to be there.
-        otherwise: what an absent or empty element means.
+        count: required number of numbers.
+        otherwise: value of an absent or empty element.
         is_endless: whether numbers may be as large as one likes, also infinite: limits that are none.
 
     Raises:

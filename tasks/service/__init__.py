@@ -1,1 +1,1 @@
-"""The service that every operation works with: settings, catalog, object store, clock, random numbers."""
+"""The service object that every operation uses: settings, catalog, object store, clock, random numbers."""

@@ -1,4 +1,4 @@
-"""Waiting for a catalog whose database is away when a job worker or a night begins."""
+"""Waits for a catalog whose database is unreachable when a job worker or a night begins."""
 
 import logging
 import math
@@ -26,9 +26,9 @@ def once_catalog_answers(
 
     Args:
         open_it: opens it.
-        patience_s: for how long it is tried at most; a job worker has nothing better to do.
+        patience_s: longest time of trying, in seconds.
         sleep: waits, in seconds.
-        clock: gives seconds.
+        clock: function that returns seconds.
 
     Raises:
         CatalogAwayError: the database did not answer all the while.

@@ -1,4 +1,4 @@
-"""The data home: the folder that everything else is kept in."""
+"""Data home: the folder with all local data of the service."""
 
 import os
 

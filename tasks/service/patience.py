@@ -1,4 +1,4 @@
-"""Patience with an object store that is away, and a store that has it: calls are made again until they work."""
+"""Retry policy for an unreachable object store, and a store wrapper that repeats calls until they work."""
 
 import contextvars
 import logging
@@ -15,11 +15,11 @@ from ..storage import ObjectInfo, ObjectStore, split_stored
 from ..storage.base import Result, Stopped, StoreOver, Tell, never, tell_none
 
 _LISTEN_EVERY_S = 0.5
-"""Interval between two questions whether to give up, in a pause and while a call is under way."""
+"""Interval between two checks whether to give up, during a pause or a call, in seconds."""
 _PART_OF_WAIT = 8
 _LONGEST_PAUSE_S = 30.0
 _LOOK_EVERY_S = 15.0
-"""Interval between two looks whether the store answers at all, while a call is under way."""
+"""Interval between two checks whether the store answers at all, during a call, in seconds."""
 
 _logger = logging.getLogger(__name__)
 
@@ -36,24 +36,24 @@ class Patience:
     """Seconds after which a failing call is not repeated any more."""
 
     first_pause_s: float = 1.0
-    """Seconds until the first retry after a failure."""
+    """Time until the first retry after an object store failed, in seconds."""
 
     stopped: Stopped = never
-    """Whether to wait no more."""
+    """Function that returns whether to stop waiting for an object store."""
 
     note: Callable[[str], None] = _say_nothing
-    """Told in words that a store is waited for, and that it answers again."""
+    """Function that is told in words that calls wait for a store, and that it answers again."""
 
     sleep: Callable[[float], None] = time.sleep
     clock: Callable[[], float] = time.monotonic
-    """Seconds on a clock that only runs forward."""
+    """Clock that only runs forward, in seconds."""
 
     def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
         """Calls a function until the object store answers, or waiting is over.
 
         Args:
             call: the operation; it can be repeated after it was interrupted.
-            probe: asks the store for a sign of life.
+            probe: checks with a quick request whether the store answers.
 
         Raises:
             StorageUnavailableError: the store did not answer all the while.
@@ -71,7 +71,7 @@ class Patience:
     def _outlast(
         self, failure: StorageUnavailableError, probe: Callable[[], None], began: float, waits: "_Waits"
     ) -> None:
-        """Waits until the store gives a sign of life; raises the last failure when that is not waited for any more."""
+        """Waits until the store answers a probe; raises the last failure when waiting is over."""
         while True:
             waited_s = self.clock() - began
             pause_s = min(_LONGEST_PAUSE_S, max(self.first_pause_s, waited_s / _PART_OF_WAIT))
@@ -88,7 +88,10 @@ class Patience:
                 return
 
     def _is_stopped(self) -> bool:
-        """Whether to wait no more; a catalog that is away too cannot say so, and is asked again at once."""
+        """Whether to stop waiting.
+
+        If the catalog, which knows whether a job was cancelled, does not answer either, it is asked again at once.
+        """
         try:
             return self.stopped()
         except ServiceUnavailableException as error:
@@ -96,7 +99,7 @@ class Patience:
             return False
 
     def _pause(self, pause_s: float) -> bool:
-        """Waits; returns early, and false, when it is to stop."""
+        """Pauses before a retry; returns early, and false, if waiting should stop."""
         left_s = pause_s
         while left_s > 0.0 and not self._is_stopped():
             self.sleep(min(left_s, _LISTEN_EVERY_S))
@@ -104,9 +107,9 @@ class Patience:
         return left_s <= 0.0
 
     def _attended(self, call: Callable[[], Result], probe: Callable[[], None], waits: "_Waits") -> Result:
-        """Calls in a thread of its own, which is left to itself when the store hangs and is not to be waited for.
+        """Runs a call in a thread, which is abandoned if the store hangs and waiting is over.
 
-        A store that gives a sign of life is at work, however long the call takes, and also when it is to stop.
+        While the store answers probes it is at work, however long the call takes, also when waiting should stop.
         """
         outcome, heard = _in_thread(call), False
         silent_since: float | None = None
@@ -157,7 +160,10 @@ class _Waits:
 
 
 def _in_thread(call: Callable[[], Result]) -> "Future[Result]":
-    """Calls in a thread that no process waits for at its end."""
+    """Runs a call in a daemon thread, for which the process does not wait at its end.
+
+    Returns the future of its result.
+    """
     outcome: Future[Result] = Future()
     context = contextvars.copy_context()
 
@@ -174,11 +180,11 @@ def _in_thread(call: Callable[[], Result]) -> "Future[Result]":
 class PatientStore(StoreOver):
     """Object store wrapper that waits and retries while the store does not answer or is full.
 
-    Of files that are stored together, only those are stored again that did not arrive.
+    If files are stored together, a retry stores only the missing ones.
 
     Args:
         store: the store behind it.
-        patience: how long it is waited for.
+        patience: the retry policy.
     """
 
     def __init__(self, store: ObjectStore, patience: Patience) -> None:

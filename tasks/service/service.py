@@ -1,7 +1,7 @@
-"""The service that every operation works with: settings, catalog, object store, clock, chance.
+"""The service object that every operation uses: settings, catalog, object store, clock, random numbers.
 
-A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect
-itself calls (in a worker, from a schedule) find it through `Service.current`.
+A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect itself calls (in a
+worker, from a schedule) find it through `Service.current`.
 """
 
 import os
@@ -142,7 +142,7 @@ class Progress:
     """The resource that the next part waits for; `None`: it waits for none."""
 
     trials: TrialCounts | None = None
-    """The trials of all parts; `None`: there are none."""
+    """Counts of the trials of a job's parts; `None`: there are none."""
 
 
 def _ignore(progress: Progress) -> None:
@@ -159,14 +159,14 @@ def _utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class SpecRun:
-    """The run of a specification in whose course operations are called."""
+    """Run of a specification that calls operations of this service."""
 
     run_id: str
     reuse: bool = False
-    """Whether worlds and results that are there already are taken over, if they have the same inputs."""
+    """Whether existing worlds and results are reused if they have the same inputs."""
 
     in_campaign: bool = False
-    """Whether what is ordered is one of several batches of the same step."""
+    """Whether ordered batches are some of several batches of the same step."""
 
     mixed: bool = False
     """Whether requests of batches become jobs in a mixed order."""
@@ -187,22 +187,25 @@ class Service:
 
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)
-    """Source of ids, and of seeds that requests do not give."""
+    """Random source of resource ids, and of seeds that requests do not give."""
 
     timing: Timing = field(default_factory=Timing)
-    """Times that it waits for stores and servers."""
+    """Time intervals for waiting and retrying with stores and servers."""
 
     report_progress: Callable[[Progress], None] = _ignore
-    """Told of every change while a job operation is performed; called from several threads."""
+    """Function that is called after every change while a job operation runs; from several threads."""
 
     report_note: Callable[[str], None] = _ignore_note
-    """Told what a person who watches should know now, such as that a job waits; called from several threads."""
+    """Function that is called with messages for a person who watches, such as that a job waits.
+
+    It is called from several threads.
+    """
 
     spec_run: SpecRun | None = None
-    """The run of a specification that this service is used by; `None`: none."""
+    """Run of a specification that uses this service; `None`: none."""
 
     first_lease: FirstLease | None = None
-    """The lease of the job that this process orders and carries out itself; `None`: any job worker may take it."""
+    """Lease of the job that this process orders and runs itself; `None`: any job worker may take it."""
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
@@ -262,8 +265,8 @@ class Service:
 
         Args:
             job_id: the job that waits, for notes.
-            stopped: asked several times a second whether to wait no more.
-            patience_s: how long; absent: as the settings say.
+            stopped: called several times a second; true ends waiting.
+            patience_s: longest wait, in seconds; absent: that of the settings.
             sleep: waits, in seconds.
         """
         patience = Patience(

@@ -1,7 +1,7 @@
-"""Spans of OpenTelemetry: requests, runs of jobs, and their steps.
+"""OpenTelemetry spans of requests, jobs and their steps.
 
-They are made through its API package alone, so they cost microseconds and go nowhere unless the program is started with
-an SDK, by `opentelemetry-instrument` for example.
+They use only OpenTelemetry's API package, so they cost microseconds and are discarded unless the program is started
+with an SDK, by `opentelemetry-instrument` for example.
 """
 
 from collections.abc import Generator

@@ -1,4 +1,4 @@
-"""Object stores: a directory or an S3 endpoint, one layout."""
+"""Object stores with S3's interface: a directory, or an S3 endpoint, with the same layout."""
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore

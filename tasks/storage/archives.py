@@ -22,8 +22,8 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
 
     Args:
         archive: the archive.
-        folder: where to; it must be absent or empty, and appears only when everything is unpacked.
-        limits: what it may hold.
+        folder: target folder, which must be absent or empty, and appears only when everything is unpacked.
+        limits: limits of its content.
 
     Raises:
         BundleError: it is no archive, is damaged or too large, or has a member that is neither file nor
@@ -47,7 +47,7 @@ def pack_tar_gz(folder: Path, path: Path) -> None:
     """Packs a folder into a reproducible .tar.gz: equal files give equal bytes.
 
     Args:
-        folder: what to pack; empty folders are left out.
+        folder: folder to pack; empty folders are left out.
         path: the archive; it appears when it is whole.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Sessions of boto3 that read what botocore knows of AWS's services once in a process, not once a session."""
+"""boto3 sessions that share botocore's data loader, so that service models are read once in a process."""
 
 from functools import cache
 
@@ -21,8 +21,8 @@ def new_session(
 
     Args:
         access_key_id: the public half of a key.
-        secret_access_key: its secret half.
-        session_token: what belongs to a key that runs out.
+        secret_access_key: the secret half of the key.
+        session_token: session token of a temporary key.
         profile_name: a profile of AWS's files.
         inner: the session of botocore that is used; by default a new one.
 

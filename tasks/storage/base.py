@@ -1,4 +1,4 @@
-"""The interface of all object stores, the names of buckets and objects, and calls for many of them in threads."""
+"""Interface of all object stores, valid names of buckets and objects, and concurrent calls in threads."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,22 +14,24 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 WORKERS = 8
-"""Transfers at once, of whatever size."""
+"""Limit of concurrent transfers of files of any size."""
 
 WORKERS_FOR_SMALL = 32
-"""Small files at once: a server that has to wait for the next one spends a third more of its processors on each."""
+"""Limit of concurrent transfers of small files.
+
+A server that has to wait for the next one spends a third more processor time on each.
+"""
 
 
 def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> list[Result]:
     """Calls a function for every item in threads, and returns the results in the items' order.
 
-    After a failure nothing new is started; what runs is waited for, then the failure of the earliest
-    item is raised.
+    After a failure no further calls start; running calls end, then the failure of the earliest item is raised.
 
     Args:
-        call: what to call.
-        items: for what.
-        workers: how many threads.
+        call: the function.
+        items: arguments of the calls.
+        workers: number of threads.
     """
     with ThreadPoolExecutor(workers, thread_name_prefix="storage") as pool:
         futures = [pool.submit(call, item) for item in items]
@@ -46,11 +48,11 @@ def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int 
 
 
 Stopped = Callable[[], bool]
-"""Whether a transfer is not wanted any more; asked several times a second, from any thread."""
+"""Function that returns whether a transfer should stop; called several times a second, from any thread."""
 
 
 Tell = Callable[[str], None]
-"""Told of the key of an object that has been stored, from any thread."""
+"""Function that is called with the key of an object that has been stored, from any thread."""
 
 
 def never() -> bool:
@@ -80,9 +82,9 @@ class ObjectInfo:
     key: str
     size_bytes: int
     etag: str
-    """Changes whenever the content changes; without quotes."""
+    """ETag of an object, without quotes; it changes whenever the content changes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not known, as of a new object. Equal objects may differ in it."""
+    """Time at which it was stored; `None`: not known, as of a new object. It is ignored when objects are compared."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class ObjectStore(Protocol):
     """
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists."""
+        """Creates a bucket of the object store unless it exists."""
         ...
 
     def check_writable(self, bucket: str, key: str) -> None:
@@ -149,8 +151,8 @@ class ObjectStore(Protocol):
 
         Args:
             bucket: name of the bucket.
-            files: what to store, by keys.
-            stopped: see `put_file`; files that are stored by then remain.
+            files: files to upload, by their keys.
+            stopped: returns whether to stop; files that are stored by then remain.
             tell: called with the key of each stored file.
         """
         ...
@@ -168,11 +170,11 @@ class ObjectStore(Protocol):
         ...
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object in the object store."""
         ...
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object in the object store."""
         ...
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
@@ -229,7 +231,7 @@ class StoreOver:
         """Calls the wrapped store, possibly changed or refused.
 
         Args:
-            access: what the call does.
+            access: `read` or `write`.
             bucket: the bucket that it is about.
             keys: the keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
             call: the call.
@@ -249,7 +251,7 @@ class StoreOver:
         return self.do("write", bucket, [key], lambda: self.behind.put_file(bucket, key, path, stopped=stopped))
 
     def probe(self, bucket: str) -> None:
-        """See `ObjectStore`; everybody may."""
+        """See `ObjectStore`; every role may do this."""
         self.behind.probe(bucket)
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:

@@ -1,4 +1,4 @@
-"""Checksums as S3 writes them, of what is sent, of what has arrived, and of files, without reading their holes."""
+"""Checksums as in S3's API, of sent and received data and of files, without reading the holes of sparse files."""
 
 import base64
 import errno
@@ -24,7 +24,7 @@ class Piece(NamedTuple):
 
     data: memoryview
     is_hole: bool
-    """Whether the file has no block for it; the data are zeros then."""
+    """Whether the file has no disk block for the data, which are zeros then."""
 
 
 def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") -> Iterator[Piece]:
@@ -32,7 +32,7 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
 
     Args:
         descriptor: the file.
-        stopped: asked at the beginning, and before each piece, of which none has more than 1 MiB.
+        stopped: called at the beginning, and before each piece of at most 1 MiB; true stops.
         what: the file, for messages.
 
     Raises:
@@ -87,7 +87,7 @@ def copy_with_holes(
     Args:
         source: the file.
         target: the copy, at its beginning.
-        stopped: see `pieces`.
+        stopped: called before each piece of at most 1 MiB; true stops.
         tell: called with each piece, such as to compute a checksum.
         what: the file, for messages.
 
@@ -113,7 +113,7 @@ def _go_on(stopped: Stopped, what: str) -> None:
 
 
 def _data_from(descriptor: int, offset: int) -> int | None:
-    """Offset of the next data; `None`: there is only a hole, or nothing."""
+    """Returns the offset of a sparse file's next data from an offset on; `None` if only a hole or nothing follows."""
     try:
         return os.lseek(descriptor, offset, os.SEEK_DATA)
     except OSError as error:
@@ -121,7 +121,7 @@ def _data_from(descriptor: int, offset: int) -> int | None:
 
 
 def _hole_from(descriptor: int, offset: int) -> int:
-    """Offset of the next hole; a file ends with one."""
+    """Returns the offset of a sparse file's next hole; the end of the file counts as one."""
     with suppress(OSError):
         return os.lseek(descriptor, offset, os.SEEK_HOLE)
     return os.fstat(descriptor).st_size
@@ -131,10 +131,12 @@ _CHUNK_BYTES = 1 << 20
 _ATTRIBUTE = "user.robomaker.etag"
 _REMEMBERED = 16_384
 _STORING_NS = 20_000_000
-"""Longest time from reading the clock to the change that keeps an ETag. File systems stamp changes by a clock that
-ticks every 1 to 10 ms."""
+"""Longest time from reading the clock to storing an ETag in a file's attributes, in nanoseconds.
+
+File systems stamp changes by a clock that ticks every 1 to 10 ms.
+"""
 _TRIES = 5
-"""On a busy machine storing may take longer than that; then it is tried again."""
+"""Number of attempts to store an ETag within that time; on a busy machine it may take longer."""
 _CRC32_POLYNOMIAL = 0xEDB88320  # of zlib, PNG and S3; the highest power is the lowest bit
 _ONE = 1 << 31
 _X_TO_THE_8 = 1 << 23
@@ -155,8 +157,8 @@ def crc32_text(crc: int) -> str:
 def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
     """Combines the CRC32 values of parts to that of the whole, in base64.
 
-    What a part adds is its own CRC32; those before it are shifted by its size, which in the arithmetic of CRCs is a
-    product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
+    Each part adds its own CRC32; the CRC32 of the parts before it is shifted by the part's size, which in the
+    arithmetic of CRCs is a product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
     """
     whole = 0
     for crc, size in parts:
@@ -166,7 +168,7 @@ def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
 
 @lru_cache(maxsize=64)  # the parts of a file have one size, and the last one another
 def _shift(size: int) -> int:
-    """The power of x by the bits of so many bytes, modulo the polynomial."""
+    """Returns the power of x for a shift by that many bytes, modulo the CRC32 polynomial."""
     shift, power = _ONE, _X_TO_THE_8
     while size:
         if size & 1:
@@ -177,7 +179,7 @@ def _shift(size: int) -> int:
 
 
 def _product(a: int, b: int) -> int:
-    """The product of two polynomials over GF(2), modulo that of CRC32."""
+    """Returns the product of two polynomials over GF(2), modulo the CRC32 polynomial."""
     product = 0
     for place in range(31, -1, -1):
         if a >> place & 1:
@@ -199,7 +201,7 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
     """Raises an error if a server's size or CRC32 of an object differs from the expected ones.
 
     Args:
-        answer: of HeadObject or GetObject; not every object has a CRC32 of the whole.
+        answer: response of HeadObject or GetObject; not every object has a CRC32 of the whole.
         size: bytes here.
         crc: CRC32 of the bytes here, in base64.
         what: the object, for the message.
@@ -219,7 +221,7 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
     """Whether a stored object has the same content as a file, as far as its checksums prove it.
 
     Args:
-        answer: of HeadObject.
+        answer: response of HeadObject.
         path: the file.
         stopped: polled while the file is read; true stops that.
 
@@ -284,7 +286,7 @@ def etag_of(descriptor: int, stopped: Stopped = never) -> str:
 
 
 def _kept_etag(descriptor: int) -> str | None:
-    """The ETag that lies with a file, if the file has not changed since."""
+    """Returns the ETag cached in a file's attributes, if the file has not changed since; else `None`."""
     with suppress(OSError, AttributeError, ValueError):
         version, stored_ns, etag = os.getxattr(descriptor, _ATTRIBUTE).decode().rsplit(" ", 2)
         is_last_change = abs(os.fstat(descriptor).st_ctime_ns - int(stored_ns)) <= _STORING_NS

@@ -1,4 +1,4 @@
-"""Objects as files of a directory: needs no server, survives crashes, can be looked into with any tool.
+"""Object store that keeps objects as files of a directory: needs no server, survives crashes, works with any tool.
 
 `<root>/<bucket>/<key>` is the object; `<root>/.incoming` holds what is being written. A write goes to
 `.incoming`, reaches the disk, and only then gets its name, by one step that either happens or does
@@ -57,7 +57,7 @@ class DirectoryStore:
         self._incoming = self._root / ".incoming"  # no bucket's name starts with a dot
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists."""
+        """Creates a bucket (a folder) unless it exists."""
         check_bucket(bucket)
         with os_failures(f"create the bucket {bucket} in {self._root}"):
             for folder in (self._incoming, self._root / bucket):
@@ -147,12 +147,12 @@ class DirectoryStore:
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object, which is a local file."""
         with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
             return source.read()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object, which is a local file."""
         with self._opened(bucket, key) as (_, info):
             return info
 
@@ -232,7 +232,7 @@ class DirectoryStore:
     def _written(
         self, bucket: str, key: str, source: int | bytes, stopped: Stopped = never
     ) -> Generator[tuple[Path, ObjectInfo]]:
-        """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends.
+        """Writes a source to a temporary file, which is complete inside the `with` block and deleted at its end.
 
         The source is the descriptor of a file, whose holes stay holes, or the content itself.
         """
@@ -256,7 +256,7 @@ class DirectoryStore:
             temporary.unlink(missing_ok=True)
 
     def _name(self, temporary: Path, info: ObjectInfo, *, create_only: bool) -> None:
-        """Gives a written file its name in one step."""
+        """Renames a written temporary file to the object's name atomically."""
         bucket, key = info.bucket, info.key
         path = self._root / bucket / key
         for _ in range(_RACES):
@@ -292,7 +292,7 @@ class DirectoryStore:
 
 
 def _keys(folder: Path, prefix: str) -> Iterator[str]:
-    """Keys of all regular files below a folder that start with the prefix, in the order of their UTF-8 bytes."""
+    """Yields the keys of all regular files below a folder that start with the prefix, in UTF-8 byte order."""
     start, _, beginning = prefix.rpartition("/")
     start = f"{start}/" if start else ""
     try:
@@ -313,7 +313,10 @@ def _keys(folder: Path, prefix: str) -> Iterator[str]:
 
 
 def _link_above(top: Path, path: Path) -> Path | None:
-    """The first symbolic link among the folders between `top` and a file, which may be absent."""
+    """Returns the first symbolic link among the folders between `top` and a file (which need not exist).
+
+    Returns `None` if there is none.
+    """
     folder = str(top)
     for name in path.relative_to(top).parts[:-1]:  # plain strings: each stored file is checked, and paths cost as much
         folder = f"{folder}/{name}"
@@ -328,7 +331,7 @@ def _refuse_link(top: Path, path: Path) -> None:
 
 
 def _make_folders(folder: Path, top: Path) -> None:
-    """Creates the missing folders between `top` and `folder`, and makes their names durable."""
+    """Creates the missing folders between `top` and `folder`, and syncs their names to the disk."""
     missing: list[Path] = []
     while folder != top and not folder.is_dir():
         missing.append(folder)
@@ -347,7 +350,7 @@ def _remove_empty(folder: Path) -> bool:
 
 
 def _sync(folder: Path) -> None:
-    """Makes the names in a folder durable."""
+    """Syncs the file names in a folder to the disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

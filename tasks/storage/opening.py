@@ -1,4 +1,4 @@
-"""Opens the object store that the settings name."""
+"""Opens the object store that is named in the settings."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,7 +45,7 @@ def s3_endpoint(settings: Settings) -> str | None:
 
 
 def _endpoint(url: str) -> str:
-    """Checks the URL; its text is not repeated where it holds a password."""
+    """Checks the URL of an S3 server; error messages do not repeat it if it contains a password."""
     parts = urlsplit(url)
     if parts.username or parts.password:
         raise ConfigurationError(

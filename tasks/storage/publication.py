@@ -1,4 +1,7 @@
-"""Publishing files as a whole, the manifest last; and removing some so that the rest counts as a whole again."""
+"""Publishes a set of files with a manifest, which is written last.
+
+It can also delete part of a set so that the rest stays valid.
+"""
 
 import hashlib
 import os
@@ -42,21 +45,20 @@ def publish(
 ) -> Manifest:
     """Uploads files and then their manifest, which makes them visible as a complete set.
 
-    Publishing the same content with the same `about` again succeeds and returns the manifest that is
-    there, so an interrupted or repeated step can simply be run again.
+    Publishing the same content with the same `about` again succeeds and returns the existing manifest, so an
+    interrupted or repeated step can simply be run again.
 
     Args:
-        store: where to.
-        bucket: where to; it has to exist.
-        prefix: the files' keys start with it, then a slash; may be empty.
-        files: what to publish, under names that differ; no process may write to them any more.
-        about: what the files belong to, for the manifest.
+        store: the object store.
+        bucket: name of the bucket, which must exist.
+        prefix: beginning of the files' keys, before a slash; may be empty.
+        files: files to publish, by unique names; no process may write to them any more.
+        about: description of the run or job that the files belong to, for the manifest.
         created_at: the time of publication, with its time zone, for the manifest.
-        stored: what is under the prefix already, and belongs to it.
-        resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
-            stored again.
-        stopped: asked before the manifest is written, whether these files are not to count after all.
-        ended: asked all the time while files are read and stored, whether to end that at once; quick.
+        stored: objects that are under the prefix already, and belong to the set.
+        resumes: whether an earlier attempt may have stored a part; objects with the same content are not stored again.
+        stopped: called before the manifest is written; true if the files should not count after all.
+        ended: called often while files are read and stored; true stops that at once; must be quick.
         tell: called with the key of each stored file, from any thread.
 
     Raises:
@@ -100,12 +102,12 @@ def store_unfinished(
     """Uploads incomplete outputs for inspection, without a manifest.
 
     Args:
-        store: where to.
-        bucket: where to; it has to exist.
-        prefix: the files' keys start with it, then a slash; may be empty.
-        files: what to store.
-        resumes: see `publish`.
-        ended: see `publish`.
+        store: the object store.
+        bucket: name of the bucket, which must exist.
+        prefix: beginning of the files' keys, before a slash; may be empty.
+        files: files to upload.
+        resumes: whether an earlier attempt may have stored a part.
+        ended: called often while files are read and stored; true stops that at once.
         tell: called with the key of each stored file, from any thread.
 
     Raises:
@@ -118,7 +120,7 @@ def store_unfinished(
 
 
 def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped, tell: Tell, *, resumes: bool) -> None:
-    """Stores files, of which some may be stored already if this resumes an earlier attempt."""
+    """Uploads files; if this continues an earlier attempt, files that are stored already are skipped."""
     if resumes:
         there, files = split_stored(store, bucket, files, ended)
         for key in there:
@@ -132,9 +134,9 @@ def split_stored(
     """Splits files into those already stored with the same content, and those still to upload.
 
     Args:
-        store: where they belong.
-        bucket: where they belong.
-        files: by their keys.
+        store: the object store.
+        bucket: name of the bucket.
+        files: files by their keys.
         stopped: see `ObjectStore.find_same`.
 
     Raises:
@@ -146,14 +148,12 @@ def split_stored(
 
 
 def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Deletes everything under a prefix; the manifest goes first.
-
-    The manifest is deleted first: an interruption leaves no objects that count.
+    """Deletes everything under a prefix; the manifest goes first, so that an interruption leaves no valid set.
 
     Args:
-        store: where.
-        bucket: where.
-        prefix: the keys of what is removed start with it, then a slash; not empty.
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the deleted keys, before a slash; not empty.
 
     Raises:
         BucketNotFoundError: the bucket does not exist.
@@ -184,10 +184,10 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifes
     """Downloads the files in a manifest to a folder.
 
     Args:
-        store: where from.
-        bucket: where from.
-        prefix: where from.
-        folder: where to; it must be absent or empty, and appears only when all files are there.
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the files' keys, before a slash.
+        folder: target folder, which must be absent or empty, and appears only when all files are there.
 
     Raises:
         ChecksumMismatchError: a file is not what was published.
@@ -229,7 +229,7 @@ def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
 
 
 def _same(there: Manifest, ours: Manifest, bucket: str, prefix: str) -> Manifest:
-    """The manifest that is there, if it says the same; the times may differ, of a repeated step they do."""
+    """Returns the stored manifest after checking that it equals the new one; only the times may differ."""
     if (there.files, there.about) != (ours.files, ours.about):
         raise ObjectExistsError(f"something else is already published under {bucket}/{prefix}")
     return there
@@ -255,17 +255,17 @@ def _verify(path: Path, file: ManifestFile, uri: str) -> None:
 
 
 NEXT_NAME = "manifest.next.json"
-"""Name of the future manifest while files are removed."""
+"""Name of the prepared new manifest while files of a set are deleted."""
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
     """Deletes some of the published files under a prefix, and updates the manifest.
 
     Args:
-        store: where.
-        bucket: where.
-        prefix: the keys of the files start with it, then a slash; not empty.
-        keep: says of a file's name whether it stays.
+        store: the object store.
+        bucket: name of the bucket.
+        prefix: beginning of the files' keys, before a slash; not empty.
+        keep: function that returns whether the file of a name is kept.
 
     Raises:
         ObjectNotFoundError: no files are published under this prefix.
@@ -287,8 +287,8 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
     """Completes an interrupted call of `thin`.
 
     Args:
-        store: where.
-        bucket: where.
+        store: the object store.
+        bucket: name of the bucket.
         prefix: the prefix of that call.
 
     Raises:
@@ -299,7 +299,7 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Deletes the objects that a manifest does not list, and replaces the manifest by it."""
+    """Deletes the objects that the new manifest does not list, and replaces the old manifest by it."""
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -329,7 +329,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 
 
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
-    """Returns the manifest that an interrupted call prepared, or None."""
+    """Returns the new manifest that an interrupted call of `thin` had prepared, or `None`."""
     try:
         return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:

@@ -1,4 +1,4 @@
-"""Files of folders that others may have filled: links are never followed, errors become those of the object store."""
+"""Reads files in folders that others may have filled: links are not followed, errors become `StorageError`."""
 
 import errno
 import os
@@ -36,7 +36,7 @@ def os_failures(doing: str) -> Generator[None]:
     """Converts every `OSError` inside the `with` block to the matching `StorageError`.
 
     Args:
-        doing: what is being done, in words that follow "cannot".
+        doing: description of the action, in words that follow "cannot".
     """
     try:
         yield
@@ -63,7 +63,7 @@ _NO_REGULAR_FILE = {errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO}
 
 
 MAX_DEPTH = 100
-"""Folders within each other; far beyond what keys of 1024 bytes are used for."""
+"""Limit of nested folders, far above what keys of 1024 bytes are used for."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class FolderFile:
     """A regular file in a folder: relative name and path."""
 
     name: str
-    """Path below the folder, with `/` between components."""
+    """Path of a file below the folder, with `/` between components."""
     path: Path
-    """Path of the file itself."""
+    """Full path of a file in the folder."""
 
 
 def regular_files(folder: Path) -> list[FolderFile]:

@@ -1,8 +1,6 @@
 """Generates a checked world from a template and two seeds, and makes variations of a world.
 
 The same template, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
-
-The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -91,13 +89,13 @@ def furnish_and_prove(
     """Furnishes a floor plan and checks the world, repeatedly until it meets all guarantees.
 
     Args:
-        body: whose interior is wished.
+        body: template body with the preferences for the interior.
         plan: the plan, with its doors hung.
-        seeds: of the floor plan, which the world says, and of materials and furniture.
+        seeds: seed of the floor plan, which is recorded in the world, and seed of materials and furniture.
         settle: whether physics runs for two seconds.
         clock: seconds.
-        begun: when work on the world began, by the clock; now, unless told otherwise.
-        finish: what else is done to a world before it is checked.
+        begun: time at which work on the world began, by the clock; absent: now.
+        finish: function that changes the world before it is checked.
 
     Raises:
         WorldGenerationError: no attempt passed the checks in time.
@@ -180,9 +178,9 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
     It may break guarantees that the other world keeps; its checks say so.
 
     Args:
-        world: the other world, which is left as it is.
-        wanted: what is to differ.
-        content: the other world's hash.
+        world: the original world, which is not changed.
+        wanted: requested changes.
+        content: content hash of the original world.
         arn: its ARN.
 
     Raises:

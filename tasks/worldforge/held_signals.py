@@ -15,10 +15,6 @@ def held_signals() -> Iterator[None]:
     It is for imports of packages that catch `BaseException` around imports of optional packages, as trimesh does: an
     interruption there would be taken for a missing package, and the program would go on. Only the main thread gets
     signals; in others this does nothing.
-
-    For imports of packages that try for others with `except BaseException`, as trimesh does: an interruption that falls
-    into such a line is taken for a package that is missing, and the program goes on. Only the main thread gets signals;
-    in others this does nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

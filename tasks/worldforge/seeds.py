@@ -18,8 +18,8 @@ def seeds_for(job_seed: int, floorplan_index: int, interior_index: int, *, diver
 
     Args:
         job_seed: the job's seed, not negative.
-        floorplan_index: which floor plan, from 0.
-        interior_index: which interior of it, from 0.
+        floorplan_index: index of the floor plan in the job, from 0.
+        interior_index: index of the interior in the floor plan, from 0.
         diverse: whether the floor plans differ; otherwise each is the best one.
 
     Returns:

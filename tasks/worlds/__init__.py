@@ -1,1 +1,1 @@
-"""World generation and export jobs: the steps around WorldForge."""
+"""World generation and export jobs: building worlds in processes, storing them, and packing exports."""

@@ -1,4 +1,4 @@
-"""Places of the archives of world export jobs; apart from the exporter, which needs MuJoCo."""
+"""Object-store keys of world export archives; separate from the exporter, which needs MuJoCo."""
 
 import re
 

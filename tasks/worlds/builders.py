@@ -1,7 +1,7 @@
-"""World builders: processes that each build one world at a time.
+"""Pool of child processes that build worlds, one world at a time each.
 
-Plain programs rather than `multiprocessing`, whose children import the caller's `__main__` again:
-under a Prefect worker that is Prefect itself, and in a script without a guard it is the script.
+They are plain programs and not `multiprocessing`, whose children import the caller's `__main__` again: under a Prefect
+worker that is Prefect itself, and in a script without a guard it is the script.
 """
 
 import json
@@ -20,11 +20,14 @@ _PROGRAM = "prefect_robomaker.tasks.worldforge.bundle.bundle_worker"
 
 
 MOST_S = 120.0
-"""Seconds after which a builder that has not answered is ended. The generator itself gives up long before."""
+"""Time after which a builder process that has not answered is killed, in seconds.
+
+The generator itself gives up long before.
+"""
 
 
 class _BuilderDiedError(WorldGenerationError):
-    """The process that built a world ended without an answer."""
+    """Raised when a builder process ended without an answer."""
 
 
 class WorldBuilders:
@@ -34,7 +37,7 @@ class WorldBuilders:
     moment.
 
     Args:
-        count: how many processes.
+        count: number of processes.
         log: file their messages are appended to.
         most_s: seconds that one world may take.
     """
@@ -127,7 +130,7 @@ class WorldBuilders:
 
 
 def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[str, str]:
-    """A builder's answer to an order.
+    """Returns a builder process's answer to an order.
 
     Raises:
         _BuilderDiedError: the builder's process ended before its answer.

@@ -1,4 +1,4 @@
-"""Packing worlds into the archive of an export job."""
+"""Packs worlds into the archive of an export job."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -18,17 +18,17 @@ from .archive_places import archive_place
 def export_worlds(
     job: Resource, service: Service, acting: Service, stopped: Callable[[], bool], run_step: RunStep
 ) -> str | None:
-    """Stores one archive with all worlds of an export job.
+    """Packs all worlds of an export job into one archive, and uploads it.
 
     Args:
         job: the export job.
         service: the service, with its catalog and object store.
         acting: the same service with the access of the job's role, which stores the archive.
-        stopped: whether the archive is not wanted any more; asked all the time.
-        run_step: how the steps `export` and `upload` are run.
+        stopped: returns whether the archive is no longer wanted; called often.
+        run_step: runs the steps `export` and `upload`, directly or as Prefect tasks.
 
     Returns:
-        Where the archive is; `None`: it was stopped, and there is none.
+        URI of the archive; `None`: it was stopped, and there is none.
 
     Raises:
         ResourceNotFoundException: a world was deleted meanwhile.
@@ -48,12 +48,12 @@ def export_worlds(
 
 
 class _Bundles(Mapping[str, Path]):
-    """The folders of worlds' bundles by the worlds' names, each fetched when it is asked for.
+    """Folders of the worlds' bundles by world name, each downloaded when it is accessed.
 
     Args:
         worlds: the worlds.
         service: the service, with its catalog and object store.
-        stopped: whether no more are wanted.
+        stopped: returns whether no more are wanted.
     """
 
     def __init__(self, worlds: list[Resource], service: Service, stopped: Callable[[], bool]) -> None:

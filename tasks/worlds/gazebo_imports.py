@@ -1,4 +1,4 @@
-"""Importing worlds in Gazebo's format, each in a process of its own with limits of time and memory."""
+"""Imports Gazebo worlds, each in a child process with limits of time and memory."""
 
 import json
 import signal
@@ -15,7 +15,7 @@ from ...schemas.worlds.gazebo_notes import GazeboNotes
 
 _PROGRAM = "prefect_robomaker.tasks.worldforge.gazebo.worker"
 _MOST_S = 3600.0
-"""Time on the clock, on a machine that is busy with other things; the processor time is limited to 600 s."""
+"""Time limit of an import, in seconds, for a busy machine; its processor time is limited to 600 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class GazeboImport:
     path: Path
     model_paths: Sequence[Path] = ()
     start: tuple[float, float, float, float | None] | None = None
-    """x, y, yaw and the height that the floor is near."""
+    """Start position: x, y, yaw, and approximate height of the floor (`None`: unknown)."""
     start_from: str | None = None
-    """Launch file that says the start."""
+    """Launch file from which a Gazebo world's start position is read; `None`: there is none."""
     loose: Literal["hold", "free"] = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)

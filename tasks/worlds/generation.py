@@ -1,4 +1,4 @@
-"""Generating one world of a generation job: build it in a process of its own, store its bundle."""
+"""Generates one world of a generation job in a child process, and stores its bundle."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
 
 WORLDS_PREFIX = "worlds"
 ORIGIN_LABEL = "origin"
-"""Label of a world in the catalog: what it was made of."""
+"""Label of a world in the catalog with the hash of its inputs (template, seeds)."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def generate_world(
         index: number of the world in the job, from 0; the interiors of a floor plan follow each other.
         world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
         builders: processes that build worlds.
-        run_step: how the step `upload` is run.
+        run_step: runs the step `upload`, directly or as a Prefect task.
 
     Returns:
         `None`, or why there is no world.

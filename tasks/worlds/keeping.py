@@ -1,4 +1,4 @@
-"""Storing worlds that no generation job made: imported ones, and variations."""
+"""Stores worlds that no generation job made: imported worlds and variations."""
 
 import tempfile
 from collections.abc import Callable
@@ -46,12 +46,12 @@ def keep_world(
 def keep_variation(
     bundle: Path, wanted: "Wanted", arn: str | None, service: Service, *, origin: str | None = None
 ) -> Resource:
-    """Makes a variation of a world, and stores it, also where it breaks guarantees.
+    """Makes a variation of a world, and stores it, even if it breaks guarantees.
 
     Args:
-        bundle: the other world's bundle.
+        bundle: bundle of the original world.
         wanted: changes of the variation.
-        arn: the other world's ARN.
+        arn: ARN of the original world.
         service: the service, with its catalog and object store.
         origin: identifier of the world's inputs, by which it is found again.
 

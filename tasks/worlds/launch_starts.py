@@ -1,4 +1,4 @@
-"""Starts of robots in launch files of ROS 1 and ROS 2, which are read as text and never executed."""
+"""Start positions of robots in ROS 1 and ROS 2 launch files, which are read as text and never executed."""
 
 import ast
 import math
@@ -16,13 +16,13 @@ _XML = (".launch", ".launch.xml", "_launch.xml")
 _PYTHON = (".launch.py", "_launch.py")
 _YAML = (".launch.yaml", "_launch.yaml", ".launch.yml", "_launch.yml")
 _MOST_BYTES = 1 << 20
-"""Read of a launch file; those that people write have a few thousand bytes."""
+"""Limit of the bytes read of a launch file; those that people write have a few thousand."""
 _MOST_INCLUDES = 3
-"""Launch files that include each other from the one with the start to the one that names the world."""
+"""Limit of includes between the launch file with the start and the one that names the world."""
 
 _PLACES = (("x_pos", "y_pos", "z_pos"), ("x_pose", "y_pose", "z_pose"), ("x", "y", "z"))
 _YAWS = ("yaw", "yaw_pos", "yaw_pose")
-"""Names that launch files of public robots give these arguments, the most telling first."""
+"""Names of launch arguments for the start yaw in public robots, the most specific first."""
 
 _TAG = re.compile(r"<(arg|let|include|/include)\b([^<>]*)>")
 _ATTRIBUTE = re.compile(r"([\w-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
@@ -32,19 +32,19 @@ _CALLS = ("DeclareLaunchArgument", "LaunchConfiguration")
 
 @dataclass(frozen=True, slots=True)
 class LaunchFile:
-    """A launch file: the numbers that its arguments have by default, and its text."""
+    """Launch file: default numbers of its arguments, and its text."""
 
     path: Path
     text: str
     arguments: Sequence[Mapping[str, float]]
-    """Its own arguments, then those of each file that it includes."""
+    """Arguments of the file itself, then those of each file that it includes."""
     package: str = ""
-    """Package that it is in; empty: none."""
+    """Name of the ROS package that a launch file is in; empty: none."""
     origin: str = ""
-    """Its place, from the package on; empty: the name of the file."""
+    """Path of a launch file from its package on; empty: the name of the file."""
 
     def names_package(self, package: str) -> bool:
-        """Whether its text looks for a package, in the ways of ROS 1 or ROS 2."""
+        """Whether the file's text refers to a package, in the syntax of ROS 1 or ROS 2."""
         name = re.escape(package)
         return (
             re.search(rf"\$\(find(-pkg-share)?\s+{name}\s*\)|(?<![\w./-]){name}/|^{name}$", self.text, re.M) is not None
@@ -53,7 +53,7 @@ class LaunchFile:
 
 @dataclass(frozen=True, slots=True)
 class LaunchStart:
-    """Start of a robot in a world, from a launch file."""
+    """Start pose of a robot in a world, from a launch file."""
 
     x_m: float
     y_m: float
@@ -124,7 +124,7 @@ def _names(text: str, file: str) -> bool:
 def _start(file: LaunchFile) -> LaunchStart | None:
     """Returns the start pose that a launch file passes on, by the best known argument names.
 
-    All its coordinates are arguments of one naming scheme, in one mapping of arguments.
+    All coordinates must be arguments of one naming scheme, in one mapping of arguments.
     """
     for x, y, z in _PLACES:
         for found in file.arguments:
@@ -250,7 +250,10 @@ def _called(call: ast.Call) -> str:
 
 
 def _constant(value: ast.expr | None, constants: Mapping[str, ast.expr]) -> float | None:
-    """The number that an expression obviously is: `3.5`, `"3.5"`, `-3.5`, `["3.5"]`, `str(3.5)`, or a name of these."""
+    """Returns the number that an expression evidently is.
+
+    `3.5`, `"3.5"`, `-3.5`, `["3.5"]`, `str(3.5)`, or a name of these.
+    """
     for _ in range(4):
         if isinstance(value, ast.Name):
             value = constants.get(value.id)

@@ -1,4 +1,4 @@
-"""Pictures of stored worlds from above, drawn when one is first looked at and kept beside the bundle."""
+"""Preview pictures of stored worlds, drawn when first requested and kept beside the bundle."""
 
 from contextlib import suppress
 

@@ -1,4 +1,4 @@
-"""Worlds of a fixed seed that are there already: found again by what they were made of, not generated anew."""
+"""Reuses existing worlds that have the same template and seeds, in place of generating them anew."""
 
 from dataclasses import replace
 

@@ -1,7 +1,7 @@
-"""Bundles of worlds in the object store: equal worlds share one, and it goes with the last of them.
+"""Bundles of worlds in the object store: equal worlds share one, which is deleted with the last of them.
 
-A call that adds a world to the catalog, or removes one, holds its bundle meanwhile. So a bundle is never
-removed just when another world of the same content is added, by this process or another.
+A call that adds a world to the catalog, or deletes one, locks its bundle meanwhile. So a bundle is never deleted just
+when another world of the same content is added, by this process or another.
 """
 
 import time
@@ -18,7 +18,7 @@ from ..storage import unpublish
 BUNDLE_LABEL = "bundle"
 _KIND = "world-bundle-holder"
 _HELD_AT_MOST_S = 120.0
-"""After how long a process that holds a bundle counts as dead."""
+"""Time after which a process that has locked a bundle counts as dead, in seconds."""
 _WAIT_S = 0.05
 
 

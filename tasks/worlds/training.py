@@ -1,4 +1,4 @@
-"""Environments to train policies in, of worlds of the catalog or in folders."""
+"""Gymnasium environments for training policies in worlds of the catalog or in folders."""
 
 from collections.abc import Mapping
 from pathlib import Path

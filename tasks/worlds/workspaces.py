@@ -1,4 +1,4 @@
-"""Gazebo worlds in a workspace or bundle of a simulation application, and the starts that launch files give them."""
+"""Gazebo worlds in a ROS workspace or a simulation application's archive, and their start positions in launch files."""
 
 import os
 import re
@@ -20,20 +20,20 @@ from ..storage import unpack
 from .launch_starts import LaunchFile, LaunchStart, find_start, is_read, read_launch_file
 
 ARCHIVES = (".tar", ".tar.gz", ".tgz", ".zip")
-"""Ends of the names of bundles."""
+"""File name suffixes of a ROS workspace's archives."""
 
 _NOT_SOURCES = frozenset({"build", "log", "devel", "node_modules", "__pycache__"})
-"""Folders of a workspace that have only files that were made of others, and no worlds of the user."""
+"""Folders of a workspace that contain only generated files, and no worlds of the user."""
 _MOST_FILES = 500_000
 _MOST_NAMED = 12
 _MOST_BYTES = 20 * 1024 * 1024
-"""The largest world file that is read."""
+"""Limit of a world file's size, in bytes."""
 _WORLD_TAG = re.compile(rb"<world[\s>]")
 _MODEL_PATH = re.compile(r"gazebo_model_path\s*=\s*[\"']([^\"']+)[\"']")
 
 
 class _Place(NamedTuple):
-    """Package of a file, empty if it is in no package, and its path in the package."""
+    """ROS package of a file (empty if none), and the file's path in it."""
 
     package: str
     inside: str
@@ -47,15 +47,18 @@ class WorkspaceWorld:
     """A Gazebo world file in a workspace."""
 
     name: str
-    """Name of the file without its end; with its package where several are called so, or else with its whole place."""
+    """Short name: the file name without suffix, with its package (or whole path) if several are called so."""
     place: str
-    """Its package, and the path in it."""
+    """Name of a world file's ROS package, and the file's path in it."""
     path: Path
     start: LaunchStart | None
-    """Absent: no launch file says one."""
+    """Start position from a launch file; `None`: no launch file has one."""
 
     def is_called(self, name: str) -> bool:
-        """Whether a name means it: an end of its place, or a file in its package; with the file's end or without."""
+        """Whether a name means this world.
+
+        It does if it is the end of the world's path, or a file in its package; with the file's suffix or without.
+        """
         calls = {self.name, self.place, f"{self.place.partition('/')[0]}/{self.path.name}"}
         calls |= {each.removesuffix(self.path.suffix) for each in calls}
         return any(f"/{each}".endswith(f"/{name}") for each in calls)
@@ -194,7 +197,7 @@ def _place(path: Path, packages: Sequence[Path], top: Path) -> _Place:
 
 
 def _names(places: Sequence[_Place]) -> dict[_Place, str]:
-    """The shortest name of each world that no other world has."""
+    """Returns the shortest name of each world that no other world has."""
     names: dict[_Place, str] = {}
     for called in (_stem, _short, _Place.whole):
         counts = Counter(called(each) for each in places)
@@ -216,11 +219,11 @@ def _launch_file(path: Path, packages: Sequence[Path], top: Path) -> LaunchFile:
 
 
 def _launch_files_of(package: str, homes: Set[str], launch_files: Sequence[LaunchFile]) -> list[LaunchFile]:
-    """Launch files that may start a package's world, those of the package or that name it first.
+    """Returns the launch files that may start a package's world, those of the package or that name it first.
 
     Args:
         package: the package.
-        homes: all packages that have a world whose file is called so. A launch file is for those that it names, else
+        homes: all packages that have a world file of the same name. A launch file is for those that it names, else
             for the one that it is in, else for all.
         launch_files: all launch files.
     """

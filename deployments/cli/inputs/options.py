@@ -1,4 +1,4 @@
-"""Values of options and what they name: a person, a span of time, a file to write, an earlier run; and the service."""
+"""Parses values of command line options: a person, a time span, an output file, an earlier run; opens the service."""
 
 import getpass
 import json
@@ -19,7 +19,7 @@ def who(given: str | None) -> str:
     """Returns the name of the person who decides: as given, else the operating system's user.
 
     Args:
-        given: as the command line says; nothing: as the operating system does.
+        given: name on the command line; empty: the operating system's user.
     """
     if given:
         return given

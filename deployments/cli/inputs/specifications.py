@@ -1,4 +1,4 @@
-"""Files that the user names: specifications, and requests of operations."""
+"""Reads files that the user names: specifications, and requests of operations."""
 
 import argparse
 import sys
@@ -38,7 +38,7 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
     """Returns the values that a command line gives a specification's parameters, by `--set` and `--parameters`.
 
     Args:
-        arguments: those of the command.
+        arguments: parsed arguments of the command.
 
     Returns:
         Values by name, as `load_spec` takes them; those of a file know their place there.

@@ -1,4 +1,4 @@
-"""Finds the world to look at: by its ARN, its id, or the folder of its bundle."""
+"""Finds a world by its ARN, its id, or the folder of its bundle."""
 
 import os
 import re
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 _ID = re.compile(r"[a-z]+-[0-9a-z]+(?:/world-[0-9]+)?")
-"""Form of a world's id: `import-82856b0yq33y`, `generation-82856b0yq33y/world-3`."""
+"""Pattern of a world's id: `import-82856b0yq33y`, `generation-82856b0yq33y/world-3`."""
 
 
 @dataclass(frozen=True)
@@ -34,24 +34,24 @@ class FoundWorld:
     """A world whose files are on this machine, with its origin."""
 
     name: str
-    """The world's id, or the folder's name."""
+    """Id of a world, or name of its folder."""
     folder: Path
-    """The bundle, on this machine."""
+    """Folder of the world's bundle on this machine."""
     world: World
     content: str
-    """SHA-256 of what the folder holds, hexadecimal."""
+    """SHA-256 of a world folder's content, in hexadecimal digits."""
     arn: str | None = None
     template_arn: str | None = None
     template_name: str | None = None
-    """Absent also when the template was deleted."""
+    """Name of the world's template; `None` also if the template was deleted."""
     job_arn: str | None = None
     job_seed: int | None = None
     stored_at: str | None = None
-    """Address of the bundle in the object store."""
+    """Address of the bundle in the object store; `None`: it is not stored."""
     stored_content: str | None = None
-    """The hash it was stored under."""
+    """Content hash under which the bundle was stored."""
     stored: StoredPlace | None = None
-    """Place of the stored bundle and its manifest."""
+    """Place of a world's stored bundle and its manifest in the object store."""
 
 
 def find_world(wanted: str) -> FoundWorld:
@@ -151,7 +151,7 @@ def _fetched(resource: "Resource", service: "Service") -> Path:
 
 
 def _named(arn: str | None, service: "Service") -> "Resource | None":
-    """Finds the resource of an ARN; `None` when it is gone."""
+    """Returns the resource of an ARN; `None` if it was deleted."""
     try:
         return service.catalog.get(arn) if arn else None
     except ResourceNotFoundException:
@@ -175,7 +175,7 @@ def _found(folder: Path, name: str | None = None, **origin: str | int | StoredPl
 
 
 def _first(error: ValueError) -> str:
-    """The first problem of several."""
+    """Returns the first problem of a pydantic validation error."""
     from pydantic import ValidationError
 
     if not isinstance(error, ValidationError):

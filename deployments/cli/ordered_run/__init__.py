@@ -1,4 +1,4 @@
-"""The process of one run that a visitor of the console ordered: `robomaker run` without a terminal.
+"""Child process for one run that a visitor of the web console ordered: `robomaker run` without a terminal.
 
-`deployments.spec_runs` starts it, gives it the order on its input, and reads how it stands in the run's folder.
+`deployments.spec_runs` starts it, sends it the order on standard input, and reads its state from the run's folder.
 """

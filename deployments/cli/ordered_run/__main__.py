@@ -1,7 +1,9 @@
-"""The process of an ordered run, `python -m prefect_robomaker.deployments.cli.ordered_run LOCK`; its input: the order.
+"""Child process of an ordered run.
 
-The lock on the file LOCK is held for as long as this process lives; that is how others know that the run goes on. A
-second word says that the run broke off before, and is finished now.
+`python -m prefect_robomaker.deployments.cli.ordered_run LOCK`, with the order on standard input.
+
+The lock on the file LOCK is held for as long as this process lives, which shows others that the run goes on. A second
+word says that the run was interrupted before, and is resumed now.
 """
 
 import logging
@@ -23,7 +25,7 @@ from ..prefect_server import use_server, wait_for_server_once
 from ..signals import interrupted_by_signals
 
 NICENESS = 5
-"""As job workers: the server comes first."""
+"""Niceness of the process, as of job workers, so that the server has priority."""
 
 _LOOK_S = 0.5
 
@@ -83,7 +85,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
 
 
 def _log(event: ProgressEvent) -> None:
-    """Logs to the file with the process's output."""
+    """Logs an event of the run to the file with the process's output."""
     if isinstance(event, StepEnded):
         _logger.warning("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):
@@ -91,7 +93,7 @@ def _log(event: ProgressEvent) -> None:
 
 
 def _key(order: Order, settings: Settings) -> AccessKey | None:
-    """The visitor's access key, as it is now.
+    """Returns the visitor's access key with its current rights; `None` if no login is required.
 
     Raises:
         ConfigurationError: the access key was deleted.
@@ -105,7 +107,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
 
 
 def _watch(cancel: Path) -> None:
-    """Ends the run once a server asks for it, as Ctrl-C would."""
+    """Cancels the run when a server requests it, as Ctrl-C would."""
     while not cancel.exists():
         time.sleep(_LOOK_S)
     os.kill(os.getpid(), signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""Answers of commands: data, tables, problems and times in words, and pages that are opened."""
+"""Prints results of commands (data, tables, problems, durations) and opens pages in the browser."""
 
 import json
 import os
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 Cell = tuple[str, str]
-"""Text and style."""
+"""Text of a table cell, and its style."""
 
 
 def print_answer(answer: dict[str, Any], form: str) -> None:

@@ -1,4 +1,4 @@
-"""Comparisons and histories as text."""
+"""Formats comparisons and histories of runs as text."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ from ....tasks.reporting.nights.changes import (
 )
 
 _MOST_JOBS = 10
-"""Jobs of a list that are printed; JSON and pages have them all."""
+"""Limit of the jobs that are printed in a list; JSON and pages have them all."""
 _MOST_PLACES = 3
 _MOST_NIGHTS = 14
 
@@ -111,7 +111,7 @@ def changed_lines(record: RunRecord) -> list[str]:
 
 
 def _changed_requirements(since: SinceLastRun) -> list[str]:
-    """Requirements that are newly missed or met, and those that will be missed soon."""
+    """Lists requirements that are newly missed or met, and those that will soon be missed."""
     return [*requirement_lines(since.requirements), *map(trend_in_words, since.shrinking[:_MOST_JOBS])]
 
 
@@ -180,7 +180,7 @@ def _more(count: int) -> list[str]:
 
 
 def _changes(kind: str, changes: Sequence[MetricChange]) -> list[str]:
-    """The metrics or margins that changed; all others are only counted."""
+    """Lists the metrics or margins that changed; unchanged ones are only counted."""
     changed = [each for each in changes if each.changed]
     others = len(changes) - len(changed)
     lines = [f"  {kind:<13} {len(changed)} changed, {others} show no change"] if changes else []

@@ -1,4 +1,4 @@
-"""Forecasts in lines: what a run takes, step by step, and what it would take over from earlier runs."""
+"""Formats forecasts of a run's time, disk space and cost as text, and what it would reuse of earlier runs."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
 _MOST_TOLD = 5
 _ENDING_S = 5.0
-"""The time that a job's end takes beyond its limit: how much it would have needed is not known then."""
+"""Time in seconds by which a measured need must exceed a job's limit to be stated as a number.
+
+The end of a job that reached its limit takes some seconds, so a smaller excess only says that more is needed.
+"""
 _AS_MUCH = 1.05
-"""A job that the limit ended in the probe is known to need that much, but not how much more."""
+"""Factor by which a measured need must exceed a job's limit to be stated as a number and not only as "more"."""
 _TESTS = {
     "exact McNemar": "the exact McNemar test",
     "sign flip of worlds": "the test that flips whole worlds",
@@ -74,7 +77,7 @@ def needed_lines(needed: "PlannedPairs") -> list[str]:
 
 
 def _warnings(step: "StepForecast") -> list[str]:
-    """Warnings that a batch or its jobs do not finish before they are ended."""
+    """Returns warnings that a batch or its jobs would reach their time limits before they finish."""
     told = []
     timeout_s, takes_s = step.timeout_s, step.longest_batch_s
     if timeout_s is not None and takes_s is not None and takes_s > timeout_s:
@@ -93,7 +96,7 @@ def _warnings(step: "StepForecast") -> list[str]:
 
 
 def _ran(jobs: "Sequence[ProbedJob]") -> list[str]:
-    """Verdicts of the jobs that a probe ran: how many there are of each, then those that did not pass."""
+    """Describes the verdicts of a probe's jobs: the count of each, then the jobs that did not pass."""
     counts = Counter(job.verdict for job in jobs)
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [f"  ran: {len(jobs)} {'job' if len(jobs) == 1 else 'jobs'}: {told}"]

@@ -1,4 +1,4 @@
-"""Progress on a terminal: one block that is redrawn while the pipeline runs, and stays at its end."""
+"""Animated progress display on a terminal: a block that is redrawn while the run goes on."""
 
 import threading
 import time
@@ -42,12 +42,12 @@ class LiveWatcher(Watcher):
         self._live.stop()
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Takes one event; from any thread."""
+        """Updates the progress display by an event of the run; from any thread."""
         with self._lock:
             self._states.take(event, time.monotonic())
 
     def render(self) -> Group:
-        """Draws the current progress."""
+        """Draws the current progress of the run."""
         table = Table.grid(padding=(0, 2, 0, 0), expand=True)
         for justify in ("left", "left", "right"):
             table.add_column(no_wrap=True, justify=justify)

@@ -1,4 +1,4 @@
-"""Progress of a running pipeline: one live block on a terminal, one line per change elsewhere."""
+"""Progress display of a run: an animated block on a terminal, one line per change elsewhere."""
 
 import sys
 import threading
@@ -79,7 +79,7 @@ class PlainWatcher(Watcher):
         self._pulse.join()
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Takes one event; from any thread."""
+        """Prints the changes that an event of the run causes; from any thread."""
         with self._lock:
             self._states.take(event, self._clock())
             line = self._line(event)

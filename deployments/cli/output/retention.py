@@ -1,4 +1,4 @@
-"""Output of `robomaker gc`: a table of the items to delete, the reasons for which others stay, and totals."""
+"""Formats the result of `robomaker gc`: a table of items to delete, reasons for keeping others, totals."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -32,12 +32,12 @@ def _row(item: GcItem) -> Sequence[str]:
 
 
 def _name(item: GcItem) -> str:
-    """A run's id, or the part of an ARN that tells it apart."""
+    """Returns the short name of an item: a run's id, or the distinctive part of an ARN."""
     return item.id if item.kind == "run" else item.id.split(":", 5)[-1]
 
 
 def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
-    """Reason why items stay, the most frequent reason first."""
+    """Counts the reasons why items are kept, the most frequent first."""
     return Counter(item.reason for item in items if item.action == "keep").most_common()
 
 

@@ -1,4 +1,4 @@
-"""States of a running pipeline's steps, gathered from its events, and the interface of what shows them."""
+"""States of a run's steps, updated by its events, and the base class of progress displays."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -32,14 +32,14 @@ class StepState:
     waits_for: Wait | None = None
     trials: TrialCounts | None = None
     status: str | None = None
-    """End of the step; `None` while it waits or runs."""
+    """Final status of a run's step; `None` while it waits or runs."""
 
     duration_s: float = 0.0
     detail: str = ""
 
     @property
     def is_running(self) -> bool:
-        """Whether the step has started and not ended."""
+        """Whether a run's step has started and not ended."""
         return self.started_s is not None and self.status is None
 
     @property
@@ -65,7 +65,7 @@ class StepState:
         return f"waits for {IN_WORDS[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:
-        """Returns rate and expected time left: `0.5/s, 12 s to go`."""
+        """Returns a step's rate and expected time left: `0.5/s, 12 s to go`."""
         elapsed = now_s - self.started_s if self.started_s is not None else 0.0
         done, total = self.work
         if not done or done >= total or elapsed <= 0:
@@ -91,7 +91,7 @@ class StepStates:
 
         Args:
             event: the event to apply.
-            now_s: when, on a clock that only runs forward.
+            now_s: time of the event, in seconds of a clock that only runs forward.
         """
         if isinstance(event, Note):
             self.notes.append(event.text)
@@ -111,5 +111,5 @@ class Watcher(AbstractContextManager["Watcher"]):
     """Base class of progress displays: listeners that are active inside a `with` block."""
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Takes one event; from any thread."""
+        """Handles an event of the run; from any thread."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""The summary at the end of `robomaker run`: outcomes, places of outputs, how to run it again."""
+"""Summary at the end of `robomaker run`: outcomes, paths of outputs, command to run it again."""
 
 import shlex
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ _ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "b
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
 _MAX_REASON = 240
-"""Characters of a reason; the report has all of it."""
+"""Limit of the characters of a reason; the report has all of it."""
 _END_OF_REASON = 100
-"""Length of its end, which says where it happened: the joint, the line, the last words of a log."""
+"""Characters kept of a reason's end, which says where it happened: the joint, the line, the end of a log."""
 
 
 def print_summary(
@@ -73,7 +73,7 @@ def summary_lines(
 
 
 def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
-    """Says its parameters, which run it is a rerun of, what interrupted it, its answer, forecast, what it reused."""
+    """Describes a run's origin: parameters, rerun of which run, interruptions, comparison, forecast, reused parts."""
     lines: list[list[Cell]] = []
     if record.parameters:
         lines.append([(f"with {values_in_words(record.parameters)}", "")])
@@ -164,7 +164,10 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
 
 
 def _in_one_line(reason: str) -> str:
-    """Shortens a reason to one line, with the last line of the log it ends with, unless that says the same."""
+    """Shortens a reason to one line, with the last line of the log that it ends with.
+
+    The log's line is left out if it repeats the reason.
+    """
     head, _, log = reason.strip().partition("\nLast lines of ")
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""
@@ -178,7 +181,7 @@ def _cut(text: str) -> str:
 
 
 def _outputs(jobs: Sequence[JobRecord]) -> str:
-    """The folder that all jobs' outputs are below."""
+    """Returns the common folder of all jobs' outputs."""
     places = [job.output_uri.rstrip("/").split("/") for job in jobs if job.output_uri]
     if not places:
         return ""

@@ -1,4 +1,4 @@
-"""Facts of a world, as data and in lines of text."""
+"""Collects facts about a world as JSON data, and formats them as text."""
 
 import json
 import sys
@@ -179,7 +179,7 @@ def fact_lines(facts: dict[str, Any]) -> list[Line]:
 
 
 def _printable(text: str) -> str:
-    """Untrusted names must not steer the terminal."""
+    """Removes control characters from untrusted names, as these could control the terminal."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
@@ -343,7 +343,7 @@ def _pictures(paths: Sequence[str]) -> Iterator[Line]:
 
 
 def _table(head: list[tuple[str, ...]], rows: Iterator[tuple[str, ...]]) -> Iterator[Line]:
-    """Columns, left-aligned but for numbers."""
+    """Formats a table: text columns are aligned left, numbers right."""
     cells = [*head, *rows]
     widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
     numeric = [

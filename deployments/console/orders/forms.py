@@ -1,4 +1,4 @@
-"""The fields of forms, also of those that carry a file."""
+"""Reads the fields of submitted web forms, also of those with a file."""
 
 import re
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from ...endpoint.connections import SMALL_BODY_TIMEOUT_S, read_body
 from ...endpoint.messages import RequestEntityTooLargeException, SerializationException, ServiceRequest
 
 MOST_BYTES = 512 * 1024
-"""A specification of thousands of lines; more jobs than that are written with `forEach`."""
+"""Limit of a form's size in bytes: specifications of thousands of lines; more jobs are written with `forEach`."""
 
 _MOST_FIELDS = 400
 _MOST_HEAD_BYTES = 1024
@@ -22,7 +22,10 @@ _DISPOSITION = re.compile(
     % (_VALUE, _VALUE),
     re.IGNORECASE,
 )
-"""As browsers write it. Parsers of all that mail may have in a header take seconds for a few kilobytes."""
+"""Pattern of a `Content-Disposition` header as browsers write it.
+
+Parsers of all that mail headers may contain take seconds for a few kilobytes.
+"""
 
 
 async def read_fields(request: Request, most_bytes: int = MOST_BYTES) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Runs that were ordered here: their page until they end, their end on demand, and running again what failed."""
+"""Pages of runs that were ordered in the console, cancelling and resuming them, and running failed jobs again."""
 
 import re
 from collections.abc import Iterator

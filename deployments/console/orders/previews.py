@@ -1,4 +1,4 @@
-"""Plans of worlds that do not exist yet, drawn by a process beside the server: one at a time, so many a minute."""
+"""Floor plan previews of worlds that do not exist yet, drawn by a child process, with a limit per minute."""
 
 import json
 import select
@@ -13,14 +13,17 @@ from ....schemas.wire.errors import ThrottlingException
 
 _PROGRAM = "prefect_robomaker.tasks.worldforge.bundle.plan_worker"
 _PATIENCE_S = 20.0
-"""The first plan waits for the process, which imports MuJoCo; each has a second of a processor."""
+"""Time limit for a preview, in seconds.
+
+The first one waits for the process, which imports MuJoCo; each has a second of processor time.
+"""
 
 _QUEUE_S = 5.0
 _WITHIN_S = 60.0
 _MOST_VISITORS = 1_000
 
 MOST_A_MINUTE = 40
-"""For one visitor: a form that is filled in asks after each pause."""
+"""Limit of previews a minute for one visitor: a form that is being filled in asks after each pause."""
 
 
 class NoPlanError(Exception):
@@ -67,7 +70,7 @@ class Previews:
         return answer["svg"]
 
     def close(self) -> None:
-        """Ends the child process."""
+        """Ends the child process that draws floor plans."""
         with self._drawing:
             self._end()
 
@@ -83,7 +86,7 @@ class Previews:
             asked.append(now)
 
     def _ask(self, request: str) -> dict[str, str]:
-        """Asks the process; one that has ended meanwhile is started again, one that does not answer is killed."""
+        """Sends a request to the child process; restarts it if it has ended, and kills it if it does not answer."""
         for _ in range(2):
             process = self._process = self._process or self._started()
             assert process.stdin is not None

@@ -1,4 +1,4 @@
-"""Starting a run: a specification of the package, or one that is pasted or uploaded; checked, then run."""
+"""Starts runs from the console: of a specification of the package, or one that is pasted or uploaded."""
 
 import re
 import threading
@@ -32,7 +32,7 @@ _NEEDED = "StartSimulationJobBatch"
 """Operation that an access key has to permit for ordering runs."""
 
 _FIELD = "parameter."
-"""Beginning of the names of fields that have the values of the specification's parameters."""
+"""Prefix of the names of form fields with the values of the specification's parameters."""
 
 _AROUND = 2
 """Number of lines that are shown before and after one with a problem."""
@@ -40,7 +40,7 @@ _AROUND = 2
 _MOST_PROBLEMS = 50
 _PATIENCE_S = 10.0
 _checks = threading.BoundedSemaphore(1)
-"""Texts take seconds of a processor when they are long: one after the other."""
+"""Lock for checking specifications one at a time, as long texts take seconds of processor time."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +61,19 @@ class Draft:
     text: str
     filename: str
     shipped: str = ""
-    """The specification of the package that it is; empty: it is none."""
+    """Name of the package's specification that it is; empty: none."""
 
     values: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Values of its parameters, as text; those that are left empty have their defaults."""
+    """Values of its parameters as text; parameters that are left empty have their defaults."""
 
     declared: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
-    """Its parameters; none where it cannot be read."""
+    """Parameters that a visitor's specification declares; empty if it cannot be read."""
 
     spec: CheckedSpec | None = None
     problems: list[ShownProblem] = field(default_factory=list)
     more_problems: int = 0
     is_refused: bool = False
-    """Whether all that is wrong is what the visitor's key is good for."""
+    """Whether the only problems are missing rights of the visitor's key."""
 
 
 def show(visit: Visit) -> Response:
@@ -110,7 +110,7 @@ def begin(
     """Starts a run for a visitor of the web console, and redirects to its page.
 
     Args:
-        visit: whose key the run's steps are carried out with.
+        visit: the visitor's request; the run's steps use the visitor's access key.
         runs: the server's runs.
         spec: the specification.
         call: gets the run's id, for the audit log.
@@ -171,7 +171,7 @@ def _draft(visit: Visit) -> Draft:
 
 
 def _checked(visit: Visit, draft: Draft, *, starts: bool) -> Draft:
-    """A draft with what is wrong with it, or with what it would do; a run that starts has to have all its values."""
+    """Returns the draft with its problems, or with its plan; a run that starts must have values for all parameters."""
     with _one_at_a_time():
         declared = declared_parameters(draft.text)
         # What was filled in for a parameter that is not there any more is kept for its return.

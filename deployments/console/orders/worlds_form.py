@@ -1,4 +1,4 @@
-"""Ordering worlds: the form, the template body that it makes, and the plan of the first world."""
+"""Form for ordering worlds: its fields, the template body made from them, and the first world's floor plan."""
 
 import base64
 import json
@@ -25,11 +25,11 @@ from .previews import NoPlanError, Previews
 MOST_WAYS = 12
 RATIOS = {"1:1": (1, 1), "4:3": (4, 3), "3:2": (3, 2), "2:1": (2, 1)}
 BY_TYPE = "by type"
-"""Choice of a material by the type of the room."""
+"""Value of the material field that means: as usual for the room's type."""
 
 WAYS = {"doorway": "Doorway", "no wall": "Opening"}
 DOORS: Mapping[str, float | str | None] = {"none": None, "open": 100, "half open": 50, "closed": 0, "any": "Random"}
-"""Openings of doors; `None`: doorways are gaps."""
+"""Opening of doors in percent, by the name in the form; `None`: doorways without doors."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class WorldsDraft:
     """Content of the web console's form for ordering worlds."""
 
     template: str = ""
-    """Id of a template that exists; empty: one is made."""
+    """Id of an existing world template; empty: a new one is made."""
 
     name: str = "my flat"
     outline: str = "4:3"
@@ -79,7 +79,7 @@ class WorldsDraft:
     ways: tuple[WayFields, ...] = ()
     problems: tuple[str, ...] = ()
     plan: str = ""
-    """The drawn plan as an address that holds it; empty: there is none."""
+    """Floor plan drawing as a data URL; empty: there is none."""
 
     @property
     def total(self) -> str:
@@ -88,7 +88,7 @@ class WorldsDraft:
         return str(int(self.plans) * int(self.interiors)) if is_known and len(self.plans + self.interiors) < 8 else ""
 
     def with_room(self) -> "WorldsDraft":
-        """Returns the form with one more room, if allowed."""
+        """Returns the world order form with one more room, if allowed."""
         more = RoomFields("Bathroom", _free_name(self), "10")
         return replace(self, rooms=(*self.rooms, more)[:MOST_ROOMS])
 
@@ -103,11 +103,11 @@ class WorldsDraft:
         return replace(self, rooms=tuple(self.rooms[number] for number in kept), ways=moved)
 
     def with_way(self) -> "WorldsDraft":
-        """Returns the form with one more connection, if allowed."""
+        """Returns the world order form with one more connection, if allowed."""
         return replace(self, ways=(*self.ways, WayFields("0", str(min(1, len(self.rooms) - 1))))[:MOST_WAYS])
 
     def without_way(self, index: int) -> "WorldsDraft":
-        """Returns the form without a connection."""
+        """Returns the world order form without a connection."""
         return replace(self, ways=tuple(way for number, way in enumerate(self.ways) if number != index))
 
 
@@ -161,7 +161,7 @@ def draft_of(form: Mapping[str, str]) -> WorldsDraft:
 
 
 def _of_list(form: Mapping[str, str], what: str, most: int, members: str) -> list[dict[str, str]]:
-    """Each of some rooms or ways of a form; members that it does not have are left out."""
+    """Returns the fields of each room or connection in a form; missing members are left out."""
     first, *others = members.split()
     return [
         {first: form[name][:300]}
@@ -179,7 +179,7 @@ def _connection(way: WayFields, rooms: tuple[RoomFields, ...]) -> dict[str, Any]
 
 
 def _materials(draft: WorldsDraft, what: str) -> list[dict[str, Any]]:
-    """A set for each room whose material is chosen."""
+    """Returns a material set for each room whose material was chosen."""
     chosen = [str(getattr(room, what)) for room in draft.rooms]
     return [
         {
@@ -199,7 +199,10 @@ def _free_name(draft: WorldsDraft) -> str:
 
 
 def _plain(name: str, number: int) -> str:
-    """The name of a room in the letters that templates allow; one with other signs stays, and the answer says so."""
+    """Converts a room's name to the letters that templates allow.
+
+    One with other signs is unchanged, and refused later.
+    """
     bare = without_accents(name)
     plain = re.sub(r"[^a-zA-Z0-9_\- ]", "_", bare)
     if any(one != each and not each.isalpha() for one, each in zip(plain, bare, strict=True)):
@@ -269,7 +272,7 @@ def take(visit: Visit) -> Response:
 
 
 def _create(visit: Visit, draft: WorldsDraft) -> Response:
-    """Makes the template, if it is new, and orders the worlds."""
+    """Creates the template if it is new, and orders the worlds."""
     tags = _tags(draft.tags)
     plans, interiors = whole(draft.plans, "floor plans"), whole(draft.interiors, "interiors of each")
     if reason := too_many_worlds(plans, interiors, visit.service.settings.max_worlds_per_job):

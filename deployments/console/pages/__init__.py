@@ -1,6 +1,6 @@
-"""Pages of applications, and of a specification's nights; all only show.
+"""Read-only pages of applications, and of the nights of a specification.
 
-A module has `PAGES`, functions from a visit to an answer by their paths, and may have `MENU`, its place, folder and
-title in the menu, and `FOLDERS` of the pages of resources. It is found by being here, or in a package that a
-distribution names with an entry point of the group `prefect_robomaker.pages`.
+A module has `PAGES`, functions from a visit to a response by their paths, and may have `MENU`, its position, folder and
+title in the menu, and `FOLDERS` of the pages of resources. Modules here are found automatically, as are those in a
+package that a distribution names with an entry point of the group `prefect_robomaker.pages`.
 """

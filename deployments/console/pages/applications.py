@@ -1,4 +1,4 @@
-"""Robot applications and simulation applications, their versions, and the jobs that used them last."""
+"""Pages of robot and simulation applications, their versions, and the latest jobs that used them."""
 
 from starlette.responses import Response
 

@@ -1,4 +1,4 @@
-"""A specification night by night, and two runs of it beside each other, as plots."""
+"""Pages with the history of a specification night by night, and the comparison of two runs."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from ..visit import Visit
 
 _MOST_NIGHTS = 60
 _MOST_NIGHTS_SEEN = 20
-"""For a confined key: each job of each night is looked up."""
+"""Limit of the nights shown for an access key with restricted resources, as each job of each night is looked up."""
 
 
 def show_all(visit: Visit) -> Response:
@@ -71,7 +71,7 @@ def _runs(visit: Visit) -> Path:
 
 @lru_cache(maxsize=8)
 def _history(name: str, runs: Path, count: int, changed_at: int) -> HistoryPage | None:
-    """The history; kept until a run is added or removed."""
+    """Returns the history of a specification's runs; cached until a run is added or removed."""
     del count, changed_at
     found = find_records(runs, name, _MOST_NIGHTS)
     return _view(name, runs, found.records, found.left_out)

@@ -1,4 +1,4 @@
-"""The access keys that clients have to sign with, and the audit log: who did what with them, and when."""
+"""Access keys with which clients sign requests, and the audit log of API calls."""
 
 import configparser
 import json
@@ -34,18 +34,18 @@ class AccessKey:
     id: str
     secret: str = field(repr=False)
     name: str = ""
-    """The profile it stands in; the audit log calls its user so."""
+    """Name of the key's profile in the file, used in the audit log."""
 
     scope: Scope = "administer"
     names: tuple[str, ...] = ()
-    """Prefixes of the names of resources that the key is good for."""
+    """Prefixes of the names of resources that the key may access."""
 
     tags: tuple[str, ...] = ()
-    """Prefixes of the tags of resources that the key is good for, written `key=value`."""
+    """Prefixes of the tags of resources that the key may access, written `key=value`."""
 
     @property
     def is_confined(self) -> bool:
-        """Whether the key is restricted to some resources."""
+        """Whether the access key is restricted to some resources."""
         return bool(self.names or self.tags)
 
     def permits(self, name: str | None, tags: Mapping[str, str]) -> bool:
@@ -110,7 +110,7 @@ def _advice(path: Path, problem: str) -> str:
 
 
 MAX_RESOURCES = 20
-"""Limit on the named resources of a call; `resource_count` says how many there were."""
+"""Limit of the resources named in the log entry of a call; `resource_count` has the full number."""
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
@@ -122,12 +122,12 @@ class Call:
     request_id: str
     address: str | None
     key: AccessKey | None = None
-    """The key it was signed with; `None`: none was asked for, or the signature was refused."""
+    """Access key that signed the call; `None`: none was required, or the signature was refused."""
 
     operation: str | None = None
     resources: Sequence[str] = ()
     outcome: str = "ok"
-    """`ok`, or the error's name."""
+    """Result of an API call in the audit log: `ok`, or the error's name."""
 
     job: str | None = None
     """ARN of the simulation job whose process sent it; `None`: another program did."""

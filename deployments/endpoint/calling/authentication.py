@@ -1,4 +1,4 @@
-"""Signatures of requests, Signature Version 4, checked with the code of AWS's own SDK; each is taken once."""
+"""Verifies request signatures (AWS Signature Version 4) with the AWS SDK's own code; each is accepted once."""
 
 import hashlib
 import hmac
@@ -26,7 +26,7 @@ from ..messages import (
 from .access_keys import AccessKey
 
 GRACE_S = 2.0
-"""Time that a client may send the same signature again: SDKs sign a retry in the same second alike."""
+"""Time in which a client may send the same signature again, in seconds: SDKs sign a retry in the same second alike."""
 
 _REPEATABLE = ("Describe", "List", "Get", "Batch", "Cancel", "Delete", "Update", "Tag", "Untag", "Register", "Deregist")
 
@@ -40,7 +40,7 @@ class Replays:
     """Remembers accepted signatures while they are valid, against replayed requests.
 
     Args:
-        valid: how long a signature is valid after it was made.
+        valid: time for which a signature is valid after it was made.
     """
 
     def __init__(self, valid: timedelta) -> None:
@@ -56,7 +56,7 @@ class Replays:
 
         Args:
             signature: hexadecimal digits of the signature.
-            signed_at: when it was made.
+            signed_at: time of signing.
             now: the time.
             repeatable: whether a second call would do nothing more.
 
@@ -187,7 +187,7 @@ def _parsed(request: ServiceRequest) -> Signature:
 
 
 def _signed_at(request: ServiceRequest) -> datetime:
-    """The moment of signing, from `X-Amz-Date` or else `Date`."""
+    """Returns the time of signing, from `X-Amz-Date` or else `Date`."""
     amazon, plain = request.headers.get("x-amz-date"), request.headers.get("date")
     try:
         if amazon is not None:
@@ -201,7 +201,7 @@ def _signed_at(request: ServiceRequest) -> datetime:
 
 
 def _check_coverage(request: ServiceRequest, signature: Signature) -> None:
-    """A signature has to hold for everything that makes a difference."""
+    """Raises an error if the signature does not cover all relevant headers."""
     present = set(request.headers.keys())
     needed = {"host"} | {name for name in present if name.startswith("x-amz-")}
     needed |= {"date"} if "x-amz-date" not in present else set()

@@ -1,7 +1,7 @@
-"""Requests of a job's own processes to the service without a signature: a job acts for itself only.
+"""Unsigned API requests of a job's own processes: recognises the job, and limits it to calls about itself.
 
-Without access keys each program of this machine may call the service, and so could the programs of a job, which are
-not trusted. Whose a connection is says the kernel, by the process that has it open.
+Without access keys each program of this machine may call the service, and so could the programs of a job, which are not
+trusted. The kernel says which process has a connection open.
 """
 
 import hmac
@@ -31,16 +31,16 @@ _OF_ITSELF = frozenset(
         "ListTagsForResource",
     }
 )
-"""Operations that a job may call on itself."""
+"""Operations that a job may call about itself."""
 
 _OF_WHAT_IT_USES = frozenset(
     {"DescribeWorld", "DescribeRobotApplication", "DescribeSimulationApplication", "ListTagsForResource"}
 )
-"""Operations that a job may call on the world and the applications that its request names."""
+"""Operations that a job may call about the world and the applications in its request."""
 
 _CREATE = "CreateSimulationJob"
 _RUNS = ("Preparing", "Running", "RunningFailed", "Restarting")
-"""Statuses in which code of a job may run."""
+"""Statuses in which a job's code may be running."""
 _ROLES = ("robotApplications", "simulationApplications")
 
 

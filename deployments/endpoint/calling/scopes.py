@@ -1,4 +1,4 @@
-"""Rights of an access key, and calls of operations within them, told to job worker and audit log."""
+"""Rights of access keys, and calling operations within them, with audit log and notice to the job worker."""
 
 import logging
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -30,7 +30,7 @@ _SUBMITTED = frozenset(
 )
 _APPLICATION_KINDS = ("robot-application", "simulation-application")
 _FREE_TEXT = frozenset({"tags", "worldTags", "environmentVariables", "templateBody"})
-"""Members in which an ARN is a text of the caller's, and names nothing."""
+"""Members whose value is free text, so that an ARN in it names no resource of the request."""
 
 
 def needed_scope(operation: str) -> Scope:
@@ -140,7 +140,7 @@ def _check_made(key: AccessKey, name: str | None, request: Mapping[str, Any], pl
 
 
 def _may_use(key: AccessKey, name: str, catalog: Catalog) -> bool:
-    """Whether all applications of a name are the key's or built in."""
+    """Whether all applications of a name are permitted by the key, or built in."""
     found = [each for kind in _APPLICATION_KINDS if (each := catalog.find(kind, name)) is not None]
     return bool(found) and all(_is_open(key, each) for each in found)
 

@@ -1,4 +1,4 @@
-"""Fleets, their robots, and their deployments as waves, which are followed while they go on."""
+"""Pages of fleets, their robots, and their deployments with live progress of the waves."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -162,4 +162,4 @@ PAGES = {
     "/deployments/{id}": show_deployment,
     "/deployments/{id}/live": follow_deployment,
 }
-"""Pages by address."""
+"""Handlers of the console's fleet pages, by URL path."""

@@ -1,4 +1,4 @@
-"""The door for robots: hawkBit's Direct Device Integration over HTTP, so that SWUpdate and RAUC's client are robots.
+"""Update server for robots: hawkBit's Direct Device Integration over HTTP, for SWUpdate, RAUC's client and agents.
 
 ```
 request ── which robot and resource (addresses) ── whose token (OpenOrders) ── poll, order, feedback, download (door)

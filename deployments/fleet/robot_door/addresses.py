@@ -1,4 +1,4 @@
-"""Addresses of robots: the robot and resource that a path names, and the absolute address of a robot's base."""
+"""URLs of the update server: which robot and resource a path names, and the base URL of a robot."""
 
 import re
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class Address:
     resource: Resource
     action_id: int = 0
     file: str = ""
-    """Name of the artifact, or of the file in the repository."""
+    """Name of the installation file, or of the file in the repository."""
 
 
 class Addresses:
@@ -75,10 +75,10 @@ class Addresses:
         if not _TENANT.fullmatch(tenant):
             raise ConfigurationError(f"tenant: {tenant!r} is not right; 1 to 64 letters, digits, '-' and '_' are")
         self.prefix = f"/{tenant}/controller/v1/"
-        """Prefix of the paths of robots."""
+        """URL path prefix of robots at the update server."""
 
         self.enrolment_prefix = f"/{tenant}/agents/v1/"
-        """Prefix of the paths at which agents enrol."""
+        """URL path prefix at which robot agents enrol."""
 
         self._enrolment = re.compile(rf"{re.escape(self.enrolment_prefix)}(?P<robot>{ROBOT_ID})/enrolment/?")
         self._path = re.compile(rf"{re.escape(self.prefix)}(?P<robot>{ROBOT_ID})(?:{_REST.pattern})/?")

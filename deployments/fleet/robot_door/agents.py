@@ -1,4 +1,4 @@
-"""Answers to agents besides orders: the repository that they trust, and their enrolment."""
+"""Responses to robot agents apart from orders: files of the TUF repository, and enrolment."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from .downloads import Downloads, ServedFile
 from .robot_answers import DoorRefusal, read_body, send_plain
 
 MOST_GUESSES = 10
-"""Limit on the wrong one-time tokens of one robot that are looked at in `GUESS_WINDOW_S`."""
+"""Limit of wrong one-time tokens of one robot within `GUESS_WINDOW_S`; further ones are refused unchecked."""
 
 GUESS_WINDOW_S = 60.0
 
@@ -89,7 +89,7 @@ class GuessLimit:
             )
 
     def note_wrong(self, robot: str) -> None:
-        """Counts a wrong token."""
+        """Counts a wrong one-time token of a robot."""
         if len(self._guesses) >= _MOST_NAMES:  # made-up names shall not fill the memory
             self._guesses.clear()
         self._guesses.setdefault(robot, _Guesses(self._clock())).count += 1
@@ -99,7 +99,7 @@ class AgentAnswers:
     """Answers HTTP requests of agents on robots: enrolment and update repository.
 
     Args:
-        side: what it asks.
+        side: enrols agents and reads the repository.
         downloads: sends files, and has the threads.
         clock: the time, in seconds since 1970.
     """
@@ -110,14 +110,14 @@ class AgentAnswers:
         self._limit = GuessLimit(clock)
 
     async def metadata(self, name: str, send: Send) -> None:
-        """Sends a TUF metadata file to an agent."""
+        """Sends a TUF metadata file to a robot agent."""
         content = await self._downloads.run(lambda: self._side.metadata(name))
         await send_plain(send, content)
 
     async def target(
         self, path: str, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Sends an update file, or a part of it, to an agent."""
+        """Sends an update file, or a part of it, to a robot agent."""
         file = await self._downloads.run(lambda: self._side.target(path))
         await self._downloads.serve_file(file, method, range_, if_range, receive, send)
 

@@ -1,4 +1,4 @@
-"""The door as an ASGI application, and when robots were last seen."""
+"""Update server for robots as an ASGI application, and the times when robots last polled."""
 
 import asyncio
 import logging
@@ -37,11 +37,11 @@ from .robot_answers import Disconnected, DoorRefusal, read_body, send_document, 
 
 
 class LastSeen:
-    """Collects the last poll times of robots, and hands them on regularly.
+    """Collects the last poll times of robots, and passes them on regularly.
 
     Args:
-        hand_on: takes what was gathered, seconds since 1970 by robot; must not wait.
-        interval_s: how long is gathered.
+        hand_on: receives the collected times, in seconds since 1970, by robot; must not block.
+        interval_s: time for which they are collected, in seconds.
     """
 
     def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:
@@ -56,7 +56,7 @@ class LastSeen:
         self._seen[robot] = at_s
 
     def flush(self) -> None:
-        """Hands on the collected poll times."""
+        """Passes on the collected poll times of robots."""
         seen, self._seen = self._seen, {}
         if seen:
             self._hand_on(seen)
@@ -74,19 +74,19 @@ class DoorSettings:
     """Poll intervals and limits that the update server gives to robots."""
 
     idle_sleep_s: int = 30
-    """Between two polls of a robot that has nothing to do; 10 % more or less, so that robots do not poll in step."""
+    """Time between two polls of an idle robot, in seconds; 10 % more or less, so that robots do not poll in step."""
 
     active_sleep_s: int = 1
-    """The same while an order is open, or expected; more if these are more robots than may poll so often."""
+    """Time between two polls while an order is open or expected, in seconds; more if too many robots poll so often."""
 
     active_polls_per_s: int = 250
-    """Limit on the polls of such robots in a second."""
+    """Limit of the polls per second of robots that have an order or expect one."""
 
     last_seen_s: float = 3.0
-    """Time for which polls of robots are gathered before they are reported."""
+    """Time for which polls of robots are collected before they are reported, in seconds."""
 
     tenant: str = "DEFAULT"
-    """First part of every path."""
+    """First part of every URL path of the update server (hawkBit's tenant)."""
 
     public_url: str | None = None
     """URL at which robots reach this server, without a path; `None`: as each request's `Host` says."""
@@ -112,7 +112,7 @@ class RobotDoor:
             order stays open until its last report was taken. If it raises, the response asks the robot to try again.
         clock: the time, in seconds since 1970.
         chance: random numbers from 0 to below 1.
-        settings: how robots poll.
+        settings: poll intervals and limits.
         agents: enrolment and update repository for this package's agents; `None`: not served.
 
     Raises:
@@ -158,7 +158,7 @@ class RobotDoor:
         return self._addresses.prefix, self._addresses.enrolment_prefix
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers one request, or lives with the server."""
+        """Answers one request of a robot, or the server's start and end (ASGI)."""
         if scope["type"] == "http":
             await self._answer(scope, receive, send)
         elif scope["type"] == "lifespan":
@@ -168,7 +168,7 @@ class RobotDoor:
             await send({"type": "lifespan.shutdown.complete"})
 
     async def close(self) -> None:
-        """Hands on collected poll times, and ends the threads."""
+        """Passes on the collected poll times of robots, and ends the threads."""
         self._last_seen.flush()
         await asyncio.to_thread(self._threads.shutdown)
         self._downloads.close()
@@ -238,7 +238,10 @@ class RobotDoor:
             await self._take(request, report, feedback.cancel_end)
 
     async def _feedback(self, request: _Request) -> Feedback | None:
-        """The feedback of a request; `None`: it closed the order already, and the robot did not see the answer."""
+        """Parses the feedback of a request.
+
+        Returns `None` if it repeats the feedback that closed the order, because the robot missed the answer.
+        """
         body = await read_body(request.receive, request.headers.get(b"content-length"))
         robot, action_id = request.address.robot, request.address.action_id
         feedback = parse_feedback(action_id, body)

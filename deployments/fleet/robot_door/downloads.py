@@ -25,7 +25,7 @@ class Part:
     start: int
     stop: int
     is_whole: bool
-    """Nothing was asked for but the file: the answer is 200 and not 206."""
+    """Whether the whole file was requested, so that the response has status 200 and not 206."""
 
 
 def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes | None) -> Part:
@@ -61,7 +61,7 @@ def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes 
 Result = TypeVar("Result")
 
 ReadPart = Callable[[RobotOrder, int, int], bytes]
-"""Reads that many bytes of an order's file, from an offset on; called from several threads."""
+"""Function that reads that many bytes of an order's file, from an offset on; called from several threads."""
 
 CHUNK_BYTES = 256 * 1024
 _READERS = 8
@@ -92,14 +92,14 @@ class ServedFile:
     """An unchangeable file that can be downloaded by robots."""
 
     name: str
-    """Name of the file in errors."""
+    """Name of a served file in error messages."""
 
     size_bytes: int
     sha256: str
-    """Its `ETag`."""
+    """SHA-256 of a served file, used as its `ETag`."""
 
     read: Callable[[int, int], bytes]
-    """Reads that many bytes from an offset on; called from several threads."""
+    """Function that reads that many bytes from an offset on; called from several threads."""
 
 
 class Downloads:
@@ -114,7 +114,7 @@ class Downloads:
         self._threads = ThreadPoolExecutor(_READERS, thread_name_prefix="robot-downloads")
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Ends the threads that read files."""
         self._threads.shutdown(cancel_futures=True)
 
     async def run(self, call: Callable[[], Result]) -> Result:
@@ -148,7 +148,7 @@ class Downloads:
             method: GET, or HEAD for the headers alone.
             range_: the header `Range`.
             if_range: the header `If-Range`.
-            receive: says when the robot hung up.
+            receive: receives ASGI messages, such as that the robot disconnected.
             send: sends the ASGI messages of the response.
 
         Raises:

@@ -1,4 +1,7 @@
-"""Answers to robots, and the bodies that robots send. Success is always 200: clients take neither 201 nor 204."""
+"""HTTP responses to robots, and reading of request bodies.
+
+Success is always 200: clients accept neither 201 nor 204.
+"""
 
 import asyncio
 import json
@@ -34,10 +37,10 @@ class DoorRefusal(RobomakerError):
     def __init__(self, status: int, message: str, headers: Headers = ()) -> None:
         super().__init__(message)
         self.status = status
-        """Status of the answer."""
+        """HTTP status of the response that refuses a robot's request."""
 
         self.headers = tuple(headers)
-        """Headers besides the usual ones."""
+        """HTTP headers of the refusal in addition to the usual ones."""
 
 
 async def send_document(send: Send, document: bytes) -> None:

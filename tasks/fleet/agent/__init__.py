@@ -1,4 +1,4 @@
-"""The agent of robots: installs what the fleet's TUF repository vouches for, keeps it running, goes back if it fails.
+"""Robot agent: installs application versions that the fleet's TUF repository has signed, and rolls back failed ones.
 
 ```
 server (DDI) ──> loop ──> states: state, event -> state ──> journal, on disk before anything is done

@@ -1,4 +1,4 @@
-"""`python -m robomaker_agent`."""
+"""Entry point of `python -m robomaker_agent`, the robot agent's command line."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`robomaker-agent enroll`, `run` and `status`; `robomaker agent` has the same commands.
+"""Command line of the robot agent: `robomaker-agent enroll`, `run` and `status`; `robomaker agent` has the same.
 
-Nothing else of the agent is imported before a command is carried out.
+Nothing else of the agent is imported before a command runs.
 """
 
 from __future__ import annotations

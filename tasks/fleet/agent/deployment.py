@@ -1,4 +1,4 @@
-"""Orders of the server: the signed deployment document, and the version that it brings to this robot."""
+"""Orders of the update server: the signed deployment document, and the application version that it installs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 from .errors import StepFailed
 
 FORMAT = 1
-"""Version of the deployment documents' format."""
+"""Version of the format of deployment documents."""
 
 ARCHITECTURES = {"x86_64": "X86_64", "amd64": "X86_64", "aarch64": "ARM64", "arm64": "ARM64", "armv7l": "ARMHF"}
-"""RoboMaker's names of architectures, by the machine's own."""
+"""RoboMaker's names of processor architectures, by the name that the machine reports."""
 
 _TARGET = re.compile(r"applications/(?P<application>[A-Za-z0-9_-]{1,255})/deployments/[A-Za-z0-9_.-]{1,255}\.json")
 _VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -27,10 +27,10 @@ class Order:
 
     action_id: int
     target: str
-    """Path of the deployment document in the repository."""
+    """Path of an order's deployment document in the TUF repository."""
 
     tags: Mapping[str, str] = field(default_factory=dict)
-    """Tags of the robot, which its application finds in its environment."""
+    """Tags of the robot, which its application gets as environment variables."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Launch:
     package: str
     file: str
     before: str | None = None
-    """`preLaunchFile`."""
+    """Path of the script `preLaunchFile`; `None`: there is none."""
 
     after: str | None = None
-    """`postLaunchFile`."""
+    """Path of the script `postLaunchFile`; `None`: there is none."""
 
     environment: Mapping[str, str] = field(default_factory=dict)
 
@@ -53,7 +53,7 @@ class File:
     """A file of the update repository, as its signed metadata describes it."""
 
     address: str
-    """Below the repository's targets."""
+    """Path of an update file below the TUF repository's targets."""
 
     length: int
     sha256: str
@@ -66,17 +66,17 @@ class Version:
     application: str
     version: str
     sha256: str
-    """SHA-256 of the version's bundle, in hexadecimal digits."""
+    """SHA-256 of an application version's archive, in hexadecimal digits."""
 
     launch: Launch
     job: str
-    """ARN of the deployment job that brought it."""
+    """ARN of the deployment job that installed an application version."""
 
     tags: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def folder(self) -> str:
-        """Folder of the version, relative to the agent's home."""
+        """Folder of an application version, relative to the agent's home."""
         return f"versions/{self.application}/{self.version}-{self.sha256[:12]}"
 
 
@@ -88,7 +88,7 @@ class Deployment:
     bundle: File
     condition: File | None
     number: int
-    """Number of the deployment document, which rises with each deployment: a smaller one is older."""
+    """Number of the deployment document; it increases with each deployment, so a smaller one is older."""
 
 
 @dataclass(frozen=True)
@@ -99,16 +99,16 @@ class Document:
     version: str
     job: str
     bundle: str
-    """Target path."""
+    """Target path (TUF) of the application's archive in a deployment document."""
 
     condition: str | None
     launch: Launch
     number: int
     attestations: tuple[str, ...] = ()
-    """Target paths of what others attest of the version."""
+    """Target paths of the version's attestations (signed test results)."""
 
     batch: str | None = None
-    """ARN of the simulation job batch that has to be attested; absent: none has to."""
+    """ARN of the simulation job batch that must be attested; `None`: none must be."""
 
 
 def application_of(target: str) -> str:

@@ -1,4 +1,4 @@
-"""Versions on the robot's disk: exchanged at once, removed when none needs them."""
+"""Application versions on the robot's disk: switches between them atomically, and deletes unneeded ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .settings import Home
 
 
 def prepare(home: Home) -> None:
-    """Creates the folders of the agent's home."""
+    """Creates the folders of the robot agent's home."""
     for folder in (home.folder, home.versions, home.logs):
         folder.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o755)
@@ -20,7 +20,7 @@ def prepare(home: Home) -> None:
 
 
 def switch(home: Home, version: Version | None) -> None:
-    """Points the link `current` to a version, atomically, or removes it.
+    """Points the symbolic link `current` to a version atomically, or removes it if the version is `None`.
 
     Raises:
         StepFailed: the version is not there, or the disk is full.

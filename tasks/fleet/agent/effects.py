@@ -1,4 +1,4 @@
-"""Does what a phase stands for. Each can be done again from its beginning, after a power loss at any moment of it."""
+"""Carries out the action of each phase of a deployment; each can be repeated after a power loss at any moment."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from .settings import Home, Options
 from .states import Event, Failed, Passed, Phase, State, kept, wanted
 
 Work = Union[ChildWork, ScriptWork, Watch]
-"""Work that runs beside the polls."""
+"""Work that runs while the agent polls the server."""
 
 Begun = Union[Work, Sequence[Event]]
-"""Running work, or the events of work that is already done."""
+"""Running work of a phase, or the events of work that is done already."""
 
 
 _ROS_HEALTH_S = 10.0
-"""Shortest watch over a version that ROS launches.
+"""Shortest time that a version which ROS launches is watched, in seconds.
 
-A launcher is up for seconds before it says that a package or node is not there.
+A launcher is up for seconds before it says that a package or node is missing.
 """
 
 
@@ -73,7 +73,7 @@ class Effects:
         }
 
     def begin(self, state: State) -> Begun:
-        """Starts the action of the current phase."""
+        """Starts the action of a deployment's current phase on the robot."""
         try:
             return self._begin[state.phase](state)
         except StepFailed as error:
@@ -83,7 +83,9 @@ class Effects:
             return [Failed(state.phase, failure.code, failure.reason)]
 
     def restart(self, version: Version | None) -> None:
-        """Starts the version that shall run, where its application ended or the agent is new; `None`: none shall.
+        """Starts the application version that should run, after its application ended or the agent was started.
+
+        It does nothing if no version should run.
 
         Raises:
             StepFailed: the application cannot be started.
@@ -144,7 +146,7 @@ class Effects:
         return ScriptWork(process, state.phase, name, code, log, due_s, self._monotonic)
 
     def _launch(self, state: State) -> Begun:
-        """Stops the running application, and starts the new version, or the good one again."""
+        """Stops the running application, and starts the new version, or the last healthy one again."""
         version = wanted(state)
         self._application.stop()
         switch(self._home, version)

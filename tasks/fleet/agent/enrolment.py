@@ -1,6 +1,6 @@
-"""Enrols a robot: a one-time token is exchanged for the root of trust, and the robot makes its own token.
+"""Enrols a robot at the service: sends a one-time token and a token that the robot made itself, gets the root of trust.
 
-The answer may get lost, so what the robot sends is on disk before it is sent, and the same is sent again.
+The answer may get lost, so the request is on disk before it is sent, and the same is sent again.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def enrol(
     Args:
         home: the agent's data folder.
         connection: URL, tenant, name and token of the robot; its token is made here.
-        enrolment_token: as `robomaker robots enroll NAME --agent` printed it.
+        enrolment_token: one-time token that `robomaker robots enroll NAME --agent` printed.
         random_bytes: makes the robot's token.
         again: forget the server that it is enrolled with; versions stay and run on.
         exchange: sends a request.
@@ -67,7 +67,7 @@ def enrol(
 
 
 def _own_token(home: Home, enrolment_token: str, random_bytes: Callable[[int], bytes]) -> str:
-    """The robot's token for this enrolment, the same at every try."""
+    """Returns the token that this robot made for the enrolment; the same at every attempt."""
     path = home.folder / "enrolling.json"
     used_for = hashlib.sha256(enrolment_token.strip().encode()).hexdigest()
     try:
@@ -102,7 +102,10 @@ def _root(connection: Connection, enrolment_token: str, exchange: Exchange) -> b
 
 
 def _forget_trust(home: Home) -> None:
-    """Another root begins with versions of its own."""
+    """Deletes the stored TUF metadata and the journal's minimum versions of TUF roles.
+
+    A repository with another root begins with versions of its own.
+    """
     shutil.rmtree(home.metadata, ignore_errors=True)
     journal = Journal(home.folder)
     if (home.folder / "journal.json").exists():

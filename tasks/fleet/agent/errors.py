@@ -1,4 +1,4 @@
-"""Exceptions of the agent. They have a base class of their own: the agent imports nothing of the project."""
+"""Exceptions of the robot agent, with a base class of their own, as the agent imports nothing of the project."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ NUMBERS = {
     "BadPermissionError": 1008,  # the store denies the file: 403
     "DownloadConditionFailed": 1009,
 }
-"""Number by failure code, as on the wire (`DeploymentJobErrorCode`)."""
+"""Number of each failure code in messages to the server (`DeploymentJobErrorCode`)."""
 
 NAMES = {number: name for name, number in NUMBERS.items()}
-"""Failure code by number."""
+"""Failure code of a deployment by its number on the wire."""

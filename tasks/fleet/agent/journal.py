@@ -1,4 +1,4 @@
-"""The journal: one JSON file that is whole at every moment, also when the power goes."""
+"""Journal of the robot agent: its state in one JSON file that is written atomically, and survives a power loss."""
 
 from __future__ import annotations
 

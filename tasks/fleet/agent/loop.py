@@ -1,6 +1,6 @@
-"""The agent's loop: polls the server, does what the state says, keeps the application running.
+"""Main loop of the robot agent: polls the server, carries out the current phase, keeps the application running.
 
-One thread. It sleeps until the next poll, or until a process of its own ends or says something.
+It has one thread, which sleeps until the next poll, or until a child process ends or writes a message.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ class Notifier:
         self._address = environ.get("NOTIFY_SOCKET", "").replace("@", "\0", 1)
         watchdog_us = environ.get("WATCHDOG_USEC", "")
         self.interval_s: float | None = int(watchdog_us) / 2e6 if watchdog_us.isdigit() else None
-        """Seconds within which `alive` has to be called again; `None`: systemd watches no such interval."""
+        """Interval within which `alive` must be called again, in seconds.
+
+        `None`: systemd has no watchdog for the agent.
+        """
 
     def ready(self) -> None:
         """Notifies systemd that the agent is running."""
@@ -48,14 +51,14 @@ class Notifier:
 
 
 _HELD_S = 5.0
-"""Between two tries to write the journal on a full disk."""
+"""Pause between two attempts to write the journal on a full disk, in seconds."""
 
 
 class Keeper(Protocol):
     """Interface of the storage for the agent's state: the journal."""
 
     def save(self, state: State) -> None:
-        """Stores a state durably."""
+        """Stores the agent's state so that it survives a power loss."""
 
 
 class Agent:
@@ -101,10 +104,10 @@ class Agent:
         self._begun: tuple[Phase, Order | None] | None = None
         self._again_s: float | None = None
         self.is_stopping = False
-        """Set by signals."""
+        """Whether the agent's main loop should end; signal handlers set it."""
 
     def run(self) -> None:
-        """Runs the main loop until `is_stopping`."""
+        """Runs the agent's main loop until `is_stopping`."""
         self.start()
         self._notifier.ready()
         while not self.is_stopping:
@@ -122,7 +125,7 @@ class Agent:
             self._start_application()
 
     def step(self) -> None:
-        """Does one pass of the main loop."""
+        """Does one pass of the agent's main loop."""
         self._look_at_application()
         self._look_at_work()
         self._settle()
@@ -140,7 +143,7 @@ class Agent:
         self._application.stop()
 
     def _settle(self, *, begin: bool = True) -> None:
-        """Takes all events; each state is on disk before anything is done about it."""
+        """Applies all events; each new state is saved to disk before it has any effect."""
         while True:
             if self._events and self._monotonic() >= self._held_until_s:
                 self._take()
@@ -149,7 +152,7 @@ class Agent:
             self._begin()
 
     def _take(self) -> None:
-        """Takes the events that are there, with one save for all; they stay where that fails."""
+        """Applies the events that have arrived, with one save for all; they remain queued if the save fails."""
         state = reduce(advance, self._events, self.state)
         if state != self.state and not self._is_saved(state):
             return
@@ -216,7 +219,10 @@ class Agent:
                 self._fail(f"the new version cannot be started: {error.reason}")
 
     def _steady_s(self) -> float | None:
-        """Time when a running version on probation counts as steady, by the monotonic clock; `None`: none is."""
+        """Returns when a version on probation counts as steady, by the monotonic clock in seconds.
+
+        Returns `None` if none is on probation.
+        """
         return self._application.steady_s() if self.state.probation is not None else None
 
     def _fail(self, reason: str) -> None:
@@ -236,7 +242,7 @@ class Agent:
 
 
 def _told(state: State) -> str:
-    """A line of the log for a new phase."""
+    """Returns the agent's log line for a new phase of a deployment."""
     if state.order is not None:
         return f"order {state.order.action_id}: {state.phase.value}" + (
             f", {state.failure[1]}" if state.failure else ""

@@ -1,4 +1,4 @@
-"""Messages between the agent and the server: polls, steps and ends of orders; and silence while the server is away.
+"""Messages between the robot agent and the server: polls, progress and results of orders; retries while it is away.
 
 A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
 """
@@ -14,28 +14,31 @@ from .server import Poll, Refused
 from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
 
 _MISSED = 3
-"""Polls without the open order, before it counts as withdrawn: a server that starts may not know it yet."""
+"""Number of polls without the open order after which it counts as withdrawn.
+
+A server that has just started may not know the order yet.
+"""
 
 
 class Wire(Protocol):
     """Interface to the update server, as the agent uses it."""
 
     def poll(self) -> Poll:
-        """Asks the server whether there is an order."""
+        """Asks the update server whether there is an order for this robot."""
         ...
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order from the server."""
+        """Reads an order for this robot from the update server."""
 
     def tell_end(self, end: End) -> bool:
-        """Reports how an order ended."""
+        """Reports to the update server how an order ended."""
         ...
 
     def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
-        """Reports the current step and progress."""
+        """Reports the current step and progress of an order to the update server."""
 
     def refuse_cancellation(self, action_id: int) -> None:
-        """Reports that an order can no longer be cancelled."""
+        """Reports to the update server that an order can no longer be cancelled."""
 
     def tell_attributes(self, attributes: Mapping[str, str]) -> bool:
         """Reports the robot's attributes; returns whether the server has taken them."""
@@ -49,7 +52,7 @@ class Polls:
         server: the server.
         monotonic: a clock that only goes forward, in seconds.
         chance: random numbers from 0 to below 1, so that robots do not all poll at once.
-        longest_wait_s: between two polls while the server is away.
+        longest_wait_s: longest pause between two polls while the server is away, in seconds.
         attributes: returns the robot's attributes for a state.
         say: logs a line.
     """
@@ -76,10 +79,10 @@ class Polls:
         self._told_attributes: Mapping[str, str] | None = None
         self._deliver_s = 0.0
         self.due_s = monotonic()
-        """Time of the next poll, by the monotonic clock."""
+        """Time of the next poll of the update server, by the monotonic clock in seconds."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
-        """Polls the server once; returns what it wants."""
+        """Polls the server once; returns new orders, cancellations and withdrawals as events."""
         try:
             self.tell_step(state, percent)
             found = self._server.poll()
@@ -96,7 +99,7 @@ class Polls:
         return events
 
     def deliver(self, end: End) -> list[Event]:
-        """Reports how an order ended, when that is due."""
+        """Reports to the update server how an order ended, when that is due."""
         if self._monotonic() < self._deliver_s:
             return []
         order = end.order
@@ -112,7 +115,7 @@ class Polls:
         return []
 
     def tell_step(self, state: State, percent: int | None = None) -> None:
-        """Reports the current step if it is new."""
+        """Reports the current step of an order to the update server if it is new."""
         if state.order is None:
             return
         step = STEPS[state.phase]
@@ -127,16 +130,17 @@ class Polls:
         self._told, self._retries = told, 0
 
     def later(self, reason: str) -> float:
-        """Returns when to retry after the server could not be reached, by the monotonic clock."""
+        """Returns when to retry after the server could not be reached, by the monotonic clock in seconds."""
         self._retries += 1
         if self._retries == 1:
             self._say(f"the download has to wait: {reason}")
         return self._monotonic() + self._pause_s(self._retries)
 
     def _tell_attributes(self, state: State, *, is_asked: bool) -> None:
-        """Reports the attributes when the server asks, and new ones until it has taken them: it does not ask again.
+        """Reports the robot's attributes when the server asks, and changed ones until the server has accepted them.
 
-        How a deployment ended stays, whatever its application does later; attributes say what runs, and its trouble.
+        The server does not ask again. The result of a deployment stays whatever its application does later; the
+        attributes say which version runs, and its problems.
         """
         attributes = self._attributes(state)
         if not (is_asked or (attributes and attributes != self._told_attributes)):

@@ -1,4 +1,4 @@
-"""Puts the agent together from what the machine has, and looks at one that runs."""
+"""Builds and runs the robot agent on this machine, and reads the status of a running agent."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def status_of(home: Home) -> dict[str, Any]:
 
 
 _MAX_ATTRIBUTE_CHARACTERS = 128
-"""Servers refuse longer ones."""
+"""Limit of the characters of an attribute; update servers refuse longer ones."""
 
 
 def _attributes(options: Options, application: Application) -> Callable[[State], Mapping[str, str]]:
@@ -96,7 +96,7 @@ def _attributes(options: Options, application: Application) -> Callable[[State],
 
 @contextmanager
 def _only_one(home: Home) -> Iterator[None]:
-    """Two agents with one home would start everything twice."""
+    """Locks the agent's home, as two agents with one home would start everything twice."""
     with (home.folder / "lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -117,7 +117,7 @@ def _is_locked(home: Home) -> bool:
 
 
 def _waiter() -> Callable[[float, list[int]], None]:
-    """Sleeps until a time, a pipe or a signal: the end of a process is one."""
+    """Returns a function that sleeps until a time, a readable pipe, or a signal (such as the end of a process)."""
     reading, writing = os.pipe()
     for end in (reading, writing):
         os.set_blocking(end, False)

@@ -1,4 +1,4 @@
-"""The server as a robot sees it: hawkBit's Direct Device Integration by the standard library's HTTP client.
+"""HTTP client of the update server for robots: hawkBit's Direct Device Integration, with the standard library only.
 
 Each request has a connection of its own: servers drop idle ones long before the next poll.
 """
@@ -46,7 +46,7 @@ class Refused(AgentError):
     def __init__(self, status: int, path: str) -> None:
         super().__init__(f"it answers {path or 'polls'} with HTTP status {status}")
         self.status = status
-        """HTTP status."""
+        """HTTP status of the update server's refusal."""
 
 
 def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client.HTTPConnection:

@@ -1,4 +1,4 @@
-"""Settings of the agent: its connection to the server and how it runs applications; and the folders of its home."""
+"""Settings of the robot agent: its connection to the server, how it runs applications, and the folders of its home."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Connection:
     """Connection data of a robot: name, token, and the server's address."""
 
     url: str
-    """Scheme, name and port."""
+    """Address of the update server: scheme, name and port."""
 
     tenant: str
     robot: str
@@ -32,7 +32,7 @@ class Connection:
 
     @property
     def base(self) -> str:
-        """URL path of the robot at the server."""
+        """URL path of this robot at the update server."""
         return f"/{self.tenant}/controller/v1/{self.robot}"
 
 
@@ -41,28 +41,28 @@ class Options:
     """Options of the agent: time limits, sandbox and health command."""
 
     user: str | None = None
-    """User as whom applications and scripts run; absent: the agent's own."""
+    """User that runs applications and scripts; `None`: the agent's own user."""
 
     sandbox: str = "auto"
-    """`bwrap`, `setpriv`, `none`; `auto`: the first of these that works here."""
+    """Sandbox program: `bwrap`, `setpriv`, `none`; `auto`: the first of these that works on this machine."""
 
     architecture: str | None = None
-    """Architecture by RoboMaker's name (`X86_64`, `ARM64`, `ARMHF`); absent: the machine's."""
+    """Architecture by RoboMaker's name (`X86_64`, `ARM64`, `ARMHF`); `None`: that of the machine."""
 
     health_s: float = 10.0
-    """Seconds for which a new version has to keep running."""
+    """Time for which a new version must keep running to count as healthy, in seconds."""
 
     health_command: str | None = None
-    """Run by a shell once it stayed up; its exit code 0 says that the version is healthy."""
+    """Shell command that runs after that time; exit code 0 means that the version is healthy."""
 
     script_timeout_s: float = 600.0
     """Time limit for each condition file, preLaunchFile, postLaunchFile and health command, in seconds."""
 
     stop_s: float = 10.0
-    """Seconds in which an application has to end before it is killed."""
+    """Time within which an application must end when asked to, before it is killed, in seconds."""
 
     longest_wait_s: float = 300.0
-    """Between two polls while the server is away."""
+    """Longest pause between two polls while the server is away, in seconds."""
 
 
 class Home:

@@ -1,4 +1,4 @@
-"""State machine of the agent, as a pure function: state and event give the next state.
+"""State machine of the robot agent, as a pure function: a state and an event give the next state.
 
 ```
   idle ──> validating ──> condition ──> downloading ──> pre_launch ──> launching ──> post_launch ──> watching ──> idle
@@ -21,21 +21,21 @@ from .deployment import Deployment, Order, Version
 from .errors import NUMBERS
 
 MAX_RESTARTS = 5
-"""Limit on restarts of the agent in the trial of a new version, after which it returns to the previous one.
+"""Limit of restarts of the agent while it tries a new version, after which it returns to the previous one.
 
-The new version may be what stops the robot.
+The new version may be the cause of the robot's crashes.
 """
 
 
 MAX_ENDS = 3
-"""Ends of a new version's application by itself, before it was steady once, after which the robot goes back.
+"""Limit of crashes of a new version's application before it was steady once, after which the robot goes back.
 
 One may be chance, and pauses grow: the third comes some seconds after the first.
 """
 
 
 class Phase(str, Enum):
-    """Phase of the agent's work on an order."""
+    """Phase of the agent's work on an order (validating, downloading, launching, ...)."""
 
     IDLE = "idle"
     VALIDATING = "validating"
@@ -58,45 +58,45 @@ STEPS = {
     Phase.WATCHING: "ExecutingPostLaunch",
     Phase.RETURNING: "ExecutingPostLaunch",
 }
-"""RoboMaker's name of each phase that an order has."""
+"""RoboMaker's name of each phase of an installation."""
 
 BEFORE_SWITCH = (Phase.VALIDATING, Phase.CONDITION, Phase.DOWNLOADING, Phase.PRE_LAUNCH)
-"""An order can be given up: nothing of the running version was touched."""
+"""Phases in which an order can still be given up: the running version has not been touched."""
 
 TRIED = (Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING)
-"""The new version is what shall run."""
+"""Phases in which the new version should be running."""
 
 
 @dataclass(frozen=True)
 class End:
-    """Result of an order, stored until the server knows it."""
+    """Result of an order, stored until the server has received it."""
 
     order: Order
     execution: str
-    """`closed` or `canceled`."""
+    """Execution state of an ended order to report: `closed` or `canceled`."""
 
     finished: str
-    """`success` or `failure`."""
+    """Result of an ended order to report: `success` or `failure`."""
 
     code: int | None = None
     details: tuple[str, ...] = ()
     is_delivered: bool = False
 
     def is_of(self, order: Order) -> bool:
-        """Whether the result is that of an order."""
+        """Whether this stored result is that of a given order."""
         return self.order.action_id == order.action_id and self.order.target in ("", order.target)
 
 
 @dataclass(frozen=True)
 class Probation:
-    """The time from the success of an order until its application was up steadily for once."""
+    """Time from the success of an order until its application has run steadily once."""
 
     order: Order
     back: Version | None = None
-    """The version that ran before, to which the robot goes back; absent: none did."""
+    """Version that ran before, to which the robot returns if the new one fails; `None`: there was none."""
 
     ends: int = 0
-    """Number of times that the application has ended by itself since then."""
+    """Number of times that the application has ended by itself during the probation."""
 
 
 @dataclass(frozen=True)
@@ -105,37 +105,37 @@ class State:
 
     phase: Phase = Phase.IDLE
     order: Order | None = None
-    """The open order; absent when idle."""
+    """Open order of the robot; `None` when idle."""
 
     deployment: Deployment | None = None
-    """The deployment of the open order, once its document was verified."""
+    """Deployment of the open order, once its document was verified."""
 
     good: Version | None = None
-    """The last version that proved healthy."""
+    """Last application version that proved healthy on the robot."""
 
     previous: Version | None = None
-    """The one before, which stays on disk."""
+    """Healthy application version before the last one; it stays on disk."""
 
     failure: tuple[str, str] | None = None
-    """Code and reason, while the agent goes back."""
+    """Failure code and reason, while the agent returns to the previous version."""
 
     end: End | None = None
-    """End of the latest order; absent: no order has ended."""
+    """Result of the robot's latest order; `None`: no order has ended."""
 
     restarts: int = 0
-    """Restarts of the agent since the trial of the new version began."""
+    """Number of the agent's restarts since it began to try the new version."""
 
     floors: Mapping[str, int] = field(default_factory=dict)
-    """The newest version seen of each role of the repository."""
+    """Newest metadata version seen of each TUF role; older ones are refused."""
 
     newest_s: float = 0.0
-    """The latest time at which the repository was fresh, in seconds since 1970: no earlier one is believed."""
+    """Latest time at which the repository was fresh, in seconds since 1970; earlier metadata is refused."""
 
     number: int = 0
     """Number of the last deployment finished on this robot; deployments up to this number are ignored."""
 
     probation: Probation | None = None
-    """Present while the good version has not been running long enough to count as steady."""
+    """Probation of the good version while it has not run long enough to count as steady; else `None`."""
 
     trouble: str = ""
     """Reason why the robot left a version that it had already reported as installed; empty: it did not."""
@@ -177,14 +177,14 @@ class Checked:
 
 @dataclass(frozen=True)
 class Passed:
-    """Agent event: a phase succeeded."""
+    """Agent event: a phase of an installation succeeded."""
 
     phase: Phase
 
 
 @dataclass(frozen=True)
 class Failed:
-    """Agent event: a phase failed."""
+    """Agent event: a phase of an installation failed."""
 
     phase: Phase
     code: str
@@ -200,14 +200,14 @@ class Delivered:
 
 @dataclass(frozen=True)
 class Ended:
-    """The application of the good version ended by itself, before it was steady."""
+    """Agent event: the application of the good version ended by itself, before it was steady."""
 
     how: str
 
 
 @dataclass(frozen=True)
 class Steady:
-    """The application of the good version has been up steadily."""
+    """Agent event: the application of the good version has run steadily."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,10 @@ def advance(state: State, event: Event) -> State:
 
 
 def _on_probation(state: State, event: Ended | Steady) -> State:
-    """The state after the application of the good version ended by itself or was steady; it goes back in the end."""
+    """Returns the state after the good version's application ended by itself or became steady.
+
+    After too many ends, the robot returns to the previous version.
+    """
     known = state.probation
     if known is None or state.phase in (*TRIED, Phase.RETURNING):
         return state
@@ -280,7 +283,7 @@ def _on_probation(state: State, event: Ended | Steady) -> State:
 
 
 def _carried_on(state: State, order: Order, event: Event) -> State:
-    """The state after an event while there is an order."""
+    """Returns the state after an event while there is an open order."""
     if isinstance(event, Restarted):
         return _restarted(state)
     if isinstance(event, Checked):
@@ -314,7 +317,7 @@ def _ordered(state: State, order: Order) -> State:
 
 
 def _cancelled_unknown(state: State, event: Cancelled) -> State:
-    """A cancellation of an order that this robot never received, or that has ended."""
+    """Returns the state after the cancellation of an order that this robot never received, or that has ended."""
     if state.end is not None and (state.end.order.action_id == event.action_id or not state.end.is_delivered):
         return replace(state, end=replace(state.end, is_delivered=False))
     return replace(state, end=End(Order(event.action_id, ""), "canceled", "success"))
@@ -339,7 +342,10 @@ def _checked(state: State, deployment: Deployment) -> State:
 
 
 def _known(state: State, deployment: Deployment) -> State:
-    """The state after a deployment that is not new: orders are not signed, so it may be an attacker's."""
+    """Returns the state after an order whose deployment is not new.
+
+    Such orders may come from an attacker, as they are not signed.
+    """
     job = deployment.version.job
     if state.good is not None and state.good.job == job:
         return _ended(state, "closed", "success", ("Finished",))
@@ -363,7 +369,10 @@ def _passed(state: State) -> State:
 
 
 def _following(state: State) -> Phase | None:
-    """The phase after this one; those of a script that the deployment lacks would cost a save and a word each."""
+    """Returns the phase after the current one.
+
+    Phases of scripts that the deployment does not have are skipped, as each would cost a save and a message.
+    """
     following = _NEXT.get(state.phase)
     launch = state.deployment.version.launch if state.deployment is not None else None
     if following is Phase.PRE_LAUNCH and launch is not None and launch.before is None:

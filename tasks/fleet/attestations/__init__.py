@@ -1,5 +1,5 @@
-"""Proof that a version passed its simulations: what a batch tested, as a signed in-toto statement.
+"""Attestations that a version passed its simulations: the tested batch, as a signed in-toto statement.
 
-`statements` judges a batch and says what it tested, `envelopes` signs that, `required_batches` holds a deployment back
-until it is there, and verifies it afterwards. Needs the extra `fleet`.
+`statements` judges a batch and describes the tests, `envelopes` signs that description, `required_batches` holds a
+deployment back until it is signed, and verifies it afterwards. Needs the extra `fleet`.
 """

@@ -1,6 +1,6 @@
-"""Signed statements, and the key that signs them: DSSE envelopes, as bytes.
+"""Signed statements as DSSE envelopes, and the key that signs them.
 
-A statement and a key always give the same bytes. Only these bytes are taken: an envelope that says the same in other
+Equal statements and keys give equal bytes. Only these bytes are accepted: an envelope with the same content in other
 bytes is refused, so that its hash identifies it.
 """
 
@@ -28,10 +28,10 @@ from ..artifacts import write_once
 from .statements import Statement
 
 AttestationKey: TypeAlias = CryptoSigner
-"""Signs attestations."""
+"""Private key that signs attestations."""
 
 PublicKey: TypeAlias = SSlibKey
-"""Verifies them."""
+"""Public key that verifies attestations."""
 
 
 def public_key_path(service: Service) -> Path:

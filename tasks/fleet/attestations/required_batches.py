@@ -1,7 +1,7 @@
 """Deployments that wait for a required batch, and the signed attestation that the batch passed.
 
-The envelope of a deployment lies in the object store as `robots/attestations/<id of the job>.json`. It is made of
-nothing but the batch, the version and the key, so a run that begins anew makes the same bytes.
+The envelope of a deployment is stored in the object store as `robots/attestations/<id of the job>.json`. Only the
+batch, the version and the key determine it, so a run that begins again makes the same bytes.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ from .envelopes import PublicKey, attestation_key, known_public_key, sign, verif
 from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
 
 LONGEST_WAIT = timedelta(days=14)
-"""Longest wait of a deployment for its batch, from the deployment's creation: as long as a batch may run."""
+"""Longest time that a deployment waits for its batch, counted from its creation: as long as a batch may run."""
 
 _FOLDER = "robots/attestations"
 
@@ -146,7 +146,7 @@ def _attested(job: Resource, service: Service) -> tuple[bytes, Statement]:
 
 
 def _digests(application: Resource, service: Service) -> dict[str, str]:
-    """SHA-256 of each archive of a version, by where it lies."""
+    """Returns the SHA-256 of each archive of a version, by its address in the object store."""
     document = ApplicationDocument.of(application)
     digests: dict[str, str] = {}
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
@@ -161,7 +161,7 @@ def _digests(application: Resource, service: Service) -> dict[str, str]:
 Answer = Literal["verified", "refuted", "nothing to verify"]
 
 EXIT_CODES: dict[Answer, int] = {"verified": OK, "refuted": VERDICT_FAILED, "nothing to verify": BROKE}
-"""Exit codes of the command line, by answer."""
+"""Exit codes of the command line, by result of the verification."""
 
 
 class DeploymentCheck(Model):

@@ -1,7 +1,7 @@
-"""Content of an attestation, and whether its batch passed: an in-toto statement (v1) with a test result (v0.1).
+"""Content of an attestation (in-toto statement v1 with test result v0.1), and whether its batch passed.
 
-The subjects are the archives of a version. Which of them ran in the simulations stands beside each: simulations run
-the one for their own machine.
+The subjects are the archives of a version. Each says whether it ran in the simulations, as simulations run only the
+archive for their own machine.
 """
 
 import hashlib
@@ -35,11 +35,11 @@ class PassedJob:
 
     id: str
     etag: str
-    """Digest of the archive that ran."""
+    """Digest (ETag) of the archive that the job ran."""
 
     seed: int
     trials: int
-    """Number of episodes; 0: it is no job with trials."""
+    """Number of episodes; 0 for a job without trials."""
 
     worlds: frozenset[str]
     requirements: tuple[str, ...]
@@ -59,7 +59,7 @@ class RunningBatch:
     """A simulation job batch that is still running and may pass."""
 
     why: str
-    """Reason why the batch has no result yet, in words: itself or its jobs still run."""
+    """Reason why the batch has no result yet, in words: the batch or its jobs are still running."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def _judge_job(job: Resource, batch: str, application: Resource) -> PassedJob | 
 
 
 def _ran(document: SimulationJobDocument, name: str, application: Resource) -> str:
-    """The ETag of the archive that a job ran, which has to be one of the version's."""
+    """Returns the ETag of the archive that a job ran, after checking that it is one of the version's archives."""
     config = _robot_application(document)
     if config is None or config["application"] not in (application.arn, application.name):
         other = "no robot application" if config is None else config["application"]

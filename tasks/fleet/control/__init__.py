@@ -1,1 +1,1 @@
-"""Control over rollouts: pause, resume, approval, dry run, what follows at the threshold, and after a job's end."""
+"""Control over rollouts: pause, resume, approval, dry run, rollback at the failure threshold."""

@@ -1,7 +1,7 @@
-"""Requests for deployments, checked, and decisions of people about a running one: pause, resume, approve, reject.
+"""Decisions of people about a running deployment (pause, resume, approve, reject), and checks of new deployments.
 
-Any process may say it while another runs the job: the catalog has the rollout, and what was said holds when the call
-returns. A deployment that has not begun keeps it as an event, and takes it in when it begins.
+Any process may make a decision while another runs the job: it is stored in the catalog when the call returns. A
+deployment that has not begun keeps it as an event, and applies it when it begins.
 """
 
 from collections.abc import Sequence
@@ -104,7 +104,7 @@ def _under_way(arn: str, service: Service) -> Resource:
 
 
 def _waiting(arn: str, service: Service) -> Resource:
-    """The deployment job, which has to wait for approval."""
+    """Returns the deployment job, after checking that it waits for approval."""
     job = _under_way(arn, service)
     stored = Rollouts(service.catalog).rollout(job.arn)
     if stored is None:

@@ -1,4 +1,4 @@
-"""Dry runs: what a deployment would do to which robot, and in which wave. Nothing is stored."""
+"""Dry runs of deployments: which robot would get which version, in which wave. Nothing is stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from ..rollout.windows import is_open, opens_s
 from .deployment_decisions import served_architectures
 
 AWAY_S = 300.0
-"""A robot that was not heard of for longer counts as away, in seconds."""
+"""Time without a poll after which a robot counts as away, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -26,17 +26,17 @@ class PlannedChange:
     """The change that a deployment would make to one robot."""
 
     robot: str
-    """Its name."""
+    """Name of a robot in a deployment's forecast."""
 
     wave: int | None
     """Number of the robot's wave, from 1; `None`: it cannot get the application."""
 
     is_canary: bool
     before: str | None
-    """Application and version that it has; `None`: none is known."""
+    """Application and version that the robot has; `None`: unknown."""
 
     after: str | None
-    """Application and version that it would get; `None`: none."""
+    """Application and version that the robot would get; `None`: none."""
 
     notes: tuple[str, ...]
     """Notes for people about this robot, such as a missing architecture, in words."""
@@ -47,19 +47,25 @@ class DryRun:
     """Forecast of a deployment to a fleet: its changes to robots, and when it may begin."""
 
     changes: tuple[PlannedChange, ...]
-    """Changes by robot, in the order in which robots get their orders; those that cannot get the application last."""
+    """Changes to robots, in the order in which they get their orders.
+
+    Robots that cannot get the application are last.
+    """
 
     at_once: int
-    """Most robots that have orders at the same time."""
+    """Limit of the robots that have orders at the same time in a deployment."""
 
     requires_approval: bool
     rolls_back: bool
     windows: tuple[MaintenanceWindow, ...]
     opens_s: float | None
-    """Earliest start of the first robot, in seconds since the epoch; `None`: at once."""
+    """Earliest start of the first robot, in seconds since the epoch; `None`: immediately."""
 
     blocked_by: str | None
-    """ARN of a deployment of the fleet that has not ended, so that this one would be refused; `None`: there is none."""
+    """ARN of an unfinished deployment of the fleet, because of which this one would be refused.
+
+    `None`: there is none.
+    """
 
 
 def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resource, service: Service) -> DryRun:
@@ -114,7 +120,7 @@ def _version(robot: RobotDocument) -> str | None:
 
 
 def _absence(robot: RobotDocument, now_s: float) -> list[str]:
-    """Reason why a robot would not fetch an order now; empty: it would."""
+    """Returns the reason why a robot would not fetch an order now; empty if it would."""
     if robot.token_sha256 is None:
         return ["not enrolled"]
     if robot.last_seen_s is None:

@@ -1,7 +1,7 @@
-"""Rollbacks: robots that have a new version, of which too many failed, get the version that they had before.
+"""Rollbacks of failed deployments: robots with the new version get the version that they had before.
 
-A deployment job has one version, so robots that had different ones come back in several jobs, one after the other.
-Each is made once, whichever process does it and wherever one dies: its client token tells the job that failed and the
+A deployment job has one version, so robots that had different ones get several jobs, one after the other. Each job is
+created once, whichever process does it and wherever one dies: its client token is made from the failed job and the
 earlier version.
 """
 
@@ -22,7 +22,7 @@ from ..kept_rollouts import KeptRollout, OpenRollout
 from ..rollout.ledger import Ledger
 
 TAG = "robomaker:rollback-of"
-"""Tag of the jobs that bring robots back: the ARN of the job that failed."""
+"""Tag of rollback jobs; its value is the ARN of the failed deployment job."""
 
 _TOKENS = "RollBackDeployment"  # their own: no caller's token is ever the same
 _KEPT = ("concurrentDeploymentPercentage", "robotDeploymentTimeoutInSeconds", "maintenanceWindows")
@@ -30,13 +30,13 @@ _KEPT = ("concurrentDeploymentPercentage", "robotDeploymentTimeoutInSeconds", "m
 
 @dataclass(frozen=True)
 class _Return:
-    """Robots that go back to the same version."""
+    """Group of robots that go back to the same version in a rollback."""
 
     earlier: Resource
-    """A deployment job that had brought it."""
+    """Earlier deployment job that had installed the version to return to."""
 
     version: str
-    """Application, version and launch, as text."""
+    """Version to return to: application, version and launch configuration, as text."""
 
     robots: tuple[str, ...]
 
@@ -68,7 +68,7 @@ def roll_back(job: str, service: Service) -> bool:
 
 
 def _next(kept: KeptRollout, fleet: Resource, service: Service) -> bool:
-    """Makes the next job; the caller holds the fleet's lease."""
+    """Creates the next rollback job; the caller holds the fleet's lock."""
     rollout = kept.rollout
     if not rollout.rollback_is_due:
         return False
@@ -93,7 +93,7 @@ def _next(kept: KeptRollout, fleet: Resource, service: Service) -> bool:
 
 
 def _returns(rollout: Rollout, service: Service) -> tuple[list[_Return], tuple[str, ...]]:
-    """Robots that have the new version, by the version they had before; and those that had none."""
+    """Groups the robots that have the new version by the version they had before; also returns those that had none."""
     planned = {robot.arn: robot.earlier_job for robot in rollout.plan.robots}
     switched = [
         arn for arn in rollout.plan.order if rollout.robots[arn].outcome == "succeeded" and not rollout.robots[arn].gone

@@ -1,4 +1,4 @@
-"""The table of robots in memory: hashes of their tokens, and the one order that each may have open.
+"""Table of robots in memory: hashes of their tokens, and the one update order that each may have open.
 
 ```
             offer                 cancel
@@ -24,7 +24,7 @@ from .orders import RobotOrder, is_token
 from .received_reports import Feedback
 
 MAX_FEEDBACKS = 1000
-"""Feedbacks of one order that are taken; one that ends it is always taken."""
+"""Limit of the accepted feedback messages about one order; one that ends the order is always accepted."""
 
 _NO_HASH = bytes(32)
 
@@ -35,31 +35,31 @@ class RobotState:
 
     token_hash: bytes
     order: RobotOrder | None = None
-    """Its open order."""
+    """Open update order of a robot; `None`: it has none."""
 
     is_cancelling: bool = False
-    """The robot is asked to give the order up."""
+    """Whether a robot is asked to cancel its update order."""
 
     is_fetched: bool = False
-    """The robot read the order."""
+    """Whether a robot has read its update order."""
 
     feedbacks: int = 0
-    """Number of messages about the order."""
+    """Number of a robot's feedback messages about its update order."""
 
     is_expected: bool = False
-    """An order will follow soon, so the robot polls as often as with one."""
+    """Whether an order will follow soon, so that the robot polls as often as with one."""
 
     wants_attributes: bool = True
-    """The robot is asked to say what it is."""
+    """Whether the robot is asked to report its attributes."""
 
     last_action_id: int = 0
-    """The newest order it ever had here."""
+    """Number of the newest order that the robot ever had here."""
 
     last_feedback: Feedback | None = None
-    """Feedback that closed the last order."""
+    """Feedback message of a robot that closed its last update order."""
 
     def has(self, action_id: int) -> bool:
-        """Whether the robot has an open order of this action id."""
+        """Whether the robot has an open update order of this action id."""
         return self.order is not None and self.order.action_id == action_id
 
 
@@ -73,7 +73,7 @@ class OpenOrders:
         self._robots: dict[str, RobotState] = {}
         self._lock = threading.Lock()
         self.active = 0
-        """Number of robots that had an order, or were to expect one, when they were counted last."""
+        """Number of robots that had an order or were to get one soon, when they were last counted."""
 
     def enrol(self, robot: str, token_hash: bytes) -> None:
         """Adds a robot to the table, by the hash of its token (`hash_token`); a known robot gets the new token."""
@@ -206,13 +206,13 @@ class OpenOrders:
 
 
 LAUNCH_KEY = "robomaker.launch"
-"""Key of the metadata of an order's chunk that says what to launch: a `DeploymentLaunchConfig` as JSON text."""
+"""Metadata key of an order's chunk with the launch configuration: a `DeploymentLaunchConfig` as JSON text."""
 
 TARGET_KEY = "robomaker.target"
-"""Key of the metadata that names the signed deployment document, which is all that an agent goes by."""
+"""Metadata key of an order's chunk with the path of the signed deployment document, the only part that agents use."""
 
 TAGS_KEY = "robomaker.tags"
-"""Key of the metadata with the robot's tags: an object of texts as JSON. They are not signed."""
+"""Metadata key of an order's chunk with the robot's tags: a JSON object of texts. They are not signed."""
 
 _MAX_SLEEP_S = 24 * 3600 - 1
 

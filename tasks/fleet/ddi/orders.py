@@ -1,4 +1,4 @@
-"""An order for one robot: which file it shall install, and what it shall launch; and the tokens of robots."""
+"""Update order for one robot (the file to install, how to launch it), and the tokens with which robots log in."""
 
 import hashlib
 import hmac
@@ -11,10 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from ....schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
 
 MAX_ACTION_ID = 2**31 - 1
-"""The largest action id: SWUpdate turns larger ones into this one, and texts into 0."""
+"""Largest number of an order: SWUpdate turns larger ones into this one, and texts into 0."""
 
 ROBOT_ID = r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}"
-"""Pattern of robots' ids: updaters put them into addresses as they are."""
+"""Pattern of robots' ids: updaters put ids into URLs unescaped."""
 
 RobotId = Annotated[str, Field(pattern=f"^{ROBOT_ID}$")]
 FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,254}$")]
@@ -57,7 +57,7 @@ def new_token(random_bytes: Callable[[int], bytes]) -> str:
     """Makes a secret token with which one robot logs in: 64 hexadecimal digits.
 
     Args:
-        random_bytes: gives that many bytes that others cannot guess, such as `secrets.token_bytes`.
+        random_bytes: function that returns that many unpredictable bytes, such as `secrets.token_bytes`.
     """
     return random_bytes(_BYTES).hex()
 

@@ -1,6 +1,6 @@
-"""Reports that the server received from robots, for the rollout and the catalog.
+"""Reports of robots that the server has received, for the rollout and the catalog.
 
-A report may come twice, when a robot did not see the answer: what takes reports has to take them repeatedly.
+A report may come twice, when a robot did not see the answer, so it must be possible to apply it repeatedly.
 """
 
 import json
@@ -12,10 +12,10 @@ from typing import Any, Literal, TypeVar
 from ....schemas.wire.errors import InvalidParameterException
 
 MAX_DETAILS = 50
-"""Details of one feedback."""
+"""Limit of the details (text lines) of one feedback message."""
 
 MAX_DETAIL_CHARACTERS = 512
-"""Limit on the characters of a detail; of a longer one the beginning is kept."""
+"""Limit of the characters of a detail; of a longer one, the beginning is kept."""
 
 MAX_ATTRIBUTES = 100
 MAX_ATTRIBUTE_CHARACTERS = 128
@@ -62,13 +62,13 @@ class Feedback:
     execution: Execution
     finished: Finished
     count: int | None = None
-    """Number of parts that are done."""
+    """Number of an installation's steps that are done, as the robot reports it."""
 
     of: int | None = None
-    """Number of all parts."""
+    """Number of all steps of an installation, as the robot reports it."""
 
     code: int | None = None
-    """The robot's own number for what happened; updaters of others send none."""
+    """Failure code of the project's own agent; third-party updaters send none."""
 
     details: tuple[str, ...] = ()
 
@@ -231,7 +231,7 @@ class OrderFetched:
     robot: str
     action_id: int
     at_s: float
-    """Seconds since 1970."""
+    """Time of a robot's report, in seconds since 1970."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Deployment jobs: an application brought to the robots of a fleet.
+"""Handlers of operations on deployment jobs, which install an application on the robots of a fleet.
 
-A job is stored as `Pending`; `tasks/fleet/deployment_runs.py` carries it to its end.
+A job is stored as `Pending`; `tasks/fleet/deployment_runs.py` runs it.
 """
 
 from collections.abc import Mapping
@@ -167,7 +167,7 @@ def _stored(
     token: ClientToken | None,
     tags: Mapping[str, str] | None = None,
 ) -> Resource:
-    """Stores a deployment to a fleet whose lease the caller holds, and tells the robots of it."""
+    """Stores a deployment to a fleet and notifies its robots; the caller holds the fleet's lock."""
     last = last_deployment(fleet.arn, service)
     if last is not None and not is_terminal(DEPLOYMENT, last.status):
         raise ConcurrentDeploymentException(
@@ -198,7 +198,7 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
 
 
 def _check(document: DeploymentJobDocument, fleet: Resource, service: Service) -> Resource:
-    """Refuses a deployment that is not possible; the version of the application."""
+    """Raises an error for an impossible deployment; returns the application's version."""
     (config,) = document.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)
@@ -212,7 +212,7 @@ def _document(request: CreateDeploymentJobRequest, service: Service) -> Deployme
 
 
 def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, Any]:
-    """The request's configuration with the defaults that hold, and the batch that its tag may name."""
+    """Returns the request's deployment configuration with defaults filled in, and with the batch that a tag names."""
     config = {**_DEFAULTS, **(request.deploymentConfig or DeploymentConfig()).to_wire()}
     if (batch := required_batch_of(request)) is not None:
         config["requiresBatch"] = batch
@@ -220,7 +220,7 @@ def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, 
 
 
 def _with_condition(config: dict[str, Any], service: Service) -> dict[str, Any]:
-    """The configuration, with the ETag that its condition file has now."""
+    """Returns the deployment configuration with the current ETag of its condition file."""
     file = config.get("downloadConditionFile")
     if file is None:
         return config
@@ -244,7 +244,7 @@ def _job(arn: str, service: Service) -> Resource:
 
 
 def _fleet(job: Resource) -> str:
-    """The ARN of a deployment's fleet."""
+    """Returns the ARN of the fleet that a deployment job is for."""
     return str(job.parent)
 
 

@@ -1,4 +1,4 @@
-"""Fleets: groups of robots that applications are deployed to."""
+"""Handlers of operations on fleets, the groups of robots to which applications are deployed."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -53,7 +53,7 @@ def list_fleets(request: ListFleetsRequest, service: Service) -> Answer:
 def delete_fleet(request: DeleteFleetRequest, service: Service) -> Answer:
     """Handles `DeleteFleet`: deletes a fleet, deregisters its robots, and fails an unfinished deployment.
 
-    A fleet that is not there is gone already.
+    Deleting a fleet that does not exist is no error.
     """
     arn = _checked(request.fleet)
     with suppress(ResourceNotFoundException), fleet_held(arn, service) as fleet:
@@ -95,7 +95,7 @@ def _empty(fleet: Resource, service: Service) -> None:
 
 
 def _summaries(fleets: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
-    """The entries of fleets in a list, in the same order."""
+    """Returns the list entries of fleets, in the same order."""
     last = {fleet.arn: FleetDocument.of(fleet).last_deployment_job or "" for fleet in fleets}
     jobs = service.catalog.get_many(filter(None, last.values()))
     return [_summary(fleet, jobs.get(last[fleet.arn])) for fleet in fleets]

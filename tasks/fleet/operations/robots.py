@@ -1,4 +1,4 @@
-"""Robots: machines that are registered with fleets."""
+"""Handlers of operations on robots, the machines that are registered with fleets."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

@@ -1,9 +1,9 @@
-"""The page of a deployment: what each robot did when, wave by wave, and how it ended."""
+"""HTML report of a deployment: each robot's phases on a time axis, wave by wave, and its result."""
 
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-"""The folder of its templates and of its style sheet."""
+"""Folder of the templates and style sheet of deployment reports."""
 
 STYLES = (FOLDER / "rollout.css",)
-"""Style sheets that other pages need which show the same."""
+"""Style sheets for other pages with the charts of deployment reports."""

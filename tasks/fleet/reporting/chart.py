@@ -1,4 +1,4 @@
-"""Drawings of a rollout: bars of robots, blocks of waves, shares of large fleets, and the time axis."""
+"""SVG charts of a rollout: bars of robots, blocks of waves, failure shares of large fleets, and the time axis."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ class Scale:
 
     @property
     def length_s(self) -> float:
-        """Length of the time axis in seconds; always above 0."""
+        """Length of a deployment chart's time axis in seconds; always above 0."""
         return max(self.until_s - self.from_s, 0.1)
 
     def part(self, at_s: float) -> float:
@@ -58,7 +58,7 @@ def percent(part: float) -> str:
 
 
 COLUMNS = 120
-"""Into how many columns the time is cut."""
+"""Number of columns into which the chart's time axis is divided."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class Block:
     column: int
     columns: int
     below: float
-    """Share of the wave's robots that are drawn below it."""
+    """Share of the wave's robots that are drawn below the rectangle."""
 
     share: float
-    """Share of the wave's robots that did this."""
+    """Share of the wave's robots that are in this phase."""
 
 
 def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
@@ -127,7 +127,7 @@ BAR, WAVE, PANEL = 18, 44, 72
 HEIGHTS: dict[Phase, int] = {"offered": 2, "downloading": 6, "installing": 11, "launching": 16}
 _GAP = 6
 _CELLS = 200
-"""Changes of the share of failures that are nearer than this part of the width are drawn as one."""
+"""Resolution of the failure curve, in cells over the width: changes within one cell are drawn as one."""
 
 
 def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
@@ -178,9 +178,9 @@ def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, s
     """Draws the curve of the share of failed robots, and the failure threshold.
 
     Args:
-        times_s: when each robot failed, in seconds since the epoch.
-        robots: how many take part.
-        threshold_percentage: at which share the rollout stops, in percent.
+        times_s: time at which each robot failed, in seconds since the epoch.
+        robots: number of robots that take part.
+        threshold_percentage: share of failed robots at which the rollout stops, in percent.
         scale: the time.
     """
     steps = _steps(sorted(times_s), scale)
@@ -201,7 +201,7 @@ def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, s
 
 
 def _steps(times_s: Sequence[float], scale: Scale) -> list[tuple[float, int]]:
-    """Positions at which the number of failures changes, with the new number; it begins with none, at 0."""
+    """Returns the positions at which the number of failures changes, with the new number; begins with (0, 0)."""
     steps = {0.0: 0}
     for count, at_s in enumerate(times_s, 1):
         steps[round(scale.part(at_s) * _CELLS) / _CELLS] = count

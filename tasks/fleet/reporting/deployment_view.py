@@ -1,4 +1,4 @@
-"""View model of the page of a deployment; the template only places it."""
+"""View model of a deployment's report: all computed values that the HTML template shows."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,10 +19,10 @@ from .chart import Scale, blocks_of
 from .robot_phases import PHASES, Phase, RobotEnd, Span, end_of, last_moment, spans_of
 
 MOST_ROWS = 200
-"""Robots that the chart has a row each for; of more it shows how many of each wave did what."""
+"""Limit of robots with a row each in the chart; for larger fleets it shows the phases of each wave."""
 
 _MOST_LISTED = 500
-"""Rows of the table of robots; those that need a look stand first."""
+"""Limit of rows in the table of robots; those that need attention are first."""
 
 _STATES: dict[str, tuple[Outcome, str]] = {
     "Succeeded": (Outcome.PASSED, "succeeded"),
@@ -37,14 +37,14 @@ class RobotView:
 
     name: str
     wave: int | None
-    """Number of its wave; None: it cannot get the application."""
+    """Number of the robot's wave; `None`: it cannot get the application."""
     end: RobotEnd
     step: str
-    """Current step, where it deploys; else empty."""
+    """Current step of a robot that is deploying; else empty."""
     before: str
     after: str
     took_s: float | None
-    """Time from its order to its end."""
+    """Time from the robot's order to its end, in seconds; `None`: it has not ended."""
     code: str
     reason: str
     spans: Sequence[Span]
@@ -58,9 +58,9 @@ class WaveView:
     number: int
     count: int
     ends: Sequence[tuple[RobotEnd, int]]
-    """Number of its robots by state, the worst first."""
+    """Number of a deployment wave's robots by result, the worst first."""
     robots: Sequence[RobotView]
-    """Those with a row each; none in a large fleet."""
+    """Robots of the wave with a row each; empty in a large fleet."""
     blocks: Markup
 
 
@@ -84,21 +84,21 @@ class RolloutPage:
     began_at: datetime
     took: str
     counts: Sequence[tuple[RobotEnd, int]]
-    """Number of robots by state, the worst first."""
+    """Number of a deployment's robots by result, the worst first."""
     numbers: Sequence[tuple[str, str]]
-    """Names and values."""
+    """Key figures of the deployment: names and values."""
     facts: Sequence[Fact]
     trouble: Sequence[tuple[str, int, str]] = ()
-    """Failure codes, how many robots failed with each, and what one of them said."""
+    """Failure codes, the number of robots that failed with each, and one robot's reason."""
     waves: Sequence[WaveView] = ()
     robots: Sequence[RobotView] = ()
     hidden: int = 0
-    """Robots that the table leaves out."""
+    """Number of robots that the report's table leaves out."""
     marks: Markup = Markup()  # noqa: RUF009 - it does not change
     axis: Markup = Markup()  # noqa: RUF009
     failures: Markup = Markup()  # noqa: RUF009
     pauses: Sequence[tuple[datetime, str]] = ()
-    """Beginnings and lengths of its pauses."""
+    """Start and duration of each pause of a deployment."""
     phases: Mapping[Phase, str] = field(default_factory=lambda: PHASES)
     threshold: int = 0
     breached_after: str = ""
@@ -262,7 +262,7 @@ def _facts(report: DeploymentReport) -> list[Fact]:
 
 
 def _control(config: DeploymentConfig, rollout: Rollout | None) -> Iterator[Fact]:
-    """Conditions that hold a deployment back, or roll it back."""
+    """Yields the conditions under which the deployment is held back or rolled back."""
     if config.canaryRobots or config.canaryPercentage:
         yield Fact("Canaries", ", ".join(config.canaryRobots or [f"{config.canaryPercentage} %"]))
     if config.requiresApproval:

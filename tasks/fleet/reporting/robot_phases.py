@@ -15,7 +15,7 @@ PHASES: dict[Phase, str] = {
     "installing": "runs the file before the launch",
     "launching": "launches, runs the file after it",
 }
-"""Phases of a robot, in order, and their texts."""
+"""Texts of a robot's phases in a deployment, in order."""
 
 _PHASE_OF: dict[RobotDeploymentStep, Phase] = {
     "Validating": "downloading",
@@ -27,7 +27,10 @@ _PHASE_OF: dict[RobotDeploymentStep, Phase] = {
 }
 _ORDER = list(PHASES)
 _LONGEST_AFTER = 0.5
-"""Robots that returned long after the end would leave no room for the rollout itself: part of its length."""
+"""Limit of the time shown after a rollout's end, as a share of its length.
+
+Robots that returned long after would leave no space for the rollout itself.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class RobotEnd:
     """Result of a deployment for one robot, for the report."""
 
     outcome: Outcome
-    """Sign and colour."""
+    """Kind of a robot's deployment result, which determines sign and colour."""
 
     word: str
 

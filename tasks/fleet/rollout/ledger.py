@@ -1,4 +1,4 @@
-"""The ledger: a rollout with indexes, so that an event costs the same in a fleet of ten and of ten thousand.
+"""State machine of a rollout with indexes, so that an event costs the same in a fleet of ten and of ten thousand.
 
 `Ledger(rollout)` reads a stored rollout, `rollout()` gives it back as one; between the two, `apply` takes in events one
 by one. Time-outs that are due happen first, each at its own moment, so a ledger that was asked rarely ends up like one
@@ -62,7 +62,7 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
         "DeploymentFleetDoesNotExist",
     ),
 }
-"""End of the rollout, and failure code of robots that have begun."""
+"""Final status of the rollout, and failure code of robots that have begun, by cause of the stop."""
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
@@ -90,7 +90,7 @@ class Ledger:
     """State machine of a rollout (deployment to robots), which applies events. Not for several threads at once."""
 
     def __init__(self, rollout: Rollout) -> None:
-        """Reads a rollout, which itself stays as it is."""
+        """Reads a stored rollout, which stays unchanged."""
         self._rollout = rollout
         self._plan = rollout.plan
         self._robots = {robot: rollout.robots[robot] for robot in rollout.plan.order}
@@ -108,7 +108,7 @@ class Ledger:
 
     @property
     def status(self) -> str:
-        """Status of the deployment job."""
+        """Status of the rollout's deployment job."""
         return self._rollout.status
 
     @property
@@ -153,8 +153,6 @@ class Ledger:
         """Returns when to check again, in seconds since the epoch: at the next time-out or maintenance window.
 
         `None`: only events change the rollout.
-
-        Nothing: only events change the rollout.
         """
         return self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None
 
@@ -163,7 +161,7 @@ class Ledger:
 
         Args:
             event: the event to apply. Robots that are not of this rollout are left alone.
-            now_s: when; a time before that of an earlier event counts as that.
+            now_s: time of the event, in seconds since the epoch; times before an earlier event count as that event's.
         """
         if isinstance(event, Outage):
             self._outage(event, now_s)
@@ -216,12 +214,12 @@ class Ledger:
 
     @property
     def _end_s(self) -> float:
-        """Time at which it ends."""
+        """Returns when the whole rollout times out, in seconds since the epoch."""
         return self._rollout.began_s + self._plan.job_timeout_s
 
     @property
     def _is_released(self) -> bool:
-        """Whether it may be the turn of others than canaries."""
+        """Whether robots other than the canaries may get orders."""
         return self._tally.canaries.has_ended and not self.waits_for_approval
 
     @property
@@ -255,7 +253,7 @@ class Ledger:
         self._hold_or_let_go()
 
     def _hold_or_let_go(self) -> None:
-        """Holds orders back that were not fetched, or lets them go, as it has to be now."""
+        """Holds back orders that were not fetched, or releases them, depending on pauses and maintenance windows."""
         windows = self._plan.windows
         self._change_s = next_change_s(windows, self._now_s)
         held = self._rollout.paused or not is_open(windows, self._now_s)
@@ -323,7 +321,7 @@ class Ledger:
         self._line.update(robot)
 
     def _outage(self, event: Outage, now_s: float) -> None:
-        """Moves the deadlines of robots by the part of an outage that has not been taken in."""
+        """Extends the deadlines of robots by the part of an outage that was not applied yet."""
         self.pass_time(min(event.since_s, now_s))
         lasted_s = now_s - self._now_s
         if lasted_s > 0:

@@ -1,4 +1,4 @@
-"""State transitions of one robot's deployment, and how far its download is; pure functions."""
+"""State transitions of one robot's deployment, and estimates of its remaining download time; pure functions."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ _DOWNLOAD = "DownloadingExtracting"
 def with_progress(state: State, event: Progressed, now_s: float) -> State:
     """Returns a robot's rollout state after a progress report.
 
-    A download that begins, or begins again after a loss of power, is measured from there.
+    The speed of a download that begins, or begins again after a loss of power, is measured from that report on.
     """
     step = event.step or state.step
     times = state.step_times
@@ -99,7 +99,7 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
         state: the robot before it.
         event: the report, about its latest order or that of an earlier rollout.
         now_s: time of the event, in seconds since the epoch.
-        timeout_s: how long the robot may take to carry out what it has fetched.
+        timeout_s: time limit for the installation after the robot fetched its order, in seconds.
     """
     if event.action_id == state.earlier_action_id:
         return changed(state, earlier_action_id=None) if isinstance(event, _CLOSING) else state
@@ -156,7 +156,7 @@ def _failed(state: State, code: DeploymentJobErrorCode, reason: str | None, now_
 
 
 def _begun(state: State, now_s: float, timeout_s: float) -> State:
-    """The robot that has shown that it has its order."""
+    """Returns the state of a robot that has shown that it has its order."""
     if state.started_s is not None:
         return changed(state, heard_s=now_s)
     state = changed(state, started_s=now_s, heard_s=now_s)

@@ -1,4 +1,7 @@
-"""A rollout as DescribeDeploymentJob shows it: status, progress and failure of each robot, counts, waits."""
+"""State of a rollout as `DescribeDeploymentJob` returns it.
+
+It has the status, progress and failure of each robot, counts, and causes of waiting.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -90,7 +93,7 @@ def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | 
     """Returns a robot's status (such as InSync or Failed) from its state in the latest rollout.
 
     Args:
-        state: how it stands in the latest rollout of its fleet.
+        state: state of the robot in the latest rollout of its fleet.
         active: whether the rollout is in progress.
 
     Returns:

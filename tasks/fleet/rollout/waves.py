@@ -1,4 +1,4 @@
-"""The waves of a rollout: groups of robots that get their turn one after the other, and the thresholds that end it."""
+"""Waves of a rollout: groups of robots that get their orders one after the other, and the failure thresholds."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -37,7 +37,7 @@ def _groups(robots: list[str], size: int) -> list[tuple[str, ...]]:
 
 
 def waits(state: RobotDeploymentState) -> bool:
-    """Whether a robot waits for its first order."""
+    """Whether a robot waits for its first order in a rollout."""
     return state.order == "none" and not state.has_ended
 
 
@@ -54,7 +54,7 @@ class Line:
 
         Args:
             plan: the rollout's plan.
-            robots: how each stands; read whenever the line is asked.
+            robots: state of each robot; read whenever the queue is used.
         """
         self._robots = robots
         self._canaries = deque(arn for arn in plan.canaries if waits(robots[arn]))
@@ -78,7 +78,7 @@ class Line:
         """Returns the robots that are next to get an order.
 
         Args:
-            count: how many at most.
+            count: largest number of robots.
             first: whether robots get their first order.
             others: whether these may be others than canaries.
         """
@@ -119,7 +119,7 @@ class Group:
     failed: int = 0
 
     def count(self, state: RobotDeploymentState, sign: int) -> None:
-        """Adds a robot to the counts, or removes it (`sign` -1)."""
+        """Adds a robot to the counts of a rollout, or removes it (`sign` -1)."""
         if state.gone is not None and state.outcome is None:
             return
         self.robots += sign
@@ -128,7 +128,7 @@ class Group:
 
     @property
     def has_ended(self) -> bool:
-        """Whether every robot of the group has ended."""
+        """Whether every robot of the group has ended its deployment."""
         return self.ended == self.robots
 
     def breach(self, threshold_percentage: int) -> str | None:

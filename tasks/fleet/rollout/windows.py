@@ -1,4 +1,4 @@
-"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions of them and the time.
+"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions.
 
 Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
 Several that overlap, or follow one another without a gap, are one.
@@ -30,7 +30,7 @@ def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
 def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float | None:
     """Returns until when `is_open` keeps its value, in seconds since the epoch; `None` means forever.
 
-    Usually it changes then; where it does not for a week, this is a moment to ask again. Nothing: it never changes.
+    Usually the value changes then; if it does not for a week, it is only a time to ask again.
     """
     if not windows:
         return None
@@ -70,7 +70,7 @@ def _is_in(spans: Iterator[tuple[float, float]] | Sequence[tuple[float, float]],
 
 
 def _spans(windows: Sequence[MaintenanceWindow], now_s: float) -> Iterator[tuple[float, float]]:
-    """The beginnings and ends of the windows around a time."""
+    """Yields the beginnings and ends of the maintenance windows around a time, in seconds since the epoch."""
     for window in windows:
         zone = ZoneInfo(window.timeZone or "UTC")
         today = datetime.fromtimestamp(now_s, UTC).astimezone(zone).date()
@@ -86,7 +86,7 @@ def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
 
 
 MOST_PAUSES = 100
-"""Earlier ones are forgotten."""
+"""Limit of the stored pauses of a rollout; earlier ones are deleted."""
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
@@ -95,7 +95,7 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
     Args:
         pauses: earlier pauses, oldest first.
         event: a person's decision.
-        now_s: when, in seconds since the epoch.
+        now_s: the time, in seconds since the epoch.
     """
     last = pauses[-1] if pauses else None
     is_paused = last is not None and last.until_s is None
@@ -111,7 +111,7 @@ class Deadlines:
         """Reads the deadlines of robots.
 
         Args:
-            robots: how each stands, in the plan's order; read whenever deadlines are asked for.
+            robots: state of each robot, in the plan's order; read whenever deadlines are needed.
         """
         self._robots = robots
         self._place = {robot: place for place, robot in enumerate(robots)}

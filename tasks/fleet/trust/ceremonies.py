@@ -1,5 +1,8 @@
 # pyright: reportPrivateImportUsage=false
-"""Key ceremonies: root keys that are made for other places, and roots that several holders sign one after the other."""
+"""Key ceremonies of the TUF repository.
+
+They create root keys for storage elsewhere, and let several holders sign a root.
+"""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -33,13 +36,13 @@ class AttestedChange(NamedTuple):
     """Changes that a new TUF root makes to the attestation rules: valid keys, applications that need them."""
 
     keys: Sequence[Key] = ()
-    """Those that agents believe from now on; none: the same as before."""
+    """Public keys whose attestations agents accept from now on; empty: the same as before."""
 
     add: Sequence[str] = ()
     """Applications that need an attestation from now on."""
 
     remove: Sequence[str] = ()
-    """Those that do not any more."""
+    """Applications that no longer need an attestation."""
 
 
 NO_CHANGE = AttestedChange()
@@ -52,8 +55,8 @@ def begin_apart(
 
     Args:
         publisher: publisher on this machine; it gets the keys of the other roles.
-        root_keys: how many root keys are made.
-        threshold: how many of them have to sign a root.
+        root_keys: number of root keys to make.
+        threshold: number of root keys that must sign a root.
         folder: folder for the root keys, such as on a removable medium; it is created.
         change: changes of its rules about attestations; without keys, it names the key of this machine.
 
@@ -104,10 +107,10 @@ class RenewedRoot(NamedTuple):
     version: int
     expires: datetime
     missing: int
-    """Number of missing signatures; 0: it is published."""
+    """Number of signatures that a new TUF root still lacks; 0: it is published."""
 
     new_keys: list[Path]
-    """Files of new root keys, which have signed it already."""
+    """Files of new TUF root keys, which have signed the new root already."""
 
 
 def renew_root(

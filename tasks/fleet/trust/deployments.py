@@ -1,4 +1,4 @@
-"""Targets that agents download: archives, condition and deployment document."""
+"""Files of deployments in the TUF repository that robot agents download: archives, condition program, document."""
 
 # pyright: reportPrivateImportUsage=false
 
@@ -45,7 +45,7 @@ class TargetStep:
         Args:
             target: path of the target.
             path: the file.
-            hashes: what `FileHashes.of` says of it.
+            hashes: length and hashes of the file.
 
         Returns:
             Its key.
@@ -85,7 +85,7 @@ class TargetStep:
 
 
 BundleSuffix = Literal["tar.gz", "zip", "tar"]
-"""Suffix of a bundle's name, by which an agent knows how to unpack it."""
+"""File name suffix of an archive, by which an agent chooses how to unpack it."""
 
 _GZIP, _ZIP = b"\x1f\x8b", b"PK"
 
@@ -215,7 +215,10 @@ def publish(
 def _add_bundles(
     step: TargetStep, sources: Mapping[str, StoredSource], version: str, scratch: Path, service: Service
 ) -> dict[str, _Bundle]:
-    """Adds the archive of each architecture; one that serves several is fetched once."""
+    """Adds the archive of each architecture to the repository.
+
+    One that serves several architectures is fetched once.
+    """
     added: dict[tuple[str, str], _Bundle] = {}
     for source in sources.values():
         place = (source.s3_bucket, source.s3_key)
@@ -246,9 +249,10 @@ def _add_condition(step: TargetStep, job: Resource, path: Path, service: Service
 def _check_attested(
     publisher: Publisher, application: str, attestations: Sequence[bytes], *, is_required: bool
 ) -> None:
-    """Raises an error for a deployment that agents would refuse for its attestations, before they get orders.
+    """Raises an error, before robots get orders, for a deployment that agents would refuse for its attestations.
 
-    Robots may go back to a version whose attestation has a key that agents no longer believe, where they need none.
+    Where no attestation is needed, robots may return to a version whose attestation has a key that is no longer
+    accepted.
     """
     attested = Attested.of(publisher.root().signed)
     if not attestations and attested.demands(application):

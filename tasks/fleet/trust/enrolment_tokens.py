@@ -1,7 +1,7 @@
-"""Enrolment of agents: a one-time token that a person carries to the robot, for a token that the robot made itself.
+"""Enrolment of robot agents: the server accepts a one-time token together with a token that the robot made itself.
 
-The one-time token is 40 characters, a dash, and the SHA-256 of the root that the robot is to trust. So the robot knows
-whom to trust before it has asked anything, and the server never sees the robot's own token.
+The one-time token is 40 characters, a dash, and the SHA-256 of the TUF root that the robot is to trust. So the robot
+knows whom to trust before its first request, and the server stores only a hash of the robot's own token.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from .metadata import Changes, to_bytes
 from .publishing import publisher_of
 
 VALID_S = 3600.0
-"""Time for which a one-time token is valid."""
+"""Validity of a one-time token, in seconds."""
 
 _ROBOT = "robot"
 _SECRET_BYTES = 20
@@ -29,10 +29,10 @@ class OneTimeToken(NamedTuple):
     """One-time token with which a person enrols a robot (lets it log in for the first time)."""
 
     text: str
-    """The whole token."""
+    """Text of the whole token."""
 
     expires_s: float
-    """Time until which it is taken, in seconds since the epoch."""
+    """Time until which the token is accepted, in seconds since the epoch."""
 
 
 def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotate: bool) -> OneTimeToken:
@@ -43,7 +43,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
     Args:
         robot: the robot.
         service: the service, with its catalog and object store.
-        random_bytes: gives that many bytes that others cannot guess.
+        random_bytes: function that returns that many unpredictable bytes.
         rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
 
     Raises:
@@ -113,7 +113,7 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
 
 
 class _Refused(Exception):
-    """The one-time token is not right."""
+    """Raised when a one-time token is wrong, to roll back the transaction."""
 
 
 def _is_taken(known: RobotEnrolment, secret: str, token_sha256: str, now_s: float) -> bool:

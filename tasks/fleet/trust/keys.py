@@ -1,7 +1,7 @@
-"""Private keys of the repository, and other files of one machine: ed25519, each in a file that only its user reads.
+"""Private keys of the TUF repository, and other files of one machine: ed25519, each in a file only its user can read.
 
-A file is named after its role and its key, so that an old and a new key of one role can lie beside each other while
-one takes the other's place.
+A file is named after its role and its key, so that an old and a new key of one role can both exist while one replaces
+the other.
 """
 
 # pyright: reportPrivateImportUsage=false
@@ -28,7 +28,7 @@ from ..artifacts import written
 from .metadata import to_metadata
 
 RandomBytes = Callable[[int], bytes]
-"""Gives that many bytes that others cannot guess."""
+"""Function that returns that many unpredictable bytes."""
 
 _SEED_BYTES = 32
 _SHOWN = 16
@@ -78,7 +78,7 @@ class KeyFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        """The folder."""
+        """Path of the folder with signing keys."""
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -151,11 +151,11 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.keys = KeyFolder(folder)
-        """The keys."""
+        """TUF signing keys of this machine."""
 
     @property
     def folder(self) -> Path:
-        """The folder with the keys and state."""
+        """Folder with this machine's TUF keys and last known repository state."""
         return self.keys.path
 
     def root(self) -> Metadata[Root] | None:
@@ -203,7 +203,7 @@ class Machine:
 
         Args:
             number: number of the newest timestamp in the store.
-            seen: what `seen` said before the store was asked.
+            seen: result of `seen` before the store was read.
 
         Raises:
             ConfigurationError: the object store has only older timestamps, so it was reset to an earlier state.

@@ -1,6 +1,6 @@
-"""Next metadata of the repository, as a pure function of the current metadata, the changes, the keys and the time.
+"""Computes the next TUF metadata as a pure function of the current metadata, the changes, the keys and the time.
 
-A version number that another publisher has used already, and may have died over, is passed over: `taken`.
+A version number that another publisher has used already, and may have died over, is skipped: `taken`.
 """
 
 # pyright: reportPrivateImportUsage=false
@@ -31,7 +31,10 @@ from ....schemas.wire.errors import ConfigurationError
 from .roles import APPLICATIONS, ONLINE_ROLES, application_of, application_role, lifetime_of, target_folder
 
 SignersOf = Callable[[str], Sequence[Signer]]
-"""The keys that sign for a role, of `roles.ONLINE_ROLES` or `roles.APPLICATIONS`; one at least."""
+"""Function that returns the keys (at least one) that sign for a role.
+
+The roles are those of `roles.ONLINE_ROLES`, and `roles.APPLICATIONS`.
+"""
 
 Content = TypeVar("Content", Root, Timestamp, Snapshot, Targets)
 
@@ -47,7 +50,7 @@ class Repository:
     snapshot: Metadata[Snapshot]
     targets: Metadata[Targets]
     applications: Mapping[str, Metadata[Targets]] = field(default_factory=dict)
-    """Metadata of delegated roles, by role; of those that were read."""
+    """Metadata of delegated roles, by role; only of roles that were read."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +58,13 @@ class Changes:
     """Changes to make to the update repository: files to add and remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
-    """New targets, by application and path."""
+    """New target files of the TUF repository, by application and path."""
 
     remove: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """Paths of targets that go, by application."""
+    """Paths of target files to remove from the TUF repository, by application."""
 
     resign: frozenset[str] = frozenset()
-    """Roles that are signed again though they say the same; their metadata has to have been read."""
+    """Roles that are signed again without changes; their metadata must have been read."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +73,13 @@ class Next:
 
     repository: Repository
     files: tuple[tuple[str, int, bytes], ...]
-    """Role, version and content of each."""
+    """TUF role, version and content of each metadata file to write."""
 
     timestamp: bytes
 
 
 Taken = Mapping[str, int]
-"""The highest version of roles that is used already, though the repository does not name it."""
+"""Highest version of each role that is used already, although the repository does not name it."""
 
 
 def to_bytes(metadata: Metadata) -> bytes:
@@ -139,7 +142,7 @@ def next_repository(
 
 
 class _Step:
-    """Makes the metadata of one step, and notes which files are to be written."""
+    """Builds the metadata of one step, and collects the files to write."""
 
     def __init__(self, signers_of: SignersOf, now: datetime, taken: Taken) -> None:
         self._signers_of = signers_of
@@ -207,10 +210,10 @@ def _described(metadata: Metadata) -> MetaFile:
 
 
 MOST_ROOT_KEYS = 16
-"""People do not keep more."""
+"""Limit of the number of root keys: people do not keep more."""
 
 EVERY_APPLICATION = "*"
-"""Stands for all of them among the applications that need an attestation."""
+"""Name that stands for all applications in the list of those that need an attestation."""
 
 _ATTESTED = "robomaker-attested"
 
@@ -223,7 +226,7 @@ class Attested:
     """Public keys whose attestations agents accept, by id; empty: agents do not check attestations."""
 
     applications: frozenset[str] = frozenset()
-    """Applications of which agents install nothing that was not attested."""
+    """Applications of which agents install no version without an attestation."""
 
     @classmethod
     def of(cls, root: Root) -> "Attested":
@@ -265,11 +268,11 @@ def first_root(
     """Makes the first TUF root, signed by all root keys.
 
     Args:
-        root_keys: whose signatures make the next root.
-        threshold: how many of them are needed.
+        root_keys: keys whose signatures are needed for the next root.
+        threshold: number of root keys that must sign the next root.
         online: the key of each of `ONLINE_ROLES`.
         now: the time.
-        attested: its rules about attestations.
+        attested: attestation rules of the root.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -284,13 +287,13 @@ def first_root(
 def following_root(
     known: Metadata[Root], now: datetime, replaced: Mapping[str, Sequence[Key]], attested: Attested | None = None
 ) -> Metadata[Root]:
-    """Makes the TUF root that follows the newest, still without signatures.
+    """Makes the TUF root that follows the newest one, still without signatures.
 
     Args:
-        known: the newest.
+        known: the newest root.
         now: the time.
-        replaced: roles whose keys are replaced, and by which.
-        attested: its rules about attestations; absent: the same as before.
+        replaced: new keys of the roles whose keys are replaced.
+        attested: attestation rules of the root; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1

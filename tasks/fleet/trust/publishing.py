@@ -1,5 +1,5 @@
 # pyright: reportPrivateImportUsage=false
-"""Publishing: what comes next is written beside what is there, and becomes visible by one write.
+"""Publishes TUF metadata: new files are written beside the current ones, and become visible by one write.
 
 ```
    target files ─> N.application-….json ─> N.targets.json ─> N.snapshot.json ─> timestamps/N.json ─> timestamp.json
@@ -7,7 +7,7 @@
 ```
 
 A publisher that dies before the one write leaves files that nothing names. Of two that publish at once, one makes the
-write, and the other begins again from what the first has published.
+write, and the other begins again from the first one's result.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +29,10 @@ from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES, lifetime_of
 _TRIES = 200  # a publisher that is always too late is told so in the end
 
 Decide = Callable[[Repository | None], Changes | None]
-"""Chooses changes to the repository; `None`: no changes. Called again when another publisher was quicker."""
+"""Function that chooses changes to the repository; `None`: no changes.
+
+It is called again when another publisher was quicker.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,10 @@ class Coming:
     """Keys that will be valid once the next TUF root is published."""
 
     root: Metadata[Root] | None = None
-    """The root that follows; its keys sign as well, so that robots which have it already are served, too."""
+    """Next TUF root; its keys sign as well, so that robots that have it already accept the files, too."""
 
     applications: Signer | None = None
-    """The key that signs for all applications from now on; it needs no root, since `targets` names it."""
+    """New key that signs for all applications; it needs no new root, since the role `targets` names it."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +51,19 @@ class Publisher:
     """Publishes signed updates for robots from one machine; several may do so concurrently."""
 
     files: RepositoryFiles
-    """Storage of the repository's files."""
+    """Storage of the TUF repository's files."""
 
     machine: Machine
-    """Keys, and what the machine has seen."""
+    """Keys, and the last repository state that this machine has seen."""
 
     clock: Callable[[], datetime]
-    """The time, with its zone."""
+    """Function that returns the time, with its zone."""
 
     random_bytes: RandomBytes
-    """Random source of new keys."""
+    """Source of random bytes for new signing keys."""
 
     attestation_key: Callable[[], Key] | None = None
-    """The public key of this machine's attestations, made on first use; absent: roots made here name none."""
+    """Function that returns this machine's public attestation key; `None`: roots made here name no such key."""
 
     def attested(self) -> Attested:
         """Returns the attestation rules for a first TUF root."""
@@ -124,7 +127,7 @@ class Publisher:
         """Publishes changes to the update repository, with all signatures in order.
 
         Args:
-            decide: says what is to be different.
+            decide: chooses the changes.
             applications: delegated roles that it is to see; `None`: all of them.
             coming: keys that are about to count.
 

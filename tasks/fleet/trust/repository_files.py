@@ -1,8 +1,8 @@
 # pyright: reportPrivateImportUsage=false
-"""The repository's files in the object store: read and checked as a client would, written each number once.
+"""Files of the TUF repository in the object store: verified like a client would, each version written once.
 
-Who reads it trusts nothing that the store gives: everything has to be signed by the keys of a root that leads back to
-one that this machine knows. Expired metadata may be read here, since it is about to be signed again.
+Nothing that the store returns is trusted: everything must be signed by the keys of a root that leads back to one that
+this machine knows. Expired metadata may be read here, since it is about to be signed again.
 """
 
 from collections.abc import Iterable
@@ -110,7 +110,7 @@ class RepositoryFiles:
     def commit(self, number: int, timestamp: bytes) -> bool:
         """Makes the stored metadata visible by writing the timestamp; returns false if another publisher was first.
 
-        The copy for those who read plain files is brought up to date after it.
+        Afterwards it updates the unnumbered copy of the timestamp, for clients that read plain files.
         """
         if not self._create(timestamp_key(number), timestamp):
             return False

@@ -1,4 +1,4 @@
-"""The roles of the repository: their names, how long signatures are valid, where they are stored, and reading them."""
+"""Roles of the TUF repository: names, signature lifetimes and storage keys, and reading their files for robots."""
 
 import re
 import threading
@@ -13,16 +13,16 @@ from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
 from ...service.service import Service
 
 ONLINE_ROLES = ("targets", "snapshot", "timestamp")
-"""Roles that the root names besides itself; the service has their keys."""
+"""TUF roles besides the root whose keys the service has."""
 
 APPLICATIONS = "applications"
-"""The key of all delegated roles, of which there is one for each application."""
+"""Name of the key of all delegated roles; there is one delegated role for each application."""
 
 KEY_ROLES = ("root", *ONLINE_ROLES, APPLICATIONS)
 """Roles, and groups of roles, that have keys of their own."""
 
 FOLDER = "robots/repository"
-"""Prefix of the repository's keys in the service's bucket."""
+"""Key prefix of the TUF repository in the service's bucket."""
 
 _APPLICATION_ROLE = "application-"
 
@@ -32,10 +32,10 @@ class Lifetime:
     """Time for which a TUF role's signatures are valid, and after which they are renewed."""
 
     valid: timedelta
-    """Validity from the time of the signature."""
+    """Validity of a TUF role's signature, counted from the time of signing."""
 
     renew_before: timedelta
-    """It is signed again once less than that is left; for the root, people are warned."""
+    """Remaining validity below which it is signed again; for the root, people are warned."""
 
     def is_due(self, expires: datetime, now: datetime) -> bool:
         """Whether metadata that expires then should be signed again now."""
@@ -49,7 +49,7 @@ LIFETIMES = {
     "targets": Lifetime(timedelta(days=90), timedelta(days=45)),
     "root": Lifetime(timedelta(days=365), timedelta(days=60)),
 }
-"""Lifetimes of signatures by role; delegated roles have that of `targets`."""
+"""Lifetimes of signatures by role; delegated roles have the lifetime of `targets`."""
 
 
 def lifetime_of(role: str) -> Lifetime:
@@ -78,10 +78,10 @@ def metadata_key(role: str, version: int) -> str:
 
 
 NEWEST_TIMESTAMP_KEY = f"{FOLDER}/metadata/timestamp.json"
-"""Copy of the newest timestamp, for those who read the repository as plain files."""
+"""Object-store key of the copy of the newest timestamp, for clients that read the repository as plain files."""
 
 TIMESTAMPS = f"{FOLDER}/timestamps/"
-"""The numbered timestamps, of which the newest decides what the repository is."""
+"""Object-store prefix of the numbered timestamps; the newest one decides which metadata is current."""
 
 
 def timestamp_key(version: int) -> str:
@@ -101,7 +101,7 @@ def target_key(path: str, sha256: str) -> str:
 
 
 TIMESTAMP_S = 0.25
-"""Time that the newest timestamp is not read again: a whole fleet asks at once; publishers wait so long."""
+"""Time for which the newest timestamp is cached, in seconds, as a whole fleet asks at once; publishers wait so long."""
 
 _KEPT_METADATA = 64
 _UNUSED_S = 86_400.0

@@ -1,4 +1,4 @@
-"""Upkeep of a repository: how long its metadata is valid, and what of it can be removed."""
+"""Upkeep of the TUF repository: expiry of its metadata, and removal of unneeded files."""
 
 # pyright: reportPrivateImportUsage=false
 
@@ -31,7 +31,7 @@ class RoleStanding(NamedTuple):
     keyids: list[str]
     threshold: int
     warning: str
-    """Advice on renewing the role, in words; empty: it needs none."""
+    """Advice on renewing the role's signature, in words; empty: none is needed."""
 
 
 def standing_of(service: Service) -> list[RoleStanding]:
@@ -88,7 +88,7 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
 
     Args:
         role: the role.
-        expires: when what it signed last expires.
+        expires: expiry of the role's latest signature.
         now: the time.
     """
     left = expires - now
@@ -109,7 +109,7 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
 
 
 _KEPT_AFTER = timedelta(days=7)
-"""Time that an expired timestamp stays: a publisher that was stopped for so long must not take its number again."""
+"""Time that an expired timestamp is kept: a publisher that was stopped for so long must not reuse its number."""
 
 
 @dataclass(frozen=True)
@@ -117,10 +117,10 @@ class Unneeded:
     """Files of the update repository that no deployment needs and that can be deleted."""
 
     targets: Mapping[str, frozenset[str]]
-    """Paths of targets, by application."""
+    """Paths of TUF target files that no deployment needs, by application."""
 
     objects: tuple[ObjectInfo, ...]
-    """Contents of these, contents that nothing names, and old metadata."""
+    """Objects to delete: contents of these targets, contents that nothing names, and old metadata."""
 
 
 def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
@@ -166,7 +166,7 @@ def remove_unneeded(publisher: Publisher, unneeded: Unneeded) -> None:
 
 
 def _needed(documents: Set[str], application: Targets, files: RepositoryFiles) -> set[str]:
-    """Paths that the needed documents of an application name, and theirs."""
+    """Returns the target paths of an application that needed documents name, and of the documents themselves."""
     found: set[str] = set()
     for path in documents & application.targets.keys():
         key = target_key(path, application.targets[path].hashes["sha256"])
@@ -180,7 +180,7 @@ def _named_in(document: Mapping[str, Any]) -> Iterable[str]:
 
 
 def _old_metadata(files: RepositoryFiles, now: Repository, publisher: Publisher) -> list[ObjectInfo]:
-    """Timestamps that expired long ago, and metadata that none of the others leads to; no roots."""
+    """Returns timestamps that expired long ago, and metadata that no remaining timestamp refers to; no roots."""
     before = publisher.clock() - _KEPT_AFTER
     newest = now.timestamp.signed.version
     old: list[ObjectInfo] = []
@@ -207,7 +207,7 @@ def _old_metadata(files: RepositoryFiles, now: Repository, publisher: Publisher)
 
 
 def _led_to(files: RepositoryFiles, version: int) -> set[tuple[str, int]]:
-    """The metadata that a snapshot leads to, and itself."""
+    """Returns the role versions that a snapshot refers to, and the snapshot itself."""
     try:
         snapshot = to_metadata(files.metadata("snapshot", version), Snapshot)
     except (ObjectNotFoundError, DeserializationError):

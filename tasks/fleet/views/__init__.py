@@ -1,1 +1,1 @@
-"""Fleets seen: how they and their deployments stand, and the report of a deployment."""
+"""Views of fleets: states of fleets and deployments for the command line, and the report of a deployment."""

@@ -1,4 +1,4 @@
-"""The report of a deployment, from what the catalog has of it."""
+"""Collects the data of a deployment's report from the catalog, and writes the report."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -176,7 +176,7 @@ def _only_one(service: Service) -> Resource:
 
 
 LOOK_S = 1.0
-"""Seconds between two snapshots."""
+"""Interval between two snapshots of a deployment, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -185,13 +185,13 @@ class Look:
 
     job: Resource
     at_s: float
-    """Time of the snapshot, in seconds since the epoch."""
+    """Time of a deployment's snapshot, in seconds since the epoch."""
 
     rollout: Rollout | None = None
     """States of the robots; `None`: the deployment has not begun."""
 
     waves: Sequence[tuple[str, ...]] = ()
-    """ARNs of the robots of each wave."""
+    """ARNs of the robots of each wave of a deployment."""
 
     @property
     def has_ended(self) -> bool:

@@ -1,4 +1,4 @@
-"""Robots of a rollout as rows of a table, and notes about a deployment, for Prefect."""
+"""Table rows for the robots of a rollout, and notes about a deployment, for Prefect."""
 
 from collections.abc import Iterable, Iterator
 

@@ -1,4 +1,4 @@
-"""Roles: the object store as the role that a request names has it, and the roles' users and policies on S3 servers."""
+"""Access roles: the object store restricted to a role's rights, and users and policies for roles on S3 servers."""
 
 from .acting import Roles, open_roles
 from .roles_file import Keys, ReadBlock, read_roles_file

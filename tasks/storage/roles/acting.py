@@ -1,4 +1,4 @@
-"""The object store as a role has it, confined to its places where no server does that."""
+"""Object store with the rights of an access role, restricted here where no server does it."""
 
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ class ConfinedStore(StoreOver):
 
     Args:
         store: the store behind it.
-        role: what may be read and written.
+        role: the access role, with the keys that may be read and written.
         arn: the ARN of the request, for messages.
     """
 
@@ -62,7 +62,7 @@ class ConfinedStore(StoreOver):
 
 
 def _no_blocks(slug: str, name: str) -> None:
-    """Refuses a block of Prefect, where nothing that knows Prefect has been passed in."""
+    """Raises an error for credentials in a Prefect block, if no function to read blocks was given."""
     raise CredentialsRefusedError(f"the block {slug}/{name} cannot be read here: this process does not use Prefect")
 
 
@@ -79,16 +79,16 @@ class _Opened:
 class Roles:
     """All access roles of a service, with their object stores and credentials, opened on first use.
 
-    A role that was opened keeps its credentials until this process ends; those of an assumed role are had again.
+    The credentials of an opened role are kept until this process ends; those of an assumed role are renewed.
     """
 
     roles: Sequence[Role]
     own_store: ObjectStore
-    """This process's own store, which the directory of a role is confined in."""
+    """Object store of this process, of which roles on a directory get a restricted view."""
 
     settings: Settings
     environ: Mapping[str, str]
-    """Environment variables: roles are assumed with the credentials that these name."""
+    """Environment variables with the credentials that assume roles."""
 
     read_block: ReadBlock = _no_blocks
     opened: _Opened = field(default_factory=_Opened)
@@ -116,7 +116,7 @@ class Roles:
         """Returns a role's current credentials; `None` if objects are local files.
 
         Raises:
-            StorageError: see `store_of`; or they cannot be had again.
+            StorageError: see `store_of`; or the credentials cannot be renewed.
         """
         self.store_of(arn)
         session = self.opened.sessions.get(arn)

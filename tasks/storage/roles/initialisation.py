@@ -1,4 +1,4 @@
-"""Making what roles need on an S3 server: buckets, users with policies, and their keys in the roles file."""
+"""Sets up access roles on an S3 server: buckets, users with policies, and their keys in the roles file."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ class MinioUsers:
         )
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the MinIO server."""
         return self._ask("look for a user", lambda: self._admin.user_info(name), missing="404") is not None
 
     def ensure(self, name: str, policy: str) -> None:
@@ -91,7 +91,7 @@ class MinioUsers:
 
 _POLICY = "robomaker-role"
 _READ_ONLY = "IAM write operations are disabled"
-"""Part of SeaweedFS's refusal, which it gives unless it is started otherwise."""
+"""Part of the error message of a SeaweedFS server that was started without write access to users."""
 
 _HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILINE)
 
@@ -159,7 +159,7 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
 
     Args:
         path: the file.
-        index: which of its roles.
+        index: number of the role in the file, from 0.
         access_key_id: the key's id.
         secret_access_key: the key.
 
@@ -185,23 +185,23 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
 
 
 class _Users(Protocol):
-    """The users of an S3 server."""
+    """Interface for the users of an S3 server."""
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the S3 server."""
         ...
 
     def ensure(self, name: str, policy: str) -> None:
-        """Sets the policy of a user."""
+        """Sets the policy of a user on the S3 server."""
         ...
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates an access key; returns its id and secret."""
+        """Creates an access key for a user of the S3 server; returns its id and secret."""
         ...
 
 
 def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
-    """The users of a server, by the interface that it has for them.
+    """Returns the client for a server's users, depending on the interface that the server has.
 
     Raises:
         StorageError: the server does not answer.
@@ -213,7 +213,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
 
 def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
-    """Name that a server gives itself in the header `Server`, also when it refuses."""
+    """Returns the server's name in the header `Server`, also if it refuses the request."""
     from botocore.exceptions import BotoCoreError, ClientError
 
     from ..s3.failures import from_client_error
@@ -237,17 +237,17 @@ class IamUsers:
         self._iam: Any = session.client("iam", region_name=region, endpoint_url=endpoint)
 
     def has(self, name: str) -> bool:
-        """Whether a user exists."""
+        """Whether a user exists on the server, by its IAM interface."""
         return self.ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Creates a user unless it exists, and sets its policy."""
+        """Creates a user by the IAM interface unless it exists, and sets its policy."""
         self.ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
         request = {"UserName": name, "PolicyName": _POLICY, "PolicyDocument": policy}
         self.ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates an access key; returns its id and secret."""
+        """Creates an access key of a user by the IAM interface; returns its id and secret."""
         made = self.ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
         return made["AccessKeyId"], made["SecretAccessKey"]
 
@@ -255,15 +255,15 @@ class IamUsers:
         """Calls the server.
 
         Args:
-            doing: What is done, for errors.
-            call: The call.
-            expected: Code of an error that is none.
+            doing: description of the action, for errors.
+            call: the call.
+            expected: error code that is not treated as an error.
 
         Returns:
             The answer; `None` for the expected error.
 
         Raises:
-            StorageError: The server refuses, or does not answer.
+            StorageError: the server refuses, or does not answer.
         """
         from botocore.exceptions import BotoCoreError, ClientError
 

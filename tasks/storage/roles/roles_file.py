@@ -1,4 +1,4 @@
-"""The roles file: its credentials at one moment, and the S3 policy of each role."""
+"""Roles file: reading it, the credentials of a role, and the S3 policy of each role."""
 
 import json
 import stat
@@ -58,7 +58,7 @@ def parse_roles(text: str, where: str) -> tuple[Role, ...]:
 
 
 def _problem(error: ValidationError) -> str:
-    """The first problem, without the value: that may be a secret."""
+    """Describes the first error in the roles file without its value, which may be a secret."""
     first = error.errors(include_url=False, include_input=False)[0]
     path = list(first["loc"])
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
@@ -69,7 +69,10 @@ def _problem(error: ValidationError) -> str:
 
 
 ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
-"""The content of a block of Prefect, with its secrets, by its type's slug and its name; `None`: there is none."""
+"""Function that returns the content of a Prefect block, with its secrets, by type slug and name.
+
+It returns `None` if the block is missing.
+"""
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Keys:
     secret_access_key: str = field(repr=False)
     session_token: str | None = field(default=None, repr=False)
     expires_at: datetime | None = None
-    """Time at which they run out; `None`: they do not, or it is not said when."""
+    """Time at which the credentials expire; `None`: never, or unknown."""
 
 
 _READ = ("s3:GetObject",)
@@ -108,7 +111,7 @@ def policy_of(role: Role) -> str:
 
 
 def _listed(role: Role) -> dict[str, list[str]]:
-    """The prefixes that may be listed, by bucket."""
+    """Returns the key prefixes that a role may list, by bucket."""
     found: dict[str, list[str]] = {}
     for place in (*role.read, *role.write):
         bucket, _, prefix = place.partition("/")

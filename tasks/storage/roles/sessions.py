@@ -1,4 +1,4 @@
-"""Sessions of boto3 with the credentials of a role, which are had again before they run out."""
+"""boto3 sessions with the credentials of a role, which are renewed before they expire."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ _SESSION_NAME = "robomaker"
 
 
 class _Sts(Protocol):
-    """Methods used of the STS client, whose stubs are not installed."""
+    """Methods of the STS client that are used here, as its type stubs are not installed."""
 
     def assume_role(self, **request: Any) -> Mapping[str, Any]: ...
 
 
 class _Clients(Protocol):
-    """The same of a session."""
+    """Methods of a session that are used here, as its type stubs are not installed."""
 
     def client(self, service_name: str, *, region_name: str, endpoint_url: str | None) -> Any: ...
 
@@ -76,7 +76,7 @@ class SessionSource:
         return _session_with(credentials)
 
     def _source(self, role: Role, arn: str) -> Session:
-        """A session with the credentials that the role names, or that assume it."""
+        """Opens a session with the credentials that a role names, or with those that can assume the role."""
         if role.access_key_id:
             return new_session(role.access_key_id, role.secret_access_key, role.session_token)
         try:
@@ -109,7 +109,7 @@ class SessionSource:
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
-        """Requests credentials from STS; the policy restricts the rights of the server's role to the role's places."""
+        """Requests temporary credentials from STS; a policy restricts them to the keys that the role may access."""
         wanted = arn if role.assume_role == ITSELF else role.assume_role
         request: dict[str, Any] = {
             "RoleArn": wanted,

@@ -1,4 +1,4 @@
-"""Objects on S3 servers: one store, with quick ways for small objects and for the parts of large ones."""
+"""Object store on S3 servers, with faster paths for small objects and for parts of large ones."""
 
 from .store import S3Store
 

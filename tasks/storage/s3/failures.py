@@ -92,7 +92,7 @@ _NO_CREDENTIALS = (
 # A name that is not known, a connection that is refused, breaks, or brings nothing in time.
 _BROKEN_CONNECTIONS = (HTTPClientError, NoConnectionError, IncompleteReadError)
 _NOT_TRUSTED = (SSLError, ProxyConnectionError)
-"""These are connection errors too, but settings have to change."""
+"""boto3's errors of TLS and proxies, which are connection errors too, but need a change of settings."""
 
 
 @contextmanager
@@ -100,7 +100,7 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
     """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`.
 
     Args:
-        doing: what is being done, in words that follow "cannot".
+        doing: description of the action, in words that follow "cannot".
         endpoint: URL of the server; every message names it, as a wrong endpoint has the strangest symptoms.
     """
     try:

@@ -1,6 +1,6 @@
-"""Large objects: sent in parts, several at once, each read once; the server puts them together under one CRC32.
+"""Multipart uploads of large objects: several parts at once, each read once; the server combines their CRC32.
 
-boto3's own transfers read a file twice where its CRC32 is asked for, and send it in pieces of 16 KB; that is two thirds
+boto3's own transfers read a file twice where its CRC32 is requested, and send it in pieces of 16 KB; that is two thirds
 of the processor time that an upload takes.
 """
 
@@ -37,11 +37,11 @@ class _Upload:
     key: str
     id: str
     over: threading.Event
-    """Set when it is not wanted any more, or a part could not be stored."""
+    """Set when the upload is no longer wanted, or a part could not be stored."""
 
 
 class _Sent(NamedTuple):
-    """A part that the server has."""
+    """Part of a multipart upload that the server has stored."""
 
     part: "CompletedPartTypeDef"
     """Entry of the part in the request that completes the upload."""
@@ -69,7 +69,7 @@ class PartedUploads:
             bucket: the bucket.
             key: the object's key.
             path: the file, which is not empty.
-            stopped: asked several times a second.
+            stopped: called several times a second; true stops the upload.
 
         Returns:
             Size and CRC32, in base64, of what was sent. Where the server has lost sight of the upload at its end, the
@@ -160,7 +160,7 @@ class PartedUploads:
 
 
 class _Body(BytesIO):
-    """A part that stops being read when it is not wanted any more."""
+    """File part as a request body, which stops being read when the upload is no longer wanted."""
 
     def __init__(self, data: bytes, over: threading.Event) -> None:
         super().__init__(data)

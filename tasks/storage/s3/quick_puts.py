@@ -1,8 +1,8 @@
-"""Objects and parts stored past boto3's client, which takes three times as long for each as to sign and to send it.
+"""Fast uploads of objects and parts: signed requests without boto3's client, which takes three times as long for each.
 
-Only what the client would do first is done here: one signed request, with the same CRC32, over the client's own
-connections, so that its proxies, certificates and timeouts count. Whatever has another answer than that the object is
-stored is left to the client, which tries again, finds regions and says what is wrong.
+A request here has the same CRC32, and uses the client's own connections, so that its proxies, certificates and timeouts
+count. If the answer is anything but success, the caller uses the client, which retries, finds regions and explains
+errors.
 """
 
 import hashlib
@@ -24,7 +24,10 @@ _STORED = 200
 _USUAL_PORTS = {"http": 80, "https": 443}
 _ALGORITHM = "AWS4-HMAC-SHA256"
 _PIECE_BYTES = 256 << 10
-"""Bytes of a piece; between two pieces the transfer may be stopped: a slow connection takes seconds for one."""
+"""Size in bytes of the pieces in which data are sent.
+
+Between two pieces the transfer may be stopped; on a slow connection a piece takes seconds.
+"""
 
 
 class Stored(NamedTuple):
@@ -36,7 +39,7 @@ class Stored(NamedTuple):
 
 
 class _Answer(Protocol):
-    """Members used of a response of botocore's HTTP session."""
+    """Members of a response of botocore's HTTP session that are used here."""
 
     @property
     def status_code(self) -> int: ...
@@ -68,7 +71,7 @@ class QuickPuts:
     """Fast uploads to an S3 endpoint with path-style buckets: signs requests without botocore.
 
     Args:
-        client: whose connections are used.
+        client: boto3 client whose connections are used.
         endpoint_url: the endpoint.
         region: the region to sign for.
         session: boto3 session with the credentials.
@@ -103,7 +106,7 @@ class QuickPuts:
             data: content of the object or part.
             crc32: CRC32 of the data, in base64; the server compares it.
             query: names the part, quoted, with its members in order; none for an object.
-            stopped: says, between two pieces, whether it is not wanted any more.
+            stopped: called between two pieces; true stops the transfer.
 
         Returns:
             What is said of it; `None`: it may not be stored, for a reason that the client will find.

@@ -73,7 +73,7 @@ _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3
 
 
 class _Session(Protocol):
-    """Methods used of a session; the stubs of its `client` name services whose own stubs are not installed."""
+    """Methods of a boto3 session that are used here; the stubs of `client` name services without installed stubs."""
 
     def client(
         self, service_name: Literal["s3"], *, region_name: str, endpoint_url: str | None, config: Config
@@ -81,7 +81,7 @@ class _Session(Protocol):
 
 
 class _Entry(TypedDict):
-    """Members used of an entry of a list; the stubs call these optional, and every server gives them."""
+    """Members of a list entry that are used here; stubs call them optional, but every server sends them."""
 
     Key: str
     Size: int
@@ -90,7 +90,7 @@ class _Entry(TypedDict):
 
 
 class _Upload(TypedDict):
-    """The same of an upload in parts."""
+    """Members of a multipart upload that are used here; stubs call them optional, but every server sends them."""
 
     Key: str
     UploadId: str
@@ -262,7 +262,7 @@ class S3Store:
         return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns an object's content."""
+        """Returns the content of an object on the S3 server."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
@@ -270,7 +270,7 @@ class S3Store:
         return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns an object's metadata."""
+        """Returns the metadata of an object on the S3 server."""
         _check(bucket, key)
         with self._failures(f"read {bucket}/{key}"):
             return _info(bucket, key, self._head(bucket, key))
@@ -329,7 +329,7 @@ class S3Store:
         return None
 
     def _prober(self) -> "S3Client":
-        """A client without patience, made when it is asked for; boto3 makes one at a time."""
+        """Returns a client with short time limits, made on first use; boto3 can make only one at a time."""
         with self._lock:
             if self._probing is None:
                 self._probing = self._connect_prober()
@@ -383,7 +383,7 @@ class S3Store:
             raise ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} at {self._endpoint}") from error
 
     def _fetch(self, bucket: str, key: str, target: BinaryIO) -> ObjectInfo:
-        """Fetches one version of an object; begins again when it is replaced or the connection breaks meanwhile."""
+        """Downloads one version of an object; starts again if it is replaced or the connection breaks meanwhile."""
         for last in [False] * _RESTARTS + [True]:
             target.seek(0)
             target.truncate()
@@ -398,7 +398,7 @@ class S3Store:
         raise AssertionError("the last attempt returns or raises")
 
     def _receive(self, bucket: str, key: str, answer: "GetObjectOutputTypeDef", target: BinaryIO) -> None:
-        """Receives the version that was answered: small ones at once, parts of large ones side by side."""
+        """Receives the object version of an answer: small ones at once, parts of large ones concurrently."""
         # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
         with closing(answer["Body"]) as body:
             if answer["ContentLength"] < _LARGE_BYTES:
@@ -410,7 +410,7 @@ class S3Store:
 
 
 class _Known(BaseSubscriber):
-    """Passes the known size and ETag of an object to a transfer, so that it sends no request for them."""
+    """Passes an object's known size and ETag to boto3's transfer, so that it sends no request for them."""
 
     def __init__(self, answer: "GetObjectOutputTypeDef") -> None:
         self._answer = answer

@@ -1,4 +1,4 @@
 """World bundles (a world's folder of files).
 
-Writing, reading and checking them, and the child processes that build and draw worlds.
+The modules write, read and check them; child processes build and draw worlds.
 """

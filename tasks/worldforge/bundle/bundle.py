@@ -29,11 +29,9 @@ def write_bundle(world: World, folder: Path) -> str:
 
     The preview picture takes longer than all of these together, so it is drawn only when somebody looks at the world.
 
-    A preview takes longer than all of it, and is drawn when somebody looks at the world.
-
     Args:
         world: the world.
-        folder: where; must not exist, its parent is made if need be.
+        folder: target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.
@@ -49,7 +47,7 @@ def write_files(files: Mapping[str, bytes], folder: Path) -> str:
 
     Args:
         files: contents by their paths in the bundle.
-        folder: where; must not exist, its parent is made if need be.
+        folder: target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.
@@ -134,7 +132,7 @@ class PlainModel(NamedTuple):
     names: Mapping[str, str]
     """Names as `world.json` and the other files have them, by the plain name that replaces them.
 
-    Only names that differ.
+    It has only names that differ.
     """
 
 

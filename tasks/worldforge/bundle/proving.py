@@ -1,6 +1,6 @@
 """Checks a stored world again from its files.
 
-Measures its model, and compares map, description and manifest with it.
+It measures the world's model, and compares map, description and manifest with it.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -36,7 +36,7 @@ _NOT_OF_THE_WORLD = {PREVIEW_FILE, "manifest.json"}
 _UNCOMPARED = {"contentHash", "proofs"}
 """Members of a world's description file that are not compared with `world.json`.
 
-The reason: they say nothing about the world itself.
+They say nothing about the world itself.
 """
 
 _LESS_COMPARED: dict[Guarantee, str] = {
@@ -51,7 +51,7 @@ def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = Non
 
     Args:
         world: the world.
-        folder: its bundle.
+        folder: folder of the world's bundle.
         digests: SHA-256 of its files by their paths, from the manifest it was stored with; absent if it has none.
         pushed: whether loose objects are pushed, too.
 
@@ -162,7 +162,7 @@ def _plan(folder: Path) -> str | None:
 def _difference(said: Any, right: Any, path: str = "") -> str | None:
     """Describes the first member in which two descriptions of a world differ, with both values.
 
-    `None` if they are equal.
+    Returns `None` if they are equal.
     """
     if isinstance(said, dict) and isinstance(right, dict):
         pairs = ((f"{path}.{key}".strip("."), said.get(key), right.get(key)) for key in sorted({*said, *right}))

@@ -1,8 +1,6 @@
 """Occupancy map for a robot of a given height: it shows table legs, and leaves out parts that the robot drives under.
 
 Bundles have a coarser map, in which furniture is as large as its outline.
-
-Bundles have a coarser one, in which furniture is as large as its outline.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -23,7 +21,7 @@ MAP_FILES = ("map.pgm", "map.yaml")
 HEIGHTS_M = 0.05, 2.0
 """Least and greatest height of a robot that a map can be made for, in metres.
 
-From just above flat things on the floor to below the lintels of doors.
+They reach from just above flat things on the floor to below the lintels of doors.
 """
 
 _TOUCHING_M = 1e-4
@@ -35,12 +33,12 @@ class Scene(Protocol):
 
     @property
     def world(self) -> World:
-        """Content of `world.json`."""
+        """World record: the content of `world.json`."""
         ...
 
     @property
     def model(self) -> mujoco.MjModel:
-        """Compiled model of `world.xml`."""
+        """MuJoCo model compiled from `world.xml`."""
         ...
 
 
@@ -49,8 +47,8 @@ def write_robot_map(scene: Scene, folder: Path, height_m: float = ROBOT_HIGH_M) 
 
     Args:
         scene: the world.
-        folder: where to.
-        height_m: of the robot.
+        folder: target folder.
+        height_m: height of the robot, in metres.
 
     Raises:
         ValueError: no robot is so high.
@@ -64,7 +62,7 @@ def robot_map(scene: Scene, height_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
 
     Args:
         scene: the world.
-        height_m: of the robot.
+        height_m: height of the robot, in metres.
 
     Raises:
         ValueError: no robot is so high.

@@ -2,9 +2,6 @@
 
 The map shows the floor cells that are connected to the start without a fixed thing between, and the faces of obstacles
 around them. Doors and loose objects do not separate cells, as robots push these.
-
-Cells of the floor are known that are joined to the start by floor without a fixed thing between, and the faces of what
-is around them. Doors and loose things do not part them, as robots push these.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -33,7 +30,7 @@ START_RADIUS_M = 0.5
 _ABOVE_FLOOR_M = 0.5
 """Height from which the floor is searched downwards, in metres.
 
-Below most table tops, above floors that are not quite at 0.
+It is below most table tops, and above floors that are not quite at 0.
 """
 _NEAR_M = 0.3
 """Height above the stated floor height from which the floor is searched downwards, in metres.
@@ -52,7 +49,7 @@ _STANDING = 0.1
 """Upward part of a plane's normal below which the plane is a wall and no floor."""
 _MARGIN_M = 1.0
 _MOST_SIDE_M = 200.0
-"""Limit of the side of a map, in metres; 4,000 cells."""
+"""Limit of the side of an occupancy map, in metres; 4,000 cells."""
 _BARE_SIDE_M = 20.0
 """Side of the map of a world that consists of an infinite plane only, in metres."""
 _SEEN_DEPTH_M = 1.5
@@ -74,15 +71,15 @@ class Ground:
     grid: OccupancyGrid
     """Occupancy grid with all obstacles; no cell is marked as free yet."""
     supported: NDArray[np.bool_]
-    """Cells that have a floor."""
+    """Mask of the map cells that have a floor."""
     owners: NDArray[np.int32]
-    """Number of the geom that occupies a cell; -1: none."""
+    """Id of the geom that occupies each map cell; -1: none."""
     blocked: NDArray[np.bool_]
-    """Cells that something fixed occupies."""
+    """Mask of the map cells that a fixed object occupies."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the cells with a floor and without obstacle."""
+        """Mask of the map cells with a floor and without an obstacle."""
         return self.supported & ~self.grid.occupied
 
 
@@ -91,7 +88,7 @@ def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m
 
     Args:
         model: the compiled world.
-        data: where everything is.
+        data: MuJoCo state of the world.
         point: the place.
         near_m: height that the floor is near, as in a building of several storeys; without, the floor is the first
             surface below 0.5 m, else the lowest one with a metre of free space above.
@@ -127,7 +124,7 @@ def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, to
 def _ray(model: mujoco.MjModel, data: mujoco.MjData, start: tuple[float, float, float], up: float) -> float:
     """Returns the distance from a point to the first surface above it (`up` is 1) or below it (-1).
 
-    Negative if there is none.
+    The distance is negative if there is none.
     """
     along = np.array([0.0, 0.0, up])
     return float(mujoco.mj_ray(model, data, np.array(start), along, None, True, -1, np.zeros(1, np.int32)))
@@ -174,8 +171,8 @@ def ground_at(
     """Scans a world from above for floor and obstacles at one floor height.
 
     Args:
-        model: its compiled model.
-        data: where everything is.
+        model: compiled model of the world.
+        data: MuJoCo state of the world.
         floor_m: height of the floor.
         near: place that has to be on the map of a world larger than a map can be.
         high_m: height of the robot.
@@ -314,7 +311,7 @@ def survey(model: mujoco.MjModel, high_m: float = ROBOT_HIGH_M) -> OccupancyGrid
     """Computes the occupancy grid of a world whose robot starts at the origin.
 
     Args:
-        model: its compiled model.
+        model: compiled model of the world.
         high_m: height of the robot.
     """
     data = mujoco.MjData(model)
@@ -327,7 +324,7 @@ def known_map(ground: Ground, start: Point) -> OccupancyGrid:
 
     Args:
         ground: the world from above.
-        start: where the robot starts.
+        start: start position of the robot.
     """
     grid = ground.grid
     reached = connected(ground.supported & ~ground.blocked, grid.cell(start))
@@ -355,7 +352,7 @@ def on_map(cells: NDArray[np.bool_], ground: Ground, grid: OccupancyGrid) -> NDA
     Args:
         cells: cells of `ground`.
         ground: the world from above.
-        grid: its map.
+        grid: occupancy grid of the world.
     """
     row, column = ground.grid.cell((grid.origin[0] + RESOLUTION_M / 2, grid.origin[1] + RESOLUTION_M / 2))
     found = np.zeros_like(grid.known)
@@ -378,7 +375,7 @@ def wall_boxes(cells: NDArray[np.bool_], grid: OccupancyGrid) -> list[tuple[floa
 
     Args:
         cells: cells of the grid.
-        grid: where they are.
+        grid: occupancy grid with the cells' positions.
     """
     size, blocks = grid.resolution_m, cells
     while True:

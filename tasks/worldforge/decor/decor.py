@@ -136,9 +136,9 @@ class Decoration:
     """Decoration of a world (pictures, curtains, lamps, ...), as MJCF."""
 
     assets: list[str] = field(default_factory=list)
-    """MJCF lines that define the meshes."""
+    """MJCF lines that define the decoration's meshes."""
     geoms: list[str] = field(default_factory=list)
-    """MJCF lines of geoms for the `worldbody`."""
+    """MJCF lines of the decoration's geoms for the `worldbody`."""
     files: dict[str, str] = field(default_factory=dict)
     """Content of the mesh files, by their paths relative to the model."""
 

@@ -26,7 +26,7 @@ class Face:
     room: Room
     along_x: bool
     at: float
-    """Coordinate of the face across the wall, in metres."""
+    """Coordinate of a wall's face across the wall, in metres."""
     inward: float
     """Direction from the wall into the room along the axis across the wall: 1 or -1."""
     span: Span
@@ -124,7 +124,7 @@ Standing = tuple[Box, float]
 
 
 def covered(world: World, room: str) -> list[Standing]:
-    """Lists the furniture on a room's floor: area and height."""
+    """Lists the furniture on a room's floor: footprint and height of each piece."""
     return [
         (box_of(item), item.height_m) for item in world.furniture if item.room == room and not item.movable
     ]  # fmt: skip

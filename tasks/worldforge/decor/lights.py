@@ -1,8 +1,6 @@
 """Light of a world by day (sun and ceiling lamps), and ceilings and skirting boards.
 
 MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
-
-MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
 """
 
 from collections.abc import Iterator, Sequence

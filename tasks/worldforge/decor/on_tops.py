@@ -90,7 +90,7 @@ class _Top:
     part: Part
     taken: list[Box]
     headroom: float
-    """Free height above the surface, in metres."""
+    """Free height above a furniture surface, in metres."""
 
     @classmethod
     def of(cls, item: Furniture, loose: Sequence[Furniture]) -> "_Top | None":

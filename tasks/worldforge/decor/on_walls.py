@@ -52,8 +52,8 @@ class _Wall:
         """Finds a free stretch on the wall that is wide enough, and returns its middle.
 
         Args:
-            wide: of what hangs there.
-            below: how high what stands there may be.
+            wide: width of the decoration, in metres.
+            below: largest height of furniture below it, in metres.
         """
         low, high = self.face.inner
         reach = wide / 2 + _FROM_CORNER_M

@@ -2,9 +2,6 @@
 
 The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
 sun out of MuJoCo's pictures.
-
-The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
-sun out of MuJoCo's pictures.
 """
 
 from collections.abc import Iterator, Sequence
@@ -62,8 +59,6 @@ def pierced_wall(
 
     They are meshes because a pattern has to continue from part to part, which boxes with textures of their own do not
     do.
-
-    A pattern has to continue from piece to piece, which boxes with pictures of their own do not do.
     """
     along_x, at, span = wall_span(wall)
     pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))
@@ -97,7 +92,7 @@ def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: 
 def _patterned(pieces: Sequence[Rectangle], half: float, size_m: tuple[float, float]) -> Mesh:
     """Makes one mesh of boxes whose texture continues from one box to the next.
 
-    Axes are along, up, through the wall.
+    The mesh's axes point along, up, and through the wall.
     """
     vertices, triangles = joined(part for piece in pieces for part in _box(piece, half))
     normals = _normals(vertices, triangles)

@@ -2,9 +2,6 @@
 
 Windows of other rooms come from the search for floor plans, which weighs daylight. A bathroom's window depends only on
 its walls and not on chance, so that the plans of existing seeds stay the same.
-
-The plans of other rooms have theirs from the search for plans, which weighs daylight; a bathroom gets what its walls
-happen to allow, without chance, so that plans stay what they are.
 """
 
 from math import dist

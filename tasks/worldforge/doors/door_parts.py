@@ -1,8 +1,6 @@
 """Parts of doors as MJCF: leaves with panels, glass or boards and their poses, handles, and frames.
 
 A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
-
-A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 """
 
 from collections.abc import Callable, Iterator
@@ -149,7 +147,7 @@ HANDLE_M = 0.06
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
-    """Returns the piece of wall above a doorway."""
+    """Returns the piece of wall above a doorway (its lintel)."""
     ends = {passage.start, passage.end}
     return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 
@@ -159,7 +157,7 @@ def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
 
     Args:
         door: the door.
-        angle_rad: how far it is open; None: as it is at first.
+        angle_rad: opening angle in radians; `None`: the initial one.
     """
     yaw = door.yaw_at(door.open_angle_rad if angle_rad is None else angle_rad)
     u, v = cos(yaw), sin(yaw)
@@ -174,7 +172,7 @@ def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Poi
 
     Args:
         plan: the plan.
-        fully_open: as far open as they go, not as they are at first.
+        fully_open: whether doors are taken as fully open, and not as they are initially.
     """
     doors = [passage.door for passage in plan.passages if passage.door]
     return [leaf_corners(door, door.max_angle_rad if fully_open else None) for door in doors]
@@ -216,7 +214,7 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
 
     Args:
         door: the door.
-        closed_frame: in the leaf's own frame instead.
+        closed_frame: whether shapes are given in the leaf's own frame instead.
     """
     yaw = 0.0 if closed_frame else door.yaw_at(door.open_angle_rad)
     (x0, y0), c, s = ((0.0, 0.0) if closed_frame else door.hinge), cos(yaw), sin(yaw)

@@ -19,7 +19,7 @@ from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_cor
 from .door_parts import HANDLE_M, leaf_outlines, lintel_over, open_box
 
 THICKNESS_M = 0.04
-"""Thickness of the leaf, in metres."""
+"""Thickness of a door's leaf, in metres."""
 GAP_M = 0.005
 """Gap between a door leaf and its frame, in metres, on every side but the floor's."""
 BOTTOM_M = 0.01
@@ -31,7 +31,7 @@ _APPROACH_M = 0.6
 _ROBOT_M = 0.25
 """Radius of the robot that must reach every room of the unfurnished plan, in metres.
 
-More than the worlds are checked for.
+It is larger than the robot that the worlds are checked for.
 """
 _MIN_CELLS = 20
 _ARC_STEPS = 6
@@ -48,9 +48,9 @@ class Hanging(NamedTuple):
 
     hinge: Point
     along: Point
-    """Unit vector from the hinge along the closed leaf."""
+    """Unit vector from a door's hinge along the closed leaf."""
     into: Point
-    """Unit vector into the room it opens into."""
+    """Unit vector into the room that a door opens into."""
     leaf_m: float
     room: Room
     cost: float

@@ -16,7 +16,7 @@ from ..floorplans.partition import UNITS_PER_M
 _WALL_M = 0.2
 """Largest distance of a room's border from the line it is moved to, in metres.
 
-Half the thickest wall, and bumps of a lidar.
+It is half the thickest wall, and bumps of a lidar.
 """
 _APART_M = 0.45
 """Smallest distance between two lines, in metres: less is a niche, a pillar or noise."""
@@ -107,7 +107,7 @@ def _fields(cells: NDArray[np.bool_], upright: Sequence[int], level: Sequence[in
 
 
 def _largest(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns a mask of the largest connected part of a room."""
+    """Returns a mask of the largest connected part of a room on a map."""
     labels: Regions = np.asarray(ndimage.label(fields)[0]).astype(np.int64)  # pyright: ignore[reportIndexIssue]
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0

@@ -1,6 +1,6 @@
 """Finds doors and windows among the shapes of a floor plan drawing.
 
-Frames in the wall, open leaves, the arcs of their swings.
+It looks for frames in the wall, open leaves, and the arcs of their swings.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -69,7 +69,7 @@ class SymbolPart(NamedTuple):
     """Whether the shape is directly in the symbol's own group, and not in a nested group."""
     swings: tuple[Swing, ...] = ()
     lines: tuple[Line, ...] = ()
-    """Straight lines of the shape; door leaves are among them."""
+    """Straight lines of a drawn door symbol's shape; door leaves are among them."""
 
 
 def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Iterator[Doorway]:
@@ -135,7 +135,7 @@ def symbols(parts: Sequence[SymbolPart]) -> Iterator[Shape]:
 def _joined(cluster: Sequence[SymbolPart]) -> Iterator[Shape]:
     """Yields the doors that touching shapes draw.
 
-    From frames in the wall, else from swings, else from the longest extent of lines.
+    A door comes from a frame in the wall, else from a swing, else from the longest extent of lines.
     """
     named = next((part.shape for part in cluster if part.shape.name), cluster[0].shape)
     own = [part for part in cluster if part.direct] or list(cluster)

@@ -40,7 +40,7 @@ READERS: Mapping[str, tuple[DrawingForm, Reader]] = {".svg": ("svg", read_svg), 
 """Form of a drawing and the function that reads it, by the ending of the file's name."""
 
 MAPS = (".yaml", ".yml")
-"""File name suffixes of maps."""
+"""File name suffixes of Nav2 maps that can be imported."""
 
 
 class Source(NamedTuple):
@@ -48,7 +48,7 @@ class Source(NamedTuple):
 
     drawing: Path
     notes: Path | None = None
-    """The YAML file that the notes were read from."""
+    """Path of the YAML file with notes beside a drawing; `None`: there is none."""
 
 
 def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool = True) -> World:
@@ -56,8 +56,8 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
 
     Args:
         source: the drawing and the file of notes.
-        notes: what the drawing does not say.
-        seed: of materials, furniture and, where none are drawn, windows; the same files and seed give the same world.
+        notes: scale, room types and wishes that the drawing does not have.
+        seed: seed of materials, furniture and undrawn windows; the same files and seed give the same world.
         settle: whether physics runs for two seconds to see that loose objects stay.
 
     Raises:
@@ -85,8 +85,8 @@ def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, floa
 
     Args:
         path: the drawing.
-        notes: what it does not say.
-        seed: of windows, where none are drawn.
+        notes: scale, room types and wishes that the drawing does not have.
+        seed: seed of windows, if none are drawn.
 
     Returns:
         The file, metres a unit, the plan, and what was left out of it.

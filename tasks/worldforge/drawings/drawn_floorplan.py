@@ -1,6 +1,6 @@
 """Makes the floor plan of a world from a drawing.
 
-Rooms, walls, doorways and windows, and how exactly each follows the drawing.
+The plan has rooms, walls, doorways and windows, and says how exactly each follows the drawing.
 """
 
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ class MadePlan(NamedTuple):
 
     floorplan: Floorplan
     open_percents: dict[int, float]
-    """Opening of the doors, in percent, by index in `passages`."""
+    """Opening of drawn doors in percent, by the doorway's index in the floor plan's `passages`."""
     on_faces: bool
     origin_m: Point
     """Position of the world's origin in the drawing, in metres."""
@@ -72,9 +72,9 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     """Makes a floor plan from a drawing's rooms, doors and windows.
 
     Args:
-        drawn: what was drawn.
+        drawn: content of the drawing.
         ceiling_m: floor to ceiling.
-        seed: of the windows, where none is drawn.
+        seed: seed of windows, if none are drawn.
 
     Raises:
         ConfigurationError: rooms overlap or are not joined, or a door lies in no wall.

@@ -62,15 +62,15 @@ class Shape(NamedTuple):
     """A polygon or line of a drawing, in drawing units, y upwards."""
 
     points: tuple[Point, ...]
-    """Corners of the shape; of curves, the ends."""
+    """Corners of a drawing's shape; of curves, the ends."""
     closed: bool
     curved: bool
     name: str
-    """Name of the shape; empty if it has none."""
+    """Name of a drawing's shape; empty if it has none."""
     words: tuple[str, ...]
     """Classes, names and layers: the shape's own first, then those of the groups around it."""
     facts: dict[str, str]
-    """Further facts about the shape: `type`, `open`."""
+    """Further facts about a drawing's shape: `type`, `open`."""
     place: str
     """Name of the shape in error messages: `<rect> "kitchen"`."""
     sort: str = ""
@@ -82,12 +82,12 @@ class Shape(NamedTuple):
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Bounding box: west, south, east, north."""
+        """Bounding box of a drawing's shape: west, south, east, north."""
         return bounds(self.points)
 
 
 class Label(NamedTuple):
-    """A text in a drawing, with its position."""
+    """Text in a drawing, with its position."""
 
     at: Point
     text: str
@@ -221,14 +221,6 @@ def read_yaml(path: Path, form: type[Notes]) -> Notes:
     Args:
         path: the file.
         form: model of the notes that the file must match.
-
-    Raises:
-        SpecError: with everything that is wrong: file, line, member, value and what would be right.
-        ConfigurationError: the file cannot be read.
-
-    Args:
-        path: the file.
-        form: notes of which kind.
 
     Raises:
         SpecError: with everything that is wrong: file, line, member, value and what would be right.

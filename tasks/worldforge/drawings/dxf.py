@@ -47,7 +47,7 @@ def read_dxf(content: bytes, name: str) -> Drawing:
 
     Args:
         content: the file's bytes.
-        name: what errors call it.
+        name: name of the file in error messages.
 
     Raises:
         ConfigurationError: the file is not a DXF drawing, or ezdxf is not installed.
@@ -162,7 +162,7 @@ class _Reader:
         """Recognises doors drawn with a leaf and its swing, or as a line or shape along the wall.
 
         Args:
-            parts: what is drawn, of one block or of a layer.
+            parts: lines and arcs of one block or of a layer.
             one: whether it is one door.
         """
         swings = {part.swing: part for part in parts if part.swing}

@@ -41,7 +41,7 @@ class DrawnWay(NamedTuple):
     lines: tuple[Line, ...]
     """Lines from end to end along which it may be: one, or both of a door's swing; the nearest wall decides."""
     percent: float | None = None
-    """Opening of a door; None: the drawing does not say."""
+    """Opening of a drawn door in percent; `None`: the drawing does not say."""
     told: bool | None = True
     """Whether the first of several lines is likelier, where all are in walls.
 
@@ -80,12 +80,12 @@ def fit_way(
     """Places a drawn door or opening in the wall between two rooms.
 
     Args:
-        drawn: what was drawn.
+        drawn: the drawn door, opening or window.
         walls: the walls.
-        moved: where coordinates of the drawing went.
-        names: of the rooms.
+        moved: grid units of the drawing's coordinates.
+        names: names of the rooms.
         file: the drawing.
-        ways: those that are in walls already.
+        ways: doors and openings that are placed in walls already.
 
     Returns:
         The way, and how far it is as drawn; no way for a door to the outside.
@@ -168,9 +168,9 @@ def fit_window(
     """Places a drawn window in an outer wall, as far as it fits.
 
     Args:
-        drawn: what was drawn.
+        drawn: the drawn door, opening or window.
         sides: the outer walls.
-        moved: where coordinates of the drawing went.
+        moved: grid units of the drawing's coordinates.
         file: the drawing.
     """
     path, places = f"{file}#{drawn.name}", _places(drawn.lines, moved)
@@ -188,7 +188,7 @@ def fit_window(
 def _places(drawn: Sequence[Line], moved: tuple[Lines, Lines]) -> list[_Place]:
     """Returns the possible positions of a drawn door or window.
 
-    Along its longer side, or along either if both are about as long.
+    They are along its longer side, or along either side if both are about as long.
     """
     found: list[_Place] = []
     for one, other in drawn:

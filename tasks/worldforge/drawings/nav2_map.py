@@ -1,8 +1,6 @@
 """Reads a map of Nav2's map server as a drawing: its free space is split into rooms at narrow places.
 
 A map has no names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
-
-A map says nothing of names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -62,7 +60,7 @@ _LONG = 2.5
 
 
 class _Map(NamedTuple):
-    """Free cells, rows from south to north."""
+    """Mask of the free cells of a Nav2 map, rows from south to north."""
 
     free: Cells
     resolution_m: float
@@ -77,7 +75,7 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
     """Reads a Nav2 occupancy map as a drawing of rooms.
 
     Args:
-        path: its `map.yaml`.
+        path: path of the map's `map.yaml`.
         coarse: whether outlines follow the walls' common lines only, for maps with bumps and furniture.
 
     Returns:
@@ -289,7 +287,7 @@ def _straight(corners: Corners, near: int) -> Corners:
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
     """Yields doors and openings between two rooms of a map.
 
-    The rooms' positions in `order`, and the line between them.
+    Each has the rooms' positions in `order`, and the line between them.
     """
     boxes = ndimage.find_objects(regions)
     for place, number in enumerate(order, 1):
@@ -326,7 +324,7 @@ def _refuse_slanted(read: _Map, name: str) -> None:
 def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
     """Raises an error if the map shows free space all around the flat.
 
-    It is no room, and all rooms would be inside of it.
+    That space is no room, and all rooms would be inside of it.
     """
     for place, number in enumerate(_by_size(regions), 1):
         cells = regions == number

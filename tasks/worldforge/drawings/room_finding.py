@@ -46,7 +46,7 @@ def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> 
     Args:
         drawing: the drawing.
         stated: metres a unit, or a scale on paper such as `1:50`.
-        file: its name.
+        file: name of the file.
 
     Raises:
         ConfigurationError: with that scale it would be no building.
@@ -78,8 +78,8 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
     Args:
         drawing: the drawing.
         scale: metres a unit.
-        notes: what it does not say.
-        file: its name.
+        notes: scale, room types and wishes that the drawing does not have.
+        file: name of the file.
 
     Returns:
         The plan, and what was taken for none of it.
@@ -158,7 +158,7 @@ def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> Furnished
 def _way(shape: Shape, kind: PassageKind, scale: float, number: int, *, required: bool) -> DrawnWay:
     """Makes a door, an opening or a window from a shape.
 
-    Along its swing, its line from first to last point, or its extent.
+    It is placed along its swing, its line from first to last point, or its extent.
     """
     lines = tuple((_scaled(one, scale), _scaled(other, scale)) for one, other in shape.ways or (_ends(shape),))
     return DrawnWay(shape.name or f"number {number}", kind, lines, _percent(shape), shape.told, required)

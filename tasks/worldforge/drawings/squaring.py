@@ -2,9 +2,6 @@
 
 Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
 a wall become one line in the middle between them.
-
-Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
-a wall become one line in the middle between them.
 """
 
 from collections.abc import Sequence
@@ -23,7 +20,7 @@ THICKEST_M = 0.5
 """Largest gap between two rooms that is a wall, in metres."""
 
 _SQUARE_M = 0.05
-"""Largest lean of an edge, in metres between its ends."""
+"""Largest deviation of a room's edge from an axis, in metres between its ends."""
 _SAME_M = 0.04
 """Distance in metres up to which parallel edges are moved onto one line."""
 _BESIDE_M = 0.05
@@ -53,7 +50,7 @@ class Squared(NamedTuple):
     moved: tuple["Lines", "Lines"]
     """Drawn coordinates and the grid units they were moved to, along x and along y."""
     on_faces: bool
-    """Whether outlines were drawn along the faces of walls."""
+    """Whether outlines of rooms were drawn along the faces of walls."""
 
 
 class Lines(NamedTuple):
@@ -69,7 +66,7 @@ class Lines(NamedTuple):
 
     @property
     def start_m(self) -> float:
-        """Drawn coordinate in metres of grid unit 0."""
+        """Coordinate in the drawing, in metres, of grid unit 0."""
         first, last = (self.drawn[end] - self.made[end] / UNITS_PER_M for end in (0, -1))
         return (first + last) / 2
 
@@ -79,7 +76,7 @@ def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
 
     Args:
         points: the outline, in metres.
-        what: what errors call it.
+        what: name of the outline in error messages.
 
     Raises:
         ConfigurationError: an edge runs at an angle.

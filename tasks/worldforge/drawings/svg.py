@@ -66,7 +66,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
 
     Args:
         content: the file's bytes.
-        name: what errors call it.
+        name: name of the file in error messages.
 
     Raises:
         ConfigurationError: the file is not an SVG drawing, or a shape in it cannot be read.
@@ -145,7 +145,7 @@ class _Reader:
         self.unread: Counter[str] = Counter()
 
     def read(self) -> None:
-        """Collects the shapes and texts of the drawing."""
+        """Collects the shapes and texts of an SVG drawing."""
         box = view_box(self._root)
         size = box[2:] if box else self._of(self._root, lambda: viewport_size(self._root, (0.0, 0.0)))
         own = self._element(self._root)

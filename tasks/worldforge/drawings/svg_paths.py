@@ -42,11 +42,11 @@ class Outline(NamedTuple):
     """Geometry of a shape, or of one part of a path, in its own coordinates."""
 
     points: tuple[Point, ...]
-    """Corners of the shape; of curves, the ends."""
+    """Corners of an SVG shape; of curves, the ends."""
     closed: bool = False
     curved: bool = False
     swings: tuple[Swing, ...] = ()
-    """Arcs that a door leaf may swing along."""
+    """Arcs in an SVG shape that a door leaf may swing along."""
     lines: tuple[Line, ...] = ()
 
     def moved(self, matrix: Matrix, *, is_way: bool) -> "Outline":
@@ -164,7 +164,7 @@ def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
 def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> Point | None:
     """Returns the centre of a curve if it is an arc of a circle.
 
-    An `A` with one radius, or a curve of a quarter circle.
+    Such a curve is an `A` with one radius, or a quarter of a circle.
     """
     if command in "Aa":
         return _centre(numbers, start, end)
@@ -337,7 +337,7 @@ def _matrix(what: str, numbers: Sequence[float]) -> Matrix:
 
 
 def translation(x: float, y: float) -> Matrix:
-    """Returns the transform that moves by x and y."""
+    """Returns the 2D transform that moves by x and y."""
     return 1.0, 0.0, 0.0, 1.0, x, y
 
 

@@ -101,8 +101,6 @@ def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
     """Returns the files that an export writes anew: with plain names, or with table legs in place of outlines.
 
     Worlds of generators before version 3 have none: they stay as they were made.
-
-    None of worlds of generators before 3: they stay as they were made.
     """
     if int(scene.world.generator_version.partition(".")[0]) < _FIRST_GENERATOR:
         return {}
@@ -115,7 +113,7 @@ def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
 
 
 class _Export:
-    """Writes one archive."""
+    """Writes the archive of a world export."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
@@ -135,7 +133,7 @@ class _Export:
         self._part("", {"index.json": json.dumps(index, indent=1, ensure_ascii=False) + "\n"})
 
     def _world(self, name: str, bundle: Path, shared: SharedModels) -> dict[str, Any]:
-        """Adds a world's files; returns its entry for the index."""
+        """Adds a world's files to the export; returns its entry for the index."""
         folder = f"{WORLDS}/worlds/{name}"
         scene = read_scene(bundle)
         anew = _written_anew(scene, bundle)

@@ -126,7 +126,7 @@ def terrain_mesh(model: mujoco.MjModel, field: int) -> Mesh:
 def _side(surface: NDArray[np.float64], edge: NDArray[np.int64], bottom_m: float) -> NDArray[np.float64]:
     """Returns the triangles of a terrain's side wall.
 
-    From an edge of its surface, counter-clockwise, down to a height.
+    The wall goes from an edge of the surface, given counter-clockwise, down to a height.
     """
     high = surface[edge]
     low = high * [1, 1, 0] + [0, 0, bottom_m]
@@ -145,10 +145,7 @@ def _smooth(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArra
 
 
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
-    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none.
-
-    None for a mesh that has none.
-    """
+    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if the mesh has none."""
     start = int(model.mesh_texcoordadr[mesh])
     if start < 0:
         return None
@@ -164,7 +161,7 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
         places: on a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
             right and up; without, it has none.
         look: name of its material, and of the `.mtl` file beside it that has that.
-        digits: of each coordinate.
+        digits: number of digits of each coordinate.
     """
     head = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
     corners = mesh.triangles + 1

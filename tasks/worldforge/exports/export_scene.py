@@ -2,9 +2,6 @@
 
 Shapes, masses, friction and joints are those of the compiled MJCF, so that every export format shows and weighs the
 same. `world.json` says which furniture a geom belongs to and where the furniture is.
-
-Shapes, masses, friction and joints are those of the compiled MJCF, so that every format shows and
-weighs the same. `world.json` says which furniture a geom belongs to and where that stands.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -62,7 +59,7 @@ class Shape:
     """A geom of an exported world, in the frame of its object: form, size, pose and material."""
 
     name: str
-    """Name that is unique within its object."""
+    """Name of a shape that is unique within its object."""
     kind: Kind
     half: tuple[float, float, float]
     """Half extents along the shape's own axes, in metres.
@@ -75,7 +72,7 @@ class Shape:
     color: tuple[float, float, float, float]
     """Mean colour, texture included; red, green, blue and opacity, 0 to 1."""
     material: int
-    """Material index in the compiled MuJoCo model, or -1."""
+    """Material index of a shape in the compiled MuJoCo model, or -1."""
     mesh: int
     """Mesh index in the compiled MuJoCo model (of terrain: height field index), or -1."""
     mesh_name: str
@@ -101,7 +98,7 @@ class Joint:
 
     kind: Literal["revolute", "prismatic", "ball"]
     position: Vector
-    """Position in the body's frame, in metres."""
+    """Position of a joint in the body's frame, in metres."""
     axis: Vector
     lower: float
     """Lower limit of the joint, relative to the body's current position, in radians or metres."""
@@ -125,7 +122,7 @@ class Thing:
     """An object of an exported world: the building, a piece of furniture, or a movable body."""
 
     name: str
-    """Name that is unique in the world."""
+    """Name of an exported object that is unique in the world."""
     kind: ThingKind
     label: str
     """Kind of the object, equal for equal objects, such as `door 850x40x2050`."""
@@ -155,8 +152,8 @@ def with_hung(thing: Thing, position: Vector, rotation: Matrix, above: Placed | 
 
     Args:
         thing: the thing.
-        position: its place in the frame that is wanted.
-        rotation: its turn there.
+        position: position of the object in the target frame.
+        rotation: rotation of the object in the target frame.
         above: the thing that it hangs on.
     """
     placed = Placed(thing, above, position, rotation)
@@ -197,7 +194,7 @@ def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) 
     Args:
         world: the world that the MJCF was written for.
         model: the compiled MJCF.
-        folder: where its pictures are; without, they are written anew where they are needed.
+        folder: folder of its texture files; without it, textures are generated where they are needed.
 
     Raises:
         ValueError: the MJCF has something that exports cannot hold.

@@ -61,7 +61,7 @@ class _Picture:
         self._png = png
 
     def save(self, file: BinaryIO, **_: Any) -> None:
-        """Writes the texture's file content."""
+        """Writes the texture file's content to an open file."""
         file.write(self._png)
 
     def tobytes(self) -> bytes:

@@ -241,7 +241,7 @@ def _ament_dsv(folder: str) -> str:
 def _catkin_sh(folder: str) -> str:
     """Returns a catkin environment hook that sets the search paths.
 
-    Catkin expands it with empy, for the source and the install folder.
+    catkin expands it with empy, for the source and the install folder.
     """
     lines = [
         "@[if DEVELSPACE]@",

@@ -55,7 +55,7 @@ def first_on_paths(prefix: str) -> dict[str, list[str]]:
     """Returns the environment variables, with folders to put first, by which ROS and Gazebo find packages.
 
     Args:
-        prefix: where the prefix is for who looks.
+        prefix: path of the prefix as the program that uses it sees it.
     """
     models = [f"{prefix}/share/{package}/{CONTENTS[package][0]}" for package in (SHARED_MODELS, WORLDS)]
     return {

@@ -3,10 +3,6 @@
 That version has boxes, cylinders, spheres, planes and meshes. Visible ellipsoids become meshes, and colliding ones
 boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as Gazebo reads height maps
 of some pictures only.
-
-That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for the eye become meshes,
-those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres. Terrain is a mesh, as
-Gazebo reads height maps of some pictures only.
 """
 
 import xml.etree.ElementTree as ET
@@ -47,7 +43,7 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
     """Returns the files of a Gazebo model: `model.config`, `model.sdf` and meshes.
 
     Args:
-        thing: what it is made from; pictures are those beside the model, which only a building has.
+        thing: object that is converted; only a building has texture files, which are beside the model.
         name: the model's name, which is its folder's.
         scene: the world that the thing is from.
     """

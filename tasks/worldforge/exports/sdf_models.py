@@ -23,7 +23,7 @@ class SharedModels:
 
     def __init__(self) -> None:
         self.files: dict[str, dict[str, str]] = {}
-        """Files of each model's folder, by the model's name."""
+        """Files of each shared Gazebo model's folder, by the model's name."""
         self._things: dict[str, Thing] = {}
 
     def add(self, thing: Thing, scene: Scene) -> str:
@@ -58,8 +58,6 @@ def _squared(shape: Shape) -> Shape:
     """Returns a shape with swapped sizes and without rotation, where that is the same shape.
 
     Equal pieces that are turned in the room have swapped sizes in the MJCF, and would look different.
-
-    The MJCF swaps them as a piece is turned in the room, so that pieces that are equal look different.
     """
     turned = np.abs(shape.rotation)
     # Bricks on a box run along its own axes; boxes of SDF have plain colours.
@@ -78,7 +76,7 @@ _AXES: tuple[Matrix, ...] = (
     np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
     np.eye(3),
 )
-"""Rotations that bring z to x, y and z."""
+"""Rotation matrices that turn the z axis to x, y and z."""
 
 
 def _is_permutation(turned: Matrix) -> bool:
@@ -141,7 +139,7 @@ class SdfWorld:
     """Gazebo files that belong to one exported world alone."""
 
     world: str
-    """Content of the `.world` file."""
+    """Content of the Gazebo `.world` file."""
     building: dict[str, str]
     """Files of the building's Gazebo model, by path."""
     models: tuple[str, ...]
@@ -153,7 +151,7 @@ def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
 
     Args:
         scene: the world.
-        name: its name in archives.
+        name: name of the world in archives.
         shared: gets the models that are not in it yet.
     """
     root = ET.Element("sdf", version=SDF_VERSION)

@@ -3,10 +3,6 @@
 Every object is an `Xform` of `/World` by its name in `world.json`, its shapes below it. Colliding shapes are
 primitives, as in the MJCF; a textured shape is a mesh beside one. Letters that USD's names do not allow are `_`;
 `displayName` has the original name.
-
-Every thing is an `Xform` of `/World` by its name in `world.json`, its shapes below it. What collides are primitives, as
-in the MJCF; what has a picture is a mesh beside one. Letters that USD's names do not take are `_`; `displayName` has
-the name as it was.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -186,7 +182,7 @@ _JOINTS = {"revolute": "PhysicsRevoluteJoint", "prismatic": "PhysicsPrismaticJoi
 def _joint(thing: Thing, joint: Joint, name: str, body: str, above: str) -> Prim:
     """Makes a USD joint with the world or a parent body, at position 0 in the body's pose.
 
-    Its axis is z of its frames.
+    The joint's axis is the z axis of its frames.
     """
     frame = _frame_along(joint.axis)
     turning = joint.kind == "revolute"

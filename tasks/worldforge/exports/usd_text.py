@@ -23,7 +23,7 @@ class Prim:
     kind: str
     """USD type of the prim: `Xform`, `Cube`, …"""
     name: str
-    """Valid USD name, see `prim_name`."""
+    """Valid USD name of the prim, see `prim_name`."""
     schemas: list[str] = field(default_factory=list)
     """USD API schemas that are applied to the prim."""
     metadata: list[str] = field(default_factory=list)
@@ -94,7 +94,7 @@ def vectors(rows: NDArray[np.float64], *, times: int = 1) -> str:
 
     Args:
         rows: shape (vectors, components).
-        times: how often each vector stands there, one after the other.
+        times: number of repetitions of each vector.
     """
     each = f"({', '.join(['%.10g'] * rows.shape[1])})"
     text = "\n".join([each] * len(rows)) % tuple((np.round(rows, _DIGITS) + 0.0).ravel().tolist())

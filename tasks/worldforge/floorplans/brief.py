@@ -225,12 +225,12 @@ class TargetedSet(Protocol):
 
     @property
     def Name(self) -> str:  # noqa: N802 (the service's name)
-        """Name of the set in the template."""
+        """Name of a material or furniture set in the template."""
         ...
 
     @property
     def TargetSet(self) -> RoomTarget:  # noqa: N802 (the service's name)
-        """Rooms that the set applies to."""
+        """Rooms that a material or furniture set applies to."""
         ...
 
 
@@ -256,9 +256,6 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 
     A set that names a room wins over one that names its type, and that wins over one for all rooms; among equals the
     first in the template wins.
-
-    A set that names a room beats one that names its type, and that beats one for all rooms; among equals
-    the first in the template wins.
     """
     chosen: dict[str, int] = {}
     for rank in range(3):

@@ -130,7 +130,7 @@ def _next_pair(
 def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: bool) -> list[Way]:
     """Replaces the longest shared wall of two rooms by an opening, from corner to corner.
 
-    Nothing if it is too short.
+    It does nothing if that wall is too short.
     """
     if not shared or not opening_fits(shared[0], plan):
         return []
@@ -159,8 +159,6 @@ def _shifts(number: int, free: int, dice: Random) -> list[int]:
     """Chooses how far each doorway is shifted along its wall, given `free` grid units of slack.
 
     A single doorway is mostly near one end of the wall, which leaves the rest of the wall to furniture.
-
-    A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
     """
     if number == 1 and dice.random() < _NEAR_CORNER_SHARE:
         shift = dice.randint(0, min(free, _NEAR_CORNER))

@@ -80,7 +80,7 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
         rooms: the rooms' corners.
         types: their types.
         ways: the ways between them.
-        spots: those of each room.
+        spots: candidate positions in each room.
     """
 
     def rank(room: int) -> tuple[int, bool, float]:
@@ -98,7 +98,7 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
 
 
 def spots_in(corners: Corners) -> Spots:
-    """Returns a grid of positions in a room."""
+    """Returns a grid of candidate positions in a room."""
     box = extent(corners)
     steps = np.arange(1, _LATTICE)
     columns = box.x0 + (box.x1 - box.x0) * steps // _LATTICE

@@ -3,9 +3,6 @@
 A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a room, a negative
 number an operator that joins the two trees before it.
 
-A partition is written as a slicing tree in postfix order (a Polish expression): a number from 0 is a
-room, a negative number an operator that joins the two trees before it.
-
 | operator | meaning |
 | --- | --- |
 | `SIDE_BY_SIDE` | the first left of the second |
@@ -213,9 +210,9 @@ class Lines(NamedTuple):
     """Room borders on one straight line, separated by the side on which the room is."""
 
     below: list[tuple[int, int, int]]
-    """(start, end, room) of rooms left of or below the line."""
+    """Room borders left of or below a line: (start, end, room)."""
     above: list[tuple[int, int, int]]
-    """(start, end, room) of rooms right of or above the line."""
+    """Room borders right of or above a line: (start, end, room)."""
 
 
 def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
@@ -265,7 +262,7 @@ class Side(NamedTuple):
 
 
 def border(rooms: Sequence[Corners]) -> list[Side]:
-    """Lists the sides of rooms that face the outside."""
+    """Lists the sides of rooms that face the outside of the building."""
     found: list[Side] = []
     for (horizontal, at), (below, above) in lines(rooms).items():
         for own, others in ((below, above), (above, below)):

@@ -2,9 +2,6 @@
 
 The candidate plans are computed once per brief. A random order goes through all their forms before one is repeated, so
 the plans of a generation job differ as long as there are others.
-
-Which plans there are is found once per brief. An order, drawn from dice of its own, goes through all their forms before
-one comes again; so the plans of a generation job differ as long as there are others.
 """
 
 from functools import lru_cache
@@ -29,7 +26,7 @@ from .plan_signature import forms_of
 _CHOICE_MARGIN = 2.0
 """Largest cost above the cheapest plan's with which a plan can be the best one.
 
-Of these, the one with fewest missed preferences is.
+Of these plans, the one with the fewest missed preferences is the best one.
 """
 
 _VARIETY_MARGIN = 4.0
@@ -41,7 +38,7 @@ It allows a missed ratio and slightly unsuitable neighbours.
 _WORSE_TOGETHER = 0.75
 """Largest part of that extra cost that may come from neighbours and daylight.
 
-About a way through a bedroom, less than a dark room.
+It allows about a way through a bedroom, but no room without daylight.
 """
 
 _MORE_MISSES = 1
@@ -97,7 +94,7 @@ class Pool(NamedTuple):
 
     lists: list[Shortlist]
     places: list[tuple[int, int]]
-    """Index of each plan's shortlist, and its index there."""
+    """Index of each candidate plan's shortlist, and its index there."""
     odds: list[float]
 
 
@@ -106,7 +103,7 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
 
     Args:
         brief: the preferences.
-        seed: which plan of which order; whether it is the best one, the brief says.
+        seed: number of the plan in a random order; the brief says whether it is the best plan instead.
         dice: the source of chance for sizes and mirrored sides, and of searches for L-shaped rooms if plans differ.
 
     Raises:
@@ -137,11 +134,6 @@ def plans_of(brief: Brief) -> Pool:
     """Selects the plans of a brief that may be chosen: one of each form, or only the best one if plans need not differ.
 
     No plan misses a preferred area or connection that the best plan satisfies; one more aspect ratio may be missed.
-
-    Args:
-        brief: the preferences of two rooms or more, for which there is a valid plan.
-
-    Areas and connections are missed by none unless the best plan misses them too; one ratio more may be.
 
     Args:
         brief: the preferences of two rooms or more, for which there is a valid plan.
@@ -211,7 +203,7 @@ def _chosen(pool: Pool, seed: PlanSeed) -> int:
 def _only_room(brief: Brief, dice: Random) -> Partition:
     """Returns the plan of a single room.
 
-    The footprint, turned as preferred, or randomly if the preference is square.
+    It is the footprint, turned as preferred, or randomly if the preference is square.
     """
     least = brief.min_sides[0] - EXTERIOR_WALL
     square_units = brief.areas_m2[0] * UNITS_PER_M**2

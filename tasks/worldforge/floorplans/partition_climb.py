@@ -1,8 +1,6 @@
 """Hill-climbing search for floor plans with L-shaped rooms: random slicing trees, improved by small changes.
 
 It is used where rectangular rooms do badly: a closet in the corner of a hall is better than one along its whole side.
-
-It is called where rectangles do badly: a closet in the corner of a hall is better than one along its whole side.
 """
 
 from collections.abc import Sequence
@@ -91,7 +89,7 @@ class PlanEvaluator:
         return cost if cost > limit else cost + self._neighbours(plan)
 
     def is_valid(self, plan: Partition) -> bool:
-        """Whether every room is wide enough and reachable."""
+        """Whether every room of a floor plan is wide enough and reachable."""
         wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
         return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
 
@@ -305,7 +303,7 @@ def _random_operator(dice: Random) -> int:
 def _changed(expression: list[int], dice: Random) -> list[int]:
     """Returns a copy of a slicing tree with one random change.
 
-    Two rooms swapped, an operator replaced, or a part rebuilt.
+    The change swaps two rooms, replaces an operator, or rebuilds a part.
     """
     changed = expression.copy()
     chance = dice.random()

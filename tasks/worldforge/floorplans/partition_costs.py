@@ -1,8 +1,6 @@
 """Evaluates many candidate floor plans at a time with NumPy arrays: slicing trees, room rectangles, and costs.
 
 Arrays of plans have one column per plan. Costs are sums of deviations from the template's preferences; 0 is perfect.
-
-Arrays of plans have one column per plan. Costs are sums of deviations; 0 is perfect.
 """
 
 from collections.abc import Iterator
@@ -60,16 +58,16 @@ class Trees(NamedTuple):
 
     @property
     def plans(self) -> int:
-        """Number of trees."""
+        """Number of slicing trees in the arrays."""
         return self.first.shape[1]
 
     @property
     def leaves(self) -> int:
-        """Number of leaves: rooms, and notches."""
+        """Number of leaves of each slicing tree: rooms, and notches."""
         return len(self.first) + 1
 
     def take(self, columns: NDArray[np.intp]) -> "Trees":
-        """Returns the selected trees, in the order given."""
+        """Returns the selected slicing trees, in the order given."""
         return Trees(self.first[:, columns], self.second[:, columns], self.sideways[:, columns])
 
 
@@ -78,7 +76,7 @@ def all_trees(rooms: int) -> Trees:
     """Enumerates the slicing trees of two to six rooms.
 
     Args:
-        rooms: how many rooms there are.
+        rooms: number of rooms.
     """
     every = np.array([*permutations(range(rooms))], dtype=np.intp)
     stride = _SIX_ROOMS_STRIDE if rooms >= _SIX_ROOMS else 1
@@ -108,8 +106,6 @@ def _nodes(start: int, end: int, without: bool | None = None) -> Iterator[Node]:
     """Yields all slicing trees for the rooms from `start` to `end` whose top cut is not `without`; each plan once.
 
     Three rooms in a row are one plan, whichever cut comes first, so the second part never begins with the same cut.
-
-    Three rooms in a row are one plan, whichever cut comes first: the second part never begins with the same cut.
     """
     if end - start == 1:
         yield start
@@ -186,7 +182,7 @@ class Cuts(NamedTuple):
     """Right and upper side of each room, shape (axis, room, plan), in grid units."""
 
     def take(self, columns: NDArray[np.intp]) -> "Cuts":
-        """Returns the selected plans, in the order given."""
+        """Returns the rectangles of the selected floor plans, in the order given."""
         return Cuts(self.low[:, :, columns], self.high[:, :, columns])
 
 
@@ -194,7 +190,7 @@ class Nature(NamedTuple):
     """Cost, validity and missed preferences of many candidate floor plans, as arrays."""
 
     cost: Floats
-    """Cost of each plan."""
+    """Cost of each candidate floor plan."""
     valid: Flags
     """Whether every room of a plan is wide enough and can be reached."""
     misses: Flags
@@ -259,7 +255,7 @@ def exposed(cuts: Cuts) -> Floats:
 
 
 def as_partition(cuts: Cuts, plan: int) -> Partition:
-    """Returns one candidate as a floor plan."""
+    """Returns one candidate of the arrays as a floor plan."""
     low, high = cuts.low[:, :, plan].astype(int).T.tolist(), cuts.high[:, :, plan].astype(int).T.tolist()
     boxes = [(*start, *end) for start, end in zip(low, high, strict=True)]
     return Partition(
@@ -277,7 +273,7 @@ class BatchEvaluator:
         types = brief.types
         self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
         self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
-        """Preferred floor areas, in square grid units."""
+        """Preferred floor areas of the rooms, in square grid units."""
         self.footprint = log(brief.footprint_ratio)
         self.footprint_weight = FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
@@ -303,7 +299,7 @@ class BatchEvaluator:
         """Returns the cost of the rooms' areas and aspect ratios, for each plan.
 
         Args:
-            cuts: where rooms lie.
+            cuts: rectangles of the rooms.
             roughly: take sides that are set back from the rectangle for inner walls, which is quicker.
         """
         off, narrow, areas = self._off(cuts, roughly=roughly)

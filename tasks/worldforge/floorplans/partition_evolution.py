@@ -2,9 +2,6 @@
 
 Trees are changed a little, a generation at a time, and those whose plans cost least survive, first one of each form.
 Equal briefs give equal trees: the random generator begins with the same seed each time.
-
-Trees are changed a little, a generation at a time, and those live on whose plans cost least, one of each form first.
-The same brief gives the same trees: the dice begin with the same seed each time.
 """
 
 from functools import lru_cache
@@ -33,7 +30,7 @@ _LIVING = 240
 _CHILDREN = 3
 """Changed copies of each surviving tree per generation; in the first generation, the random trees themselves."""
 _KEPT = 1200
-"""Trees that the search returns, from all generations."""
+"""Number of slicing trees that the search returns, from all generations."""
 _MOST_CHANGES = 3
 _SEED = 1
 

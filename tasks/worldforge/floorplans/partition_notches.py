@@ -1,8 +1,6 @@
 """Floor plans whose outline is a clean L, T or U: a rectangle divided into rooms and one or two empty notches.
 
 Notches allow room shapes that a full rectangle does not, and the outline is still one that people build.
-
-Notches make room shapes possible that no rectangle has, and the outline stays one that people build.
 """
 
 from functools import cache, lru_cache
@@ -20,7 +18,7 @@ _TREES = 24_000
 """Approximate number of trees with a notch that are evaluated; with more, a search takes notably longer."""
 
 _BRED = 300
-"""Number of the best trees of many rooms that get notches."""
+"""Number of the best slicing trees of many rooms that get notches."""
 
 _SETTLED, _REFINED = 960, 240
 """Numbers of best plans: those whose walls are taken into account, and of these, those that are refined."""
@@ -76,7 +74,7 @@ def notched_trees(rooms: int) -> Trees:
     """Enumerates slicing trees whose last leaf is a notch; for many rooms, a random part that can be evaluated quickly.
 
     Args:
-        rooms: how many rooms there are, two to six.
+        rooms: number of rooms, two to six.
     """
     return _with_notches(all_trees(rooms))
 

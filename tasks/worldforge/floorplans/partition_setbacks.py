@@ -45,7 +45,7 @@ _USUAL_WALLS = 2.6
 _BEGINNINGS = 40_000
 """Approximate number of candidates to begin with.
 
-Trees with rooms turned in all ways, or in other ways than in the trees before.
+They are trees with rooms turned in all ways, or in other ways than in the trees before.
 """
 
 _LEAST_TURNS = 3
@@ -65,7 +65,7 @@ class Setbacks(NamedTuple):
     """Length that walls add to the sides of floors, shape (axis, room, plan), in grid units."""
 
     def take(self, columns: NDArray[np.intp]) -> "Setbacks":
-        """Returns the selected candidates, in the order given."""
+        """Returns the selected candidate floor plans, in the order given."""
         return Setbacks(
             self.trees.take(columns),
             self.lying[:, columns],
@@ -75,7 +75,7 @@ class Setbacks(NamedTuple):
         )
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
-        """Computes the room rectangles of all candidates."""
+        """Computes the room rectangles of all candidate floor plans."""
         return self.laid(evaluator, exact=exact)[0]
 
     def laid(self, evaluator: BatchEvaluator, *, exact: bool = False) -> tuple[Cuts, Flags]:
@@ -96,7 +96,7 @@ class Setbacks(NamedTuple):
         return found
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Cuts all candidates exactly, and evaluates them."""
+        """Divides all candidate floor plans exactly, and evaluates them."""
         cuts, enclosed = self.laid(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         cost = np.round(nature.cost + outline_cost(cuts, enclosed), 6)
@@ -111,7 +111,7 @@ class Setbacks(NamedTuple):
         return self._replace(areas=areas, ratios=ratios)
 
     def rough_cost(self, evaluator: BatchEvaluator, *, roughly: bool = False) -> Floats:
-        """Returns the cost of room shapes and outlines."""
+        """Returns the approximate cost of room shapes and outlines of the candidate floor plans."""
         cuts, enclosed = self.laid(evaluator)
         return evaluator.shapes(cuts, roughly=roughly) + outline_cost(cuts, enclosed)
 
@@ -164,7 +164,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
 
 
 def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
-    """Returns the cost of outlines that are not rectangles."""
+    """Returns the cost of building outlines that are not rectangles."""
     sides = cuts.high - cuts.low
     whole = cuts.high.max(axis=1)
     empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)

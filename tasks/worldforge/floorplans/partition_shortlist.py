@@ -1,8 +1,6 @@
 """Shortlist of the best floor plans that fill a rectangle: all slicing trees are evaluated, the best ones refined.
 
 Nothing here is random, so a process computes it once per brief, however many worlds it makes.
-
-Nothing here is left to chance, so a process works it out once per brief, however many worlds it makes.
 """
 
 from functools import lru_cache
@@ -42,11 +40,11 @@ class Plans(Protocol):
     """Interface of a set of candidate floor plans, as arrays."""
 
     def take(self, columns: NDArray[np.intp]) -> Self:
-        """Returns the selected candidates, in the order given."""
+        """Returns the selected candidate floor plans, in the order given."""
         ...
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Cuts all candidates exactly, and evaluates them."""
+        """Divides all candidate floor plans exactly, and evaluates them."""
         ...
 
     def varied(self, dice: Random) -> Self:
@@ -69,7 +67,7 @@ class Variants(NamedTuple):
     areas: Floats
     """Logarithm of each floor area over its preferred area, and of a notch's area over the usual one.
 
-    Shape (leaf, plan).
+    Its shape is (leaf, plan).
     """
     footprint: Floats
     """Logarithm of the footprint's extent along x over that along y."""
@@ -77,12 +75,12 @@ class Variants(NamedTuple):
     """Logarithm of each leaf's area between wall centre lines over its floor area."""
 
     def take(self, columns: NDArray[np.intp]) -> "Variants":
-        """Returns the selected candidates, in the order given."""
+        """Returns the selected candidate floor plans, in the order given."""
         trees = self.trees.take(columns)
         return Variants(trees, self.areas[:, columns], self.footprint[columns], self.walls[:, columns])
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
-        """Computes the room rectangles of all candidates."""
+        """Computes the room rectangles of all candidate floor plans."""
         rooms = len(evaluator.areas)
         notch = np.full((len(self.areas) - rooms, 1), NOTCH_SHARE * evaluator.areas.sum())
         areas = np.vstack([evaluator.areas, notch]) * np.exp(self.areas + self.walls)
@@ -90,7 +88,7 @@ class Variants(NamedTuple):
         return Cuts(low[:, :rooms], high[:, :rooms])
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Cuts all candidates exactly, and evaluates them."""
+        """Divides all candidate floor plans exactly, and evaluates them."""
         cuts = self.cut(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         if self.trees.leaves == len(evaluator.areas):
@@ -115,7 +113,7 @@ class Variants(NamedTuple):
 
 
 class Shortlist(NamedTuple):
-    """The best valid candidate floor plans, best first."""
+    """The best valid floor plans of a search, best first."""
 
     evaluator: BatchEvaluator
     plans: Plans
@@ -124,7 +122,7 @@ class Shortlist(NamedTuple):
     """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
     tried: int
-    """Number of plans that were compared."""
+    """Number of floor plans that the search compared."""
     forms: NDArray[np.int64]
     """Number of each plan's form (who touches whom); see `plan_signature`."""
     plain: Flags
@@ -184,9 +182,9 @@ def most_different(cuts: Cuts, cost: Floats, most: int) -> NDArray[np.intp]:
     """Selects plans to refine: the cheapest of each form first, then others; cheapest first among both.
 
     Args:
-        cuts: where rooms lie.
-        cost: of each plan.
-        most: how many are selected at most.
+        cuts: rectangles of the rooms.
+        cost: cost of each plan.
+        most: largest number of selected plans.
     """
     order = np.argsort(cost, kind="stable")
     _, first = np.unique(forms_of(cuts)[order], return_index=True)

@@ -18,7 +18,7 @@ class PlanSeed(NamedTuple):
     order: int
     """Seed of the random order of all plans that a template has."""
     rank: int
-    """Position of the plan in that order, from 0."""
+    """Position of the floor plan in its random order, from 0."""
     diverse: bool
     """Whether plans differ; otherwise each is the best one with other sizes."""
 
@@ -29,5 +29,5 @@ class PlanSeed(NamedTuple):
 
     @property
     def number(self) -> int:
-        """The seed as one whole number."""
+        """Returns the seed of a floor plan as one whole number."""
         return (0 if self.diverse else _FROM_BEST) + self.order * _PLANS_PER_ORDER + self.rank

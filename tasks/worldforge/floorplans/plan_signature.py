@@ -56,9 +56,9 @@ class PlanSignature(NamedTuple):
     touches: tuple[tuple[int, int, int], ...]
     """Pairs of rooms by number, lower first, and the side of the first room on which the second touches it."""
     doors: tuple[tuple[int, int], ...]
-    """Pairs of rooms that a doorway or an opening connects."""
+    """Pairs of rooms of a floor plan that a doorway or an opening connects."""
     corners: int
-    """Number of corners of the outline."""
+    """Number of corners of a floor plan's outline."""
 
     @property
     def key(self) -> str:
@@ -72,7 +72,7 @@ def plan_signature(rooms: Sequence[Corners], doors: Iterable[tuple[int, int]], c
     Args:
         rooms: corners of the rooms, counter-clockwise.
         doors: pairs of rooms that a doorway or an opening joins, by number.
-        corners: how many corners the outline has.
+        corners: number of corners of the outline.
     """
     found: set[tuple[int, int, Side]] = set()
     for contact in contacts(rooms):

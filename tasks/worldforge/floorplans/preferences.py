@@ -66,12 +66,6 @@ def _placed(
         rooms: numbers of rooms.
         requests: pairs of rooms, lower number first.
         before: rooms that are assigned to the first letters already.
-
-    Args:
-        walls: pairs of letters.
-        rooms: numbers of rooms.
-        requests: pairs of rooms, lower number first.
-        before: rooms in place of the first letters.
     """
     letters = sorted({*"".join(walls)})
     if len(before) == len(letters):

@@ -60,7 +60,7 @@ class Run(NamedTuple):
     thickness: int
 
     def node(self, at: int) -> Node:
-        """Returns the junction at one end of the stretch."""
+        """Returns the wall junction at one end of the stretch of wall."""
         return (at, self.at) if self.horizontal else (self.at, at)
 
 
@@ -74,14 +74,6 @@ class Walls:
         contacts: shared walls of two rooms.
         sides: walls to the outside.
         around: walls to the outside from corner to corner, each with its room to the left.
-
-    Args:
-        rooms: corners of the rooms.
-
-    Attributes:
-        contacts: what two rooms share.
-        sides: what faces the outside.
-        around: the same from end to end, each with its room to the left.
     """
 
     def __init__(self, rooms: Sequence[Corners]) -> None:
@@ -124,7 +116,7 @@ class Walls:
     def _inset(self, run: Run, at: int, *, ahead: bool) -> int:
         """Returns the length by which a wall ends before the junction at one of its ends, in grid units.
 
-        Negative: after it.
+        It is negative if the wall ends after the junction.
         """
         arms = self._arms[run.node(at)]
         along = {each: arms.get((run.horizontal, each), 0) for each in (True, False)}
@@ -141,7 +133,7 @@ class Walls:
 def _owns(horizontal: bool, along: Sequence[int], across: Sequence[int]) -> bool:
     """Whether walls along one axis fill a junction's square.
 
-    The thickest do, then those that pass through, then horizontal ones.
+    The thickest walls do, then those that pass through, then horizontal ones.
     """
     mine, others = (
         (max(arms), min(arms) == max(arms), level) for arms, level in ((along, horizontal), (across, not horizontal))
@@ -163,14 +155,14 @@ class FloorShape(NamedTuple):
     """Size and shape of a room's floor, inside the walls."""
 
     area: float
-    """Floor area in square grid units."""
+    """Floor area of a room in square grid units."""
     ratio: float
-    """Length over width of the floor."""
+    """Length over width of a room's floor."""
 
 
 @lru_cache(maxsize=16)
 def floor_shapes(plan: Partition) -> tuple[FloorShape, ...]:
-    """Measures the floors of all rooms."""
+    """Measures area and aspect ratio of the floors of all rooms."""
     if plan.is_full:
         return tuple(map(FloorShape, floor_areas(plan), floor_ratios(plan)))
     pieces = build_walls(plan, [])
@@ -184,8 +176,6 @@ def _floor_sides(plan: Partition) -> list[tuple[float, float]]:
     """Returns the extents of the floors of rectangular rooms along x and y, in grid units.
 
     A side that is partly an outer wall counts as shorter by the floor area lost there, as in the search for plans.
-
-    A side of which a part is an outer wall counts as much less as the floor loses there, as in the search.
     """
     boxes = [extent(corners) for corners in plan.rooms]
     taken = [[float(INTERIOR_WALL), float(INTERIOR_WALL)] for _ in boxes]
@@ -227,7 +217,7 @@ def windows_along(sides: Iterable[Side], types: Sequence[RoomType], dice: Random
     """Places windows in given outer walls.
 
     Args:
-        sides: what faces the outside.
+        sides: outer walls.
         types: types of the rooms.
         dice: the source of chance.
     """

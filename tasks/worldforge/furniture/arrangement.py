@@ -127,11 +127,9 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
 def dining_room(rooms: Sequence[Room]) -> str | None:
     """Returns the largest living room, which then has the dining table.
 
-    `None` if there is a dining room or a large kitchen.
+    Returns `None` if there is a dining room or a large kitchen.
 
     It is `None` as well in a building without kitchen.
-
-    Without a kitchen, nothing is said of meals.
     """
     kitchens = [room.floor_m2 for room in rooms if room.type == "Kitchen"]
     living = [room for room in rooms if room.type == "Living" and room.floor_m2 >= _DINES_FROM_M2]
@@ -146,9 +144,9 @@ def usual_types(
     """Returns the usual furniture types for a room.
 
     Args:
-        room_type: its type.
-        density: how full it should be.
-        floor_m2: its size.
+        room_type: type of the room.
+        density: preferred density of furniture.
+        floor_m2: floor area in square metres.
         dines: whether people dine in it for want of a dining room.
     """
     essential = _ESSENTIAL[room_type]

@@ -2,9 +2,6 @@
 
 Sizes are those of real furniture. A piece is fully described by its kind and the name of its style, so that readers of
 `world.json` can rebuild it part by part.
-
-Sizes are those of real furniture. A piece is fully described by its kind and the name of its style,
-so that readers of `world.json` can rebuild it part by part.
 """
 
 from collections.abc import Callable
@@ -33,7 +30,7 @@ class Rule:
     spot: Spot = "wall"
     """Usual place in a room (at a wall, in the open, ...) of a piece that is placed on its own."""
     prefer: Literal["middle", "corner", "any"] = "any"
-    """Preferred part of a wall."""
+    """Part of a wall where a piece of furniture is preferred: middle, corner or any."""
     front_m: float = 0.0
     """Free space in front of it, in metres: to get up, to open it, to work at it."""
     beside_m: float = 0.0
@@ -43,7 +40,7 @@ class Rule:
     relation: Relation = ""
     """Position relative to the kinds in `near` (beside, before, around, ...), tried before `spot`."""
     near: tuple[str, ...] = ()
-    """Kinds of furniture that it belongs to."""
+    """Kinds of furniture that a piece belongs to, such as the bed of a nightstand."""
     bound: bool = False
     """Whether it may not be placed away from the kinds in `near` if the room has one of them."""
     seat_m: float = 0.0
@@ -53,9 +50,9 @@ class Rule:
     hides_window: bool = False
     """Whether it never is placed before a window, however low it is."""
     counts: tuple[int, int, int] = (1, 1, 1)
-    """Number of pieces placed at first in sparse, moderate and dense rooms."""
+    """Number of pieces of a furniture kind placed at first in sparse, moderate and dense rooms."""
     limit: int = 1
-    """Limit of the pieces per 30 m2 of floor."""
+    """Limit of the pieces of one kind per 30 m2 of floor."""
     one_a_room: bool = False
     """Whether larger rooms get no more than one of them, such as a television."""
 
@@ -81,7 +78,7 @@ class Kind:
     """A furniture type of the catalogue: its styles, builder and placement rule."""
 
     build: Builder
-    """Function that builds the parts of one of its styles."""
+    """Function that builds the parts of one style of a furniture kind."""
     styles: tuple[Style, ...]
     rule: Rule | None = None
     """Rule by which rooms are furnished with it; `None` for loose objects."""

@@ -20,9 +20,9 @@ class Solid(NamedTuple):
     shape: Shape
     center: Vector
     size: Vector
-    """Full extents along its own x, y and z."""
+    """Full extents of a furniture part along its own x, y and z, in metres."""
     axis: Axis
-    """Direction of a cylinder in its own frame."""
+    """Direction of a cylindrical furniture part in its own frame."""
     yaw: float
     """Rotation of the part's own frame about z, in radians; 0 for everything parallel to the walls."""
     color: Color
@@ -65,8 +65,8 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     """Returns the height of the surface that could carry an object at a position of the piece.
 
     Args:
-        parts: of the piece, in its own frame.
-        spot: what would lie there, in that frame: back, right, front, left.
+        parts: parts of the piece, in its own frame.
+        spot: area of the object in that frame: back, right, front, left.
 
     Returns:
         None where nothing solid carries the whole spot, or where something else stands on it.

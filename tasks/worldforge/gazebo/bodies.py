@@ -29,7 +29,7 @@ class Body:
     parent: "Body | None" = None
     """Body that this one is attached to by its joint; `None`: the world."""
     is_held: bool = False
-    """Whether the body could move and is kept fixed."""
+    """Whether an imported body could move and is kept fixed."""
     solids: list[Solid] = field(default_factory=list)
 
     @property

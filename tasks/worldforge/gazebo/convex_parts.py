@@ -3,10 +3,6 @@
 Faces in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as the mesh
 is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take `_FLAT_M`,
 unless the mesh is an open shell that has no inside.
-
-Faces that lie in one plane are joined to convex polygons, and each becomes a prism inwards, 3 cm thick or as thick as
-the mesh is there. Pieces that are convex stay whole. Nothing grows: each part is inside of its mesh, give or take
-`_FLAT_M`, unless the mesh is an open shell that has no inside.
 """
 
 from collections import defaultdict
@@ -58,7 +54,7 @@ class BoxPart:
 
     @property
     def corners(self) -> Points:
-        """Corners of the box, shape (8, 3)."""
+        """Returns the corners of the box, shape (8, 3)."""
         signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1), indexing="ij")).reshape(3, -1).T
         return self.center + (signs * self.half) @ self.rotation.T
 
@@ -86,7 +82,7 @@ class Split(NamedTuple):
     """A mesh in convex parts."""
 
     parts: list[ConvexPart]
-    """Convex parts of the mesh, the largest faces first."""
+    """Convex parts of the mesh, those of the largest faces first."""
     is_coarse: bool
     """Whether boxes replace faces that are too small for prisms."""
 
@@ -211,7 +207,7 @@ def _as_box(corners: Points) -> BoxPart | None:
 
 
 class _Polygon(NamedTuple):
-    """A convex polygon of a mesh."""
+    """Convex polygon formed by faces of a mesh."""
 
     area_m2: float
     ring: list[int]
@@ -245,7 +241,7 @@ def _fine(mesh: _Faces, small: list[_Polygon]) -> list[_Polygon]:
 
 
 def _boxes(mesh: _Faces, polygons: list[_Polygon]) -> list[ConvexPart]:
-    """Returns boxes on a grid that replace polygons."""
+    """Returns boxes on a grid that replace polygons of a mesh."""
     fans = [(ring[0], ring[at], ring[at + 1]) for _, ring, _ in polygons for at in range(1, len(ring) - 1)]
     triangles = mesh.points[np.array(fans)]
     # Cells as large as a hundredth of it, within what is fine for a robot.
@@ -397,8 +393,6 @@ def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
     """Returns the thickness of each polygon's prism: up to the opposite side of the mesh, if that is near.
 
     The nearest back side counts, from the polygon's middle and from points towards its corners.
-
-    The nearest back side counts, from the polygon's middle and from spots towards its corners.
     """
     origins, directions, owner = [], [], []
     for number, (_, ring, normal) in enumerate(polygons):

@@ -61,7 +61,7 @@ class Wishes:
     model_paths: Sequence[Path] = ()
     start: Start | None = None
     start_from: str | None = None
-    """Launch file from which the start position is read."""
+    """Launch file from which the robot's start position is read; `None`: there is none."""
     loose: Loose = "free"
     allow_missing: bool = False
     notes: GazeboNotes = field(default_factory=GazeboNotes)
@@ -331,7 +331,7 @@ def _moved_solid(solid: Solid, shift: Pose) -> Solid:
 
 
 def _move_body(body: Body, turn: Pose) -> None:
-    """Moves a body with all that belongs to it."""
+    """Moves a body with all shapes and joints that belong to it."""
     single = SdfWorld("", "", links=list(body.links))
     moved(single, turn)
     body.pose = turn @ body.pose

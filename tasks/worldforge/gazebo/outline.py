@@ -65,13 +65,13 @@ class Drawn:
     ground: Ground
     grid: OccupancyGrid
     loose: Sequence[str]
-    """Names of bodies that move freely."""
+    """Names of the imported world's bodies that move freely."""
     kinds: Mapping[str, str]
-    """Kind of furniture of each piece, by name."""
+    """Kind of furniture of each piece of an imported world, by name."""
     fixed: Sequence[str]
-    """Names of pieces that never move."""
+    """Names of the imported world's pieces that never move."""
     rooms: Sequence["NamedArea"] = ()
-    """Rooms that the notes file names."""
+    """Rooms of an imported world that the notes file names."""
 
 
 class NamedArea(NamedTuple):
@@ -93,7 +93,7 @@ def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
 
     Args:
         drawn: the world.
-        source: where it is from.
+        source: origin of the world (file, hash).
         generator: version of the generator.
     """
     rows, columns = np.nonzero(drawn.grid.known)
@@ -134,8 +134,8 @@ def bundle_texts(world: World, mjcf: str, grid: OccupancyGrid) -> dict[str, byte
 
     Args:
         world: the world.
-        mjcf: its model.
-        grid: its map.
+        mjcf: MJCF model of the world.
+        grid: occupancy grid of the world.
     """
     said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
     return {
@@ -208,7 +208,7 @@ def _ceiling_m(drawn: Drawn) -> float:
 
 
 def _movable(drawn: Drawn) -> NDArray[np.bool_]:
-    """Returns the cells that only movable objects occupy."""
+    """Returns the map cells that only movable objects occupy."""
     return on_map(drawn.ground.grid.occupied & ~drawn.ground.blocked, drawn.ground, drawn.grid)
 
 

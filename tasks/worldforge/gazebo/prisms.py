@@ -58,7 +58,7 @@ def ears(outline: Outline) -> list[tuple[int, int, int]]:
     """Triangulates a polygon (ear clipping); returns corner numbers.
 
     Args:
-        outline: its corners, in either direction; a hole is joined to it by an edge that runs there and back.
+        outline: corners of the polygon, in either direction; a hole is joined to it by an edge that is used twice.
     """
     points = np.array(outline)
     left = list(range(len(points)))

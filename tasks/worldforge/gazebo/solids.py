@@ -40,12 +40,12 @@ class Solid:
 
     kind: SolidKind
     pose: Pose
-    """Pose in the world's frame."""
+    """Pose of a collision shape in the world's frame."""
     size: tuple[float, ...]
     """Size as MuJoCo has it: half extents, radius, radius and half length."""
     friction: float
     corners: Points | None = None
-    """Corners of a convex hull, in its own frame."""
+    """Corners of a convex hull's collision shape, in its own frame."""
     geometry: Geometry | None = None
     """Gazebo shape that this one is the whole conversion of; `None` for parts of a mesh."""
     terrain: Terrain | None = None
@@ -64,7 +64,7 @@ class SolidMaker:
 
     Args:
         world: the world; what had to be made coarser is noted in its list.
-        meshes: its meshes.
+        meshes: reads the world's meshes.
         loose: paths of the links that can move.
     """
 
@@ -81,7 +81,7 @@ class SolidMaker:
         self._parts = self._all_parts()
 
     def solids(self, link: Link) -> list[Solid]:
-        """Returns the collision shapes of a link."""
+        """Returns the collision shapes of a Gazebo link."""
         return [solid for collision in link.collisions for solid in self._of(collision, link.path in self._loose)]
 
     def _of(self, collision: Collision, is_loose: bool) -> Iterator[Solid]:
@@ -186,8 +186,8 @@ def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: boo
 
     Args:
         geometry: the shape.
-        pose: its pose in the world.
-        friction: its sliding friction.
+        pose: pose of the shape in the world.
+        friction: sliding friction of the shape.
         is_static: whether it never moves: only then a plane can be one, otherwise it is a thin box.
     """
     size = geometry.size

@@ -2,9 +2,6 @@
 
 Hundreds of triangles in no common plane would be too many prisms, and boxes on a grid would be too coarse. A height
 field has the exact surface.
-
-Hundreds of triangles that lie in no common plane would be too many prisms, and boxes on a grid in their place are as
-coarse as these. A height field has the surface itself.
 """
 
 from dataclasses import dataclass
@@ -31,7 +28,7 @@ class Terrain:
     heights_m: NDArray[np.float64]
     """Heights above the lowest point, in metres, shape (rows from south to north, columns from west to east)."""
     size: tuple[float, float, float]
-    """Extents along x and y, and range of heights, in metres."""
+    """Extents of terrain along x and y, and range of its heights, in metres."""
     is_closed: bool
     """Whether the mesh has a bottom, so that it is solid below the surface in the file, too."""
 

@@ -35,9 +35,9 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
     """Makes a variation of an imported world, measures it anew, and writes its bundle.
 
     Args:
-        bundle: the other world's bundle, which is left as it is.
-        wanted: what is to differ; doors cannot.
-        arn: the other world's ARN.
+        bundle: bundle of the original world, which is not changed.
+        wanted: requested changes; doors cannot differ.
+        arn: ARN of the original world.
         folder: a new folder for the bundle.
 
     Raises:
@@ -121,11 +121,11 @@ class _Model:
         self._bodies = {body.get("name", ""): body for body in found.findall("body")}
 
     def text(self) -> str:
-        """Returns the MJCF as it is now."""
+        """Returns the current MJCF text of the world."""
         return ET.tostring(self._root, encoding="unicode") + "\n"
 
     def move(self, name: str, by: Move) -> Change:
-        """Moves a loose body; objects on it stay where they are."""
+        """Moves a loose body of the world; objects on it stay where they are."""
         loose = [each for each, body in self._bodies.items() if body.find("freejoint") is not None]
         if name not in loose:
             raise ConfigurationError(f"{name}: there is no such loose body; {_alternatives(name, loose)}")
@@ -144,7 +144,7 @@ class _Model:
         return Change(what="moved", thing=name, before=f"at ({x:.2f}, {y:.2f})", after=after)
 
     def remove(self, name: str) -> Change:
-        """Removes a movable body or a fixed piece."""
+        """Removes a movable body or a fixed piece from the world."""
         parts = [self._bodies[name]] if name in self._bodies else self._geoms(self._world, name)
         self._check(name, bool(parts))
         for part in parts:
@@ -154,8 +154,6 @@ class _Model:
 
     def rub(self, name: str, friction: float) -> Change:
         """Sets the sliding friction of a piece (or of all pieces: `*`) against whatever touches it.
-
-        Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
 
         Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
         """

@@ -54,17 +54,17 @@ class Visuals:
     def __init__(self, meshes: Meshes, left_out: Omissions) -> None:
         self._meshes, self._left_out = meshes, left_out
         self.files: dict[str, bytes] = {}
-        """Content of the bundle's files, by path."""
+        """Content of the bundle's mesh and texture files, by path."""
         self._lines: dict[str, str] = {}
         self._drawn: dict[Geometry, list[tuple[str | None, MeshPart]]] = {}
         self._pictures: dict[str, str | None] = {}
 
     def asset_lines(self) -> list[str]:
-        """Returns textures, materials and meshes as MJCF."""
+        """Returns textures, materials and meshes of a Gazebo world as MJCF."""
         return sorted(self._lines.values(), key=lambda line: ("<texture" not in line, "<material" not in line, line))
 
     def seen(self, link: Link) -> list[SeenGeom]:
-        """Returns the visual shapes of a link."""
+        """Returns the visual shapes of a Gazebo link."""
         found: list[SeenGeom] = []
         for visual in link.visuals:
             geometry, pose = visual.geometry, visual.pose

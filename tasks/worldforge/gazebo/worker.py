@@ -9,15 +9,6 @@ and answers with one on standard output:
     {}   or   {"error": "<why there is no world>"}
 
 It ends when its input does.
-
-Started as `python -P -m prefect_robomaker.tasks.worldforge.gazebo.worker`; reads one JSON object from standard
-input and answers with one on standard output:
-
-    {"path": "small.world", "model_paths": [], "start": [0, 0, 0, null], "start_from": null, "loose": "free",
-     "allow_missing": false, "notes": "{}", "folder": "/…/bundle"}
-    {}   or   {"error": "<why there is no world>"}
-
-It ends when its input does.
 """
 
 import json
@@ -59,7 +50,7 @@ def answer(request: dict[str, Any]) -> dict[str, str]:
     """Imports one Gazebo world on request.
 
     Args:
-        request: as above.
+        request: the request, a JSON object.
 
     Returns:
         An empty answer, or one with the reason why there is no world.

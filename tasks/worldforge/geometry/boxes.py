@@ -1,8 +1,6 @@
 """Axis-aligned rectangles, and poses of furniture that is parallel to the walls.
 
 These are plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
-
-Plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,9 +24,9 @@ class Pose(NamedTuple):
     x: float
     y: float
     quarter: int
-    """Facing direction in quarter turns from +x, 0 to 3."""
+    """Facing direction of a furniture pose in quarter turns from +x, 0 to 3."""
     score: float = 0.0
-    """Rating of the pose; higher is better."""
+    """Rating of a furniture pose; higher is better."""
 
     def box(self, back: float, front: float, right: float, left: float) -> Box:
         """Returns the rectangle between two distances forward and two sideways from the pose."""

@@ -3,11 +3,6 @@
 Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin. The grid shows the
 slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above the floor. `write_map`
 writes the pair of files that Nav2's map server reads.
-
-Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin.
-The grid speaks of the slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above
-the floor.
-`write_map` writes the pair of files that Nav2's map server reads.
 """
 
 from collections.abc import Iterable, Sequence
@@ -43,10 +38,10 @@ class OccupancyGrid:
     """Grid map of a world: occupied cells, and cells that are known at all."""
 
     origin: Point
-    """South-west corner of cell `[0, 0]`, in metres."""
+    """South-west corner of map cell `[0, 0]`, in metres."""
 
     occupied: NDArray[np.bool_]
-    """Whether each cell is occupied, shape (rows, columns)."""
+    """Whether each map cell is occupied, shape (rows, columns)."""
 
     known: NDArray[np.bool_]
     """Whether each cell is known, shape (rows, columns).
@@ -55,11 +50,11 @@ class OccupancyGrid:
     """
 
     resolution_m: float = RESOLUTION_M
-    """Side of a cell, in metres."""
+    """Side of a map cell, in metres."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the cells that are known and not occupied."""
+        """Mask of the map cells that are known and not occupied."""
         return self.known & ~self.occupied
 
     def cell(self, point: Point) -> tuple[int, int]:
@@ -84,7 +79,7 @@ def occupancy_grid(
         furniture: obstacles as oriented rectangles.
         polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
             furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
-        high_m: how high the robot is.
+        high_m: height of the robot, in metres.
     """
     half = max(wall.thickness_m for wall in floorplan.walls) / 2
     xs, ys = zip(*floorplan.footprint, strict=True)
@@ -139,10 +134,10 @@ def fill(
     """Marks every grid cell that a convex polygon touches.
 
     Args:
-        grid: where the cells are.
+        grid: occupancy grid with the cells' positions.
         cells: the cells, shape (rows, columns), which are changed.
         corners: the polygon, counter-clockwise.
-        touching_m: how far it has to enter a cell; below 0, cells count that are as near to it.
+        touching_m: depth by which it must enter a cell; negative values also mark cells that are as near.
     """
     size = grid.resolution_m
     xs, ys = zip(*corners, strict=True)
@@ -211,7 +206,7 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
 
     Args:
         grid: the map; unknown cells count as occupied.
-        start: where the disc's middle is at first, in metres.
+        start: start position of the disc's centre, in metres.
         radius_m: the disc's radius.
 
     Returns:
@@ -231,7 +226,7 @@ def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bo
 
 
 def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
-    """Returns a mask of the cells inside a room's polygon."""
+    """Returns a mask of the map cells inside a room's polygon."""
     xs, ys = zip(*room.polygon, strict=True)
     # Only what is around the room is looked at.
     (west, east), (south, north) = (
@@ -260,7 +255,7 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
 
     Args:
         grid: the map.
-        said: what `map.yaml` says of it, as a comment.
+        said: comment in `map.yaml`.
     """
     height, width = grid.occupied.shape
     pixels = np.full((height, width), UNKNOWN_PIXEL, np.uint8)

@@ -4,11 +4,6 @@ The frame is on the floor in the middle of the footprint: x points to the front,
 or stop objects collide and are drawn; most others are only drawn, so that a piece with drawers and cushions costs
 physics little more than a crate. A few parts collide and are not drawn: the inside of a cushion, and the squares that
 round objects rest on.
-
-The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
-up. What carries or stops things collides and is drawn; most of the rest is there for the eye only, so that a
-piece with drawers and cushions costs physics little more than a crate. A few parts collide and are not drawn: the
-inside of a cushion, and the squares that round things rest on.
 """
 
 from dataclasses import dataclass, replace
@@ -27,21 +22,21 @@ class Part:
     """A geometric primitive of a piece of furniture, in the piece's frame."""
 
     name: str
-    """Name that is unique in its piece of furniture."""
+    """Name of a furniture part that is unique in its piece."""
     shape: Shape
-    """Kind of primitive; `axis` is the direction of a cylinder."""
+    """Kind of primitive of a furniture part; `axis` is the direction of a cylinder."""
     center: Vector
-    """Centre in metres."""
+    """Centre of a furniture part, in metres."""
     size: Vector
-    """Full extents along x, y and z, in metres."""
+    """Full extents of a furniture part along x, y and z, in metres."""
     color: Color
-    """Red, green, blue and opacity, 0 to 1."""
+    """Colour of a furniture part: red, green, blue and opacity, 0 to 1."""
     solid: bool
-    """Whether the part collides."""
+    """Whether a furniture part collides."""
     axis: Axis = "z"
-    """Direction of a cylinder; other shapes have none."""
+    """Direction of a cylindrical furniture part; other shapes have none."""
     drawn: bool = True
-    """Whether the part is drawn; an undrawn part collides."""
+    """Whether a furniture part is drawn; an undrawn part collides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +46,19 @@ class Style:
     form: str
     """Form that the builder makes, such as `round` or `three-seat`."""
     width_m: float
-    """Width across the facing direction, in metres."""
+    """Width of a furniture style across the facing direction, in metres."""
     depth_m: float
-    """Depth along the facing direction, in metres."""
+    """Depth of a furniture style along the facing direction, in metres."""
     height_m: float
-    """Height in metres."""
+    """Height of a furniture style, in metres."""
     colors: str
-    """Name of the colour scheme."""
+    """Name of a furniture style's colour scheme."""
     main: Color
-    """Colour of body, frame and legs."""
+    """Colour of a furniture style's body, frame and legs."""
     accent: Color
-    """Colour of tops, fronts and metal."""
+    """Colour of a furniture style's tops, fronts and metal."""
     soft: Color
-    """Colour of cushions, covers and screens."""
+    """Colour of a furniture style's cushions, covers and screens."""
 
     @property
     def name(self) -> str:
@@ -121,13 +116,13 @@ def styles(form: str, size: tuple[float, float, float], *schemes: str) -> tuple[
 
 
 def box(name: str, x: Span, y: Span, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """Makes a box between two bounds on each axis."""
+    """Makes a box as furniture part, between two bounds on each axis."""
     center = ((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)
     return Part(name, "box", center, (x[1] - x[0], y[1] - y[0], z[1] - z[0]), color, solid)
 
 
 def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """Makes an upright cylinder."""
+    """Makes an upright cylinder as furniture part."""
     center = (at[0], at[1], (z[0] + z[1]) / 2)
     return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
 
@@ -145,10 +140,10 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
     Args:
         name: name of the first; the others are numbered.
         at: the cylinder's middle.
-        diameter: of the cylinder.
-        z: from where to where.
-        color: where a program draws what collides.
-        angles: where corners of the boxes are on the circle, degrees from the x axis; one box for each.
+        diameter: diameter of the cylinder.
+        z: lower and upper height.
+        color: colour for programs that draw collision shapes.
+        angles: angles of the boxes' corners on the circle, in degrees from the x axis; one box for each.
     """
     parts: list[Part] = []
     for index, angle in enumerate(angles, 1):
@@ -165,12 +160,12 @@ def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis,
 
 
 def rounded(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
-    """Makes an ellipsoid."""
+    """Makes an ellipsoid as furniture part."""
     return Part(name, "ellipsoid", center, size, color, solid)
 
 
 def legs(style: Style, z: Span, thickness: float, color: Color, *, inset: float = 0.03) -> list[Part]:
-    """Makes four square legs under the corners."""
+    """Makes four square legs under the corners of a piece of furniture."""
     x, y = style.half_depth_m - inset - thickness, style.half_width_m - inset - thickness
     spots = {"front-left": (x, y), "front-right": (x, -y - thickness)}
     spots |= {"back-left": (-x - thickness, y), "back-right": (-x - thickness, -y - thickness)}
@@ -223,15 +218,12 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
 
     One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
     by as much, which is too little for two more boxes.
-
-    One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
-    by as much, which is too little to cost two boxes more.
     """
     sides = (-style.half_depth_m, style.half_depth_m - 0.022), (-style.half_width_m, style.half_width_m)
     return [box("body", *sides, z, color), hidden("inside", *sides, (0, top_m), color)]
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
-    """Makes a board over the whole footprint."""
+    """Makes a board over the whole footprint of a piece of furniture."""
     x, y = style.half_depth_m - inset, style.half_width_m - inset
     return box(name, (-x, x), (-y, y), z, color, solid=solid)

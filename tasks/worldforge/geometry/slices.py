@@ -39,7 +39,7 @@ def solid_outlines(
 
     Args:
         model: a world.
-        data: where everything is; needs what `mj_kinematics` computes.
+        data: MuJoCo state of the world, after `mj_kinematics`.
         low_m: the lower height.
         high_m: the upper height.
         among: mask of the geoms that are looked at; all that collide unless told otherwise.
@@ -69,7 +69,7 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Points, Points]
 
     Args:
         model: a world.
-        data: where everything is; needs what `mj_kinematics` computes.
+        data: MuJoCo state of the world, after `mj_kinematics`.
     """
     axes, boxes = data.geom_xmat.reshape(-1, 3, 3), model.geom_aabb
     center = data.geom_xpos + (axes @ boxes[:, :3, None])[..., 0]

@@ -27,7 +27,7 @@ FLUSH_M = 0.004
 
 _STEP_M = 0.3
 OPEN_SCORE = -2.0
-"""Lowest score of a pose away from walls."""
+"""Lowest score of a furniture pose away from walls."""
 
 _END_ON_SCORE = -3.0
 _CORNER_M = 0.2
@@ -46,7 +46,7 @@ def against_walls(
     Args:
         space: the room.
         style: the piece.
-        front_m: what has to stay free before it.
+        front_m: free space in front of it, in metres.
         prefer: `middle`, `corner` or `any`.
         dice: the source of chance.
         tall: whether the piece must not stand before a window.

@@ -93,12 +93,6 @@ def _furnished(
         kinds: kinds of furniture to place.
         names: pieces of each kind in the world so far.
         is_open: whether the template names no furniture for the room.
-
-    Args:
-        begin: makes the empty room.
-        kinds: what it gets.
-        names: pieces of each kind in the world so far.
-        is_open: whether the template leaves open what it gets.
     """
     before = names.copy()
     work = begin()
@@ -140,11 +134,6 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) 
         work: the room.
         kinds: kinds of furniture to place.
         is_open: whether the template names no furniture for the room.
-
-    Args:
-        work: the room.
-        kinds: what it gets.
-        is_open: whether the template leaves open what it gets.
     """
     if work.room.type == "Kitchen":
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
@@ -210,7 +199,7 @@ def _density_preferences(
 ) -> list[Preference]:
     """Reports the preferred density: satisfied when every room is about as full.
 
-    Nothing if no room has a preference.
+    Nothing is reported if no room has a preference.
     """
     density = arrangement.DesiredSpatialDensity
     short = [work for work in rooms if work.covered_share < work.granted_share]

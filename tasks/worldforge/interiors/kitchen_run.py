@@ -24,7 +24,7 @@ _TALL_CHANCES: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.4, "Dense": 
 _LEAST_PIECES = 6
 """Number of pieces that a kitchen should have.
 
-Fridge, stove, sink, dishwasher, and worktop on both sides of the stove.
+They are fridge, stove, sink, dishwasher, and worktop on both sides of the stove.
 """
 
 _CORNER_M = 0.2
@@ -55,7 +55,7 @@ class Halves(NamedTuple):
     cooking: list[Unit]
     """Units of the first half, from the fridge to the worktop beside the stove."""
     washing: list[Unit]
-    """Units of the second half, from the sink on."""
+    """Units of the second half of a kitchen's row, from the sink on."""
     corner: Unit
     counters: list[Unit]
     """Counters of each size, with which a wall can be filled."""
@@ -66,7 +66,7 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
 
     Args:
         work: the kitchen; nothing stands in it yet.
-        kinds: what belongs to the line.
+        kinds: kinds of furniture that belong to the row.
     """
     if not kinds:
         return
@@ -127,7 +127,7 @@ def _length(units: Sequence[Unit]) -> float:
 def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
     """Yields placements of a straight kitchen, with scores.
 
-    At both ends of every free stretch of wall, in both directions.
+    They are at both ends of every free stretch of wall, in both directions.
     """
     length = _length(units)
     depth, front = _reach(work, units)

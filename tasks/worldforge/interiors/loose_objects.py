@@ -60,7 +60,7 @@ _MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
 """Kinds of objects on the floor by room type, where a template requests more than fit on furniture."""
 
 _SMALLEST = ("ToyBlock",)
-"""Kinds of objects that still fit where others do not."""
+"""Kinds of loose objects that still fit where others do not."""
 
 _ANCHORS: dict[str, tuple[str, ...]] = {
     "Clothes": ("Beds", "Storage", "Dressers"),
@@ -80,7 +80,7 @@ _MANY_TRIES = 60
 _ANCHOR_REACH_M = 0.9
 _SHOE_GAP_M = 0.02
 _APART_M = 0.02
-"""Smallest gap between objects on one table, in metres."""
+"""Smallest gap between loose objects on one table, in metres."""
 
 
 def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> list[Furniture]:
@@ -88,7 +88,7 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 
     Args:
         furnished: the room with its furniture; the objects' places are taken in its space.
-        room_for: how many objects the room may get.
+        room_for: largest number of objects in the room.
         fill: whether it gets as many, where there is place for them.
 
     Returns:
@@ -113,7 +113,7 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) -> None:
     """Adds the requested number of loose objects, as far as there is place.
 
-    On furniture in turn, the rest on the floor.
+    They are put on furniture in turn, and the rest on the floor.
     """
     hosts = [item for item in furnished.items if item.model_type in _ON_MORE_TOPS]
     while hosts and len(objects) < room_for:
@@ -198,11 +198,6 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
         furnished: the room.
         kinds: kinds of objects, one of which is chosen.
         corners: spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
-
-    Args:
-        furnished: the room.
-        kinds: one of them is chosen.
-        corners: spots beside the ways of robots, for what is one of many; absent: anywhere that suits the object.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)

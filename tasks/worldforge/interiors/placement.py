@@ -25,7 +25,7 @@ WALL_GAP_M = 0.015
 _HALF_WAY_M = 0.3
 """Half the width of the paths kept open in rooms, in metres.
 
-The robot's radius of 0.2 m, a map cell, and some margin.
+It is the robot's radius of 0.2 m, a map cell, and some margin.
 """
 
 _HALF_HALLWAY_M = 0.4
@@ -44,7 +44,7 @@ _WINDOW_DEPTH_M = 0.4
 _GATE_M = 0.475
 """Distance from the middle of a wall to the beginning of paths, in metres.
 
-The nearest cell centre that a path can have.
+It is the nearest cell centre that a path can have.
 """
 
 
@@ -55,13 +55,13 @@ class Side(NamedTuple):
     """Start of the wall along its axis, on the corners' centre lines, in metres."""
     high: float
     face: float
-    """Coordinate of the wall's face across the axis, in metres."""
+    """Coordinate of a wall's face across the wall, in metres."""
     quarter: int
     """Direction from the wall into the room, in quarter turns from +x."""
 
     @property
     def axis(self) -> int:
-        """0 for a side along x, 1 for one along y."""
+        """Axis along which a room's side runs: 0 for x, 1 for y."""
         return 1 - self.quarter % 2
 
     def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:
@@ -81,8 +81,8 @@ class RoomSpace:
 
     Attributes:
         room: the room.
-        bounds: its extent.
-        sides: its sides that have walls.
+        bounds: bounding box of the room.
+        sides: sides of the room that have walls.
         kept_m2: floor before doors and openings, on which nothing stands.
     """
 
@@ -91,13 +91,8 @@ class RoomSpace:
 
         Args:
             room: the room.
-            floorplan: its plan.
+            floorplan: floor plan of the room.
             is_small: whether paths are only as wide as a robot needs, in place of the usual width.
-
-        Args:
-            room: the room.
-            floorplan: its plan.
-            is_small: whether its ways are as narrow as a robot allows, in place of usual ones.
         """
         self.room = room
         self.bounds = bounds(room.polygon)
@@ -129,12 +124,6 @@ class RoomSpace:
             box: the rectangle.
             tall: whether the piece would hide a window.
             partners: ids of the pieces it belongs to, whose keep-clear zones it may enter.
-            tucked: footprint of the piece it may be pushed under.
-
-        Args:
-            box: what it would cover.
-            tall: whether it would hide a window.
-            partners: ids of the pieces it belongs to, whose zones it may enter.
             tucked: footprint of the piece it may be pushed under.
         """
         x0, y0, x1, y1 = self.bounds

@@ -28,7 +28,7 @@ from . import candidates
 from .placement import TALL_M, RoomSpace
 
 NewId = Callable[[str], str]
-"""Function that returns a new id for a piece of a kind."""
+"""Function that returns a new id for a piece of a furniture kind."""
 
 _SMALL_ROOM_M2 = 15.0
 _LARGE_ROOM_M2 = 45.0
@@ -95,8 +95,8 @@ class RoomFurnishing:
 
     Attributes:
         room: the room.
-        space: what is still free in it.
-        density: how full it should get.
+        space: free space in the room.
+        density: preferred density of furniture.
         dice: the source of chance.
         new_id: names pieces.
         items: pieces placed so far.
@@ -127,7 +127,7 @@ class RoomFurnishing:
         *,
         is_small: bool = False,
     ) -> "RoomFurnishing":
-        """Starts with an empty room, and chooses its colours."""
+        """Starts the furnishing of an empty room, and chooses its colours."""
         schemes = list(_schemes())
         dice.shuffle(schemes)
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
@@ -193,7 +193,7 @@ class RoomFurnishing:
 
     @property
     def wished_share(self) -> float:
-        """Share of the floor that furniture should cover."""
+        """Share of the room's floor that furniture should cover."""
         return wished_share(self.room.type, self.density, self.room.floor_m2)
 
     @property
@@ -204,7 +204,7 @@ class RoomFurnishing:
 
     @property
     def covered_share(self) -> float:
-        """Share of the floor that furniture covers now."""
+        """Share of the room's floor that furniture covers now."""
         return sum(item.width_m * item.depth_m for item in self.items) / self.room.floor_m2
 
     def _full(self, share: float) -> bool:
@@ -334,9 +334,9 @@ class RoomFurnishing:
         """Places a piece of furniture at a pose that has been checked, rounded to millimetres.
 
         Args:
-            kind: its type.
-            style: its look.
-            pose: where; asked for before.
+            kind: kind of the piece.
+            style: style of the piece.
+            pose: pose that was checked before.
             zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
         """
         item = Furniture(

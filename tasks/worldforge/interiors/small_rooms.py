@@ -30,12 +30,6 @@ def furnish_small(
         fill: furnishes it.
         kinds: kinds of furniture to place.
         names: pieces of each kind in the world so far; afterwards those with the kept attempt.
-
-    Args:
-        begin: makes the empty room.
-        fill: furnishes it.
-        kinds: what it gets.
-        names: pieces of each kind in the world so far, which are those of the kept furnishing afterwards.
     """
     before = names.copy()
     first: list[str] = []
@@ -62,7 +56,7 @@ def furnish_small(
 def _worth(work: RoomFurnishing, group: Sequence[str]) -> int:
     """Returns the weight of a missing kind.
 
-    More than all kinds listed after it, so that a bath rather has its toilet.
+    It is more than that of all kinds listed after it, so that a bath rather has its toilet.
     """
     groups = SMALL_ROOM_NEEDS[work.room.type]
     place = next(place for place, each in enumerate(groups) if set(group) <= set(each))
@@ -75,10 +69,6 @@ def put_back(names: Counter[str], before: Counter[str]) -> None:
     Args:
         names: pieces of each kind in the world.
         before: pieces of each kind before the attempt.
-
-    Args:
-        names: pieces of each kind in the world.
-        before: pieces of each kind as they were counted then.
     """
     names.clear()
     names.update(before)

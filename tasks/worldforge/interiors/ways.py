@@ -35,12 +35,6 @@ class Ways:
             half_width_m: half the width of the paths.
             solids: walls, which keep the middle of a robot at that distance.
             outside: parts of the extent that are outside the room.
-
-        Args:
-            bounds: the room's extent.
-            half_width_m: half the width of the ways.
-            solids: walls, which keep the middle of a robot at that distance.
-            outside: what of the extent is no part of the room.
         """
         self._x0, self._y0, x1, y1 = bounds
         self._half_m = half_width_m
@@ -67,7 +61,7 @@ class Ways:
 
     @property
     def joined(self) -> bool:
-        """Whether all points of `join` are connected by paths."""
+        """Whether all doors of the room (the points of `join`) are connected by paths."""
         return self._open is not None
 
     def _nearest_free(self, row: int, column: int) -> tuple[int, int]:
@@ -122,8 +116,6 @@ class Ways:
         """Returns the centre of the free cell nearest to a point.
 
         If not all doors are connected, cells connected with most of the doors count.
-
-        Where there are no ways between all gates, those from the most gates count.
         """
         cells = self._best_part() if self._open is None else self._open
         if not cells.any():
@@ -146,9 +138,6 @@ class Ways:
 
         If they are, a robot that passed through the block can drive around it, and nothing is cut off: the common case,
         decided without examining the whole room.
-
-        If they do, a robot that passed through the block can drive around it, and nothing is cut off: the
-        common case, decided without looking at the whole room.
         """
         top, bottom, left, right = rows.start - 1, rows.stop, columns.start - 1, columns.stop
         if top >= bottom - 1 or left >= right - 1:

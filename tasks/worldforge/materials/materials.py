@@ -2,9 +2,6 @@
 
 Every material has several finishes: another wood, another tile, another wallpaper. `world.json` names both, so that its
 readers can draw the surface again.
-
-Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
-names both, so that its readers can draw the surface again.
 """
 
 from collections.abc import Sequence
@@ -32,13 +29,13 @@ class Finish:
     name: str
     """Name that is unique among the finishes of its material."""
     pattern: Pattern
-    """Layout of the colours."""
+    """Pattern of a surface finish: the layout of its colours."""
     color: Color
-    """Main colour of the surface."""
+    """Main colour of a surface finish."""
     second: Color
-    """Colour of every second board, stripe or stone."""
+    """Second colour of a surface finish: of every second board, stripe or stone."""
     line: Color
-    """Colour of joints, grooves and specks."""
+    """Colour of joints, grooves and specks of a surface finish."""
 
 
 @dataclass(frozen=True, slots=True)

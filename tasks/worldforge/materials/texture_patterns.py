@@ -27,7 +27,7 @@ class Grid:
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def seeded(self, seed: int) -> "Grid":
-        """Returns the same grid with another random seed."""
+        """Returns the same pixel grid with another random seed."""
         return replace(self, rng=np.random.default_rng(seed))
 
     def places(self) -> tuple[Array, Array]:
@@ -59,7 +59,7 @@ class Grid:
         return total / weight
 
     def grains(self) -> Array:
-        """Returns a random value from 0 to 1 for each pixel."""
+        """Returns a random value from 0 to 1 for each pixel of the texture."""
         return self.rng.random((self.rows, self.columns))
 
     def tones(self, row: Numbers, column: Numbers | int = 0) -> Array:
@@ -302,7 +302,7 @@ def _edge(place: Array, size: float) -> Array:
 
 
 def _top(place: Array, size: float, reach: float) -> NDArray[np.bool_]:
-    """Returns a mask of the positions close behind a joint."""
+    """Returns a mask of the positions close behind a joint of boards or tiles."""
     return place - np.floor(place / size) * size < reach
 
 

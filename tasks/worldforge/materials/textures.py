@@ -1,9 +1,6 @@
 """Textures of floor and wall materials and of the sky: small, seamless, and the same on every machine.
 
 Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own name.
-
-Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own
-name; so every process on every machine makes the same ones.
 """
 
 import io

@@ -200,9 +200,6 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
 
     Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
     touch, so a wheel with less friction than the floor grips as well as the floor lets it.
-
-    Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
-    touch, so a wheel whose own is below the floor's grips as well as the floor lets it.
     """
     grip = _numbers(FLOORS[room.floor_material].friction, 0.005, 0.0001)
     for number, (x0, y0, x1, y1) in enumerate(room_rects(room)):
@@ -274,7 +271,7 @@ def piece_geoms(
     Args:
         item: the piece.
         shapes: draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
-        mass_kg: of a loose object; furniture that stands fast has none.
+        mass_kg: mass of a loose object, in kilograms; fixed furniture has none.
         solid_only: whether what is for the eye only is left out.
     """
     if shapes is None:

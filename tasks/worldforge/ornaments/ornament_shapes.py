@@ -1,6 +1,6 @@
 """Procedural meshes that fill a box: bevelled, turned, stuffed and leafy shapes.
 
-Closed, a few hundred triangles each.
+They are closed, and have a few hundred triangles each.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -439,7 +439,7 @@ class Shapes:
     """Collects the meshes of a world's model, each once."""
 
     def __init__(self) -> None:
-        """Makes an empty collection."""
+        """Makes an empty collection of meshes."""
         self._lines: dict[str, str] = {}
 
     def named(self, form: str, size: Vector) -> str:

@@ -48,7 +48,7 @@ class _StepTexts(dict[float, str]):
 
 
 _MOST_TEXTS = 1 << 15
-"""Limit of cached texts; some 4 MB."""
+"""Limit of cached number texts; some 4 MB."""
 
 _STEPS = 1e4
 """Steps of a written number per unit: MJCF has four decimals, a tenth of a millimetre."""
@@ -86,21 +86,21 @@ class Ornament(NamedTuple):
     """A decorative geom that never collides."""
 
     name: str
-    """Name that is unique in the world."""
+    """Name of a decorative geom that is unique in the world."""
     kind: str
-    """Geom type: `box`, `cylinder` or `mesh`."""
+    """Type of a decorative geom: `box`, `cylinder` or `mesh`."""
     center: Vector
     size: Sequence[float]
-    """Half extents as in MJCF; empty for a mesh."""
+    """Half extents of a decorative geom as in MJCF; empty for a mesh."""
     look: str
-    """MJCF attribute of the look: `rgba` or `material`."""
+    """MJCF attribute of a decorative geom's look: `rgba` or `material`."""
     quat: str = ""
-    """MJCF attribute of the rotation; empty: none."""
+    """MJCF attribute of a decorative geom's rotation; empty: none."""
     mesh: str = ""
-    """Name of the mesh asset."""
+    """Name of a decorative geom's mesh asset."""
 
     def line(self) -> str:
-        """Returns the geom as MJCF."""
+        """Returns the decorative geom as MJCF."""
         turn = f' quat="{self.quat}"' if self.quat else ""
         form = f'mesh="{self.mesh}"' if self.mesh else f'size="{numbers(*self.size)}"'
         place = f'pos="{numbers(*self.center)}"{turn}'
@@ -122,8 +122,6 @@ class Mesh:
         """Returns the mesh as an MJCF asset.
 
         A textured mesh is a file: MuJoCo before 3.1.6 crashes on texture coordinates within MJCF.
-
-        MuJoCo before 3.1.6 crashes on places on pictures within MJCF, and reads them in files.
         """
         if self.places is not None:
             return f'    <mesh name="{name}" file="{mesh_path(name)}"/>'
@@ -147,12 +145,12 @@ def _faces(triangles: bytes) -> str:
 
 
 def mesh_path(name: str) -> str:
-    """Returns the path of a mesh's file, relative to the model."""
+    """Returns the path of a decorative mesh's file, relative to the model."""
     return f"{MESHES_FOLDER}/{name}.obj"
 
 
 def _texts(values: Floats) -> Iterator[Iterator[str]]:
-    """Yields the formatted numbers of each column."""
+    """Yields the formatted numbers of each column of an array."""
     return map(number_texts, values.T)
 
 

@@ -124,10 +124,10 @@ def book_row(
     Args:
         name: name of the row; books are numbered.
         foot: middle of the box's lower side.
-        yaw: where their backs face.
+        yaw: direction that the books' spines face, in radians.
         size: depth, width and height of the box; all books are as deep.
         shapes: gathers their meshes.
-        dice: how thick, how high, and of which colour they are.
+        dice: random source for thickness, height and colour of the books.
     """
     _, wide, tall = size
     c, s = turn(yaw)

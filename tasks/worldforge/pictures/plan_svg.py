@@ -59,7 +59,7 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 
     Args:
         room: the room.
-        furniture: what to keep clear of where possible.
+        furniture: furniture to avoid where possible.
         scale: pixels per metre, because letters have their size in pixels.
     """
     room_box = widest_box(room)
@@ -169,7 +169,7 @@ def _more_styles(plan: Floorplan) -> str:
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Scale and position of the world on the page."""
+    """Scale and position of the world on the floor plan's page."""
 
     scale: float
     origin_x: float

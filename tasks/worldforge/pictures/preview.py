@@ -23,7 +23,7 @@ from ..model.mjcf import wall_faces
 from .preview_raster import Block, Image, LightMap, Palette, Raster, View
 
 WIDTH, HEIGHT = 960, 720
-"""Size of the picture in pixels."""
+"""Width and height of the preview picture, in pixels."""
 
 _SUPERSAMPLING = 2
 _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0

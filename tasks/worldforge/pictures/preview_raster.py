@@ -2,9 +2,6 @@
 
 Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on every processor, so
 that equal scenes give equal pictures everywhere.
-
-Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on
-every processor, so that equal scenes give equal pictures everywhere.
 """
 
 from collections.abc import Iterable
@@ -48,11 +45,11 @@ class View:
     elevation_deg: float
     """Angle of the camera above the horizon, in degrees."""
     scale: float
-    """Pixels per metre."""
+    """Scale of the preview camera, in pixels per metre."""
     offset: tuple[float, float]
-    """Pixel position of the world's origin."""
+    """Pixel position of the world's origin in the preview."""
     size: tuple[int, int]
-    """Width and height in pixels."""
+    """Width and height of the preview, in pixels."""
 
     @property
     def axes(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
@@ -237,7 +234,7 @@ class Palette:
         self._patterns: dict[int, int] = {}
 
     def add(self, color: Color, shade: float = 1.0) -> int:
-        """Adds a colour, shaded or not; returns its number."""
+        """Adds a colour to the preview's palette, shaded or not; returns its number."""
         red, green, blue, _ = color
         self._colors.append((red * shade, green * shade, blue * shade))
         return len(self._colors) - 1

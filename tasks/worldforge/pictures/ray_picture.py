@@ -3,10 +3,6 @@
 Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from many small lamps;
 every pixel samples some of them and shares the result with its neighbours, so that shadows are soft and corners dark
 without tracing every lamp from everywhere.
-
-Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from
-many small lamps; every pixel looks at some of them and shares what it saw with its neighbours, so that
-shadows are soft and corners dark without tracing every lamp from everywhere.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -42,13 +38,13 @@ class Camera:
     """Position, direction and field of view of a camera."""
 
     place: Vector
-    """Position in metres."""
+    """Position of the camera, in metres."""
     yaw: float
-    """Direction of view in radians: 0 is east, pi/2 north."""
+    """Direction of the camera's view in radians: 0 is east, pi/2 north."""
     pitch: float
-    """Angle above the horizon, in radians."""
+    """Angle of the camera's view above the horizon, in radians."""
     fov_deg: float
-    """Horizontal field of view, in degrees."""
+    """Horizontal field of view of the camera, in degrees."""
 
     def rays(self, width: int, height: int, columns: Array, rows: Array) -> Array:
         """Returns unit direction vectors through pixel positions, shape (n, 3)."""
@@ -71,10 +67,10 @@ class Lamp:
 
     place: Vector
     power: float
-    """Brightness of a white wall one metre away from it."""
+    """Power of a lamp: the brightness of a white wall one metre away from it."""
     color: Vector = (1.0, 1.0, 1.0)
     facing: Vector | None = None
-    """Direction in which it shines; `None`: everywhere alike."""
+    """Direction in which a lamp shines; `None`: everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +89,7 @@ class Hits:
 Look = Callable[[Hits], Array]
 """Function that returns the colours at ray hits, 0 to 1 in sRGB, shape (n, 3).
 
-Negative values: the surface shines by itself.
+Negative values mean that the surface shines by itself.
 """
 
 
@@ -154,7 +150,7 @@ class RayPicture:
         """Renders the picture.
 
         Args:
-            camera: from where.
+            camera: position and direction of the camera.
             lamps: sets of lamps; a pixel looks at one lamp of each set and at the others through its
                 neighbours.
             width: pixels.
@@ -217,7 +213,7 @@ class _Light:
 
     hits: Hits
     light: Array
-    """Light colours, shape (rows, columns, 3)."""
+    """Light colours at the pixels of a coarse grid, shape (rows, columns, 3)."""
     shape: tuple[int, int]
 
     @classmethod

@@ -23,7 +23,7 @@ EYE_M = 1.6
 """Height of the camera above the floor, in metres: of a person's eyes."""
 
 FOV_DEG = 88.0
-"""Horizontal field of view, in degrees."""
+"""Horizontal field of view of a room's picture, in degrees."""
 
 _PITCH = -0.2
 _FROM_WALL_M = 0.28

@@ -41,11 +41,11 @@ class Site:
 
     scan: Scan
     first: OccupancyGrid
-    """Map with everything in its initial state."""
+    """Occupancy map with everything in its initial state."""
     opened: OccupancyGrid
     """Map with the doors fully open, since a robot can push them; the same object if they are so initially."""
     origin_clear: bool
-    """Whether the robot's start is free."""
+    """Whether the robot's start position is free of obstacles."""
     is_planned: bool
     """Whether the world has a floor plan of rooms and doors; imported worlds have none."""
 
@@ -55,7 +55,7 @@ def planned_site(world: World, model: mujoco.MjModel) -> Site:
 
     Args:
         world: the world.
-        model: its model, from `proof_mjcf` or the file in its bundle; its loose objects are awake from now on.
+        model: model of the world, from `proof_mjcf` or its bundle; its loose objects are awake afterwards.
     """
     scan = awake_scan(world, model)
     ground = ground_of(world, scan)
@@ -69,11 +69,7 @@ def awake_scan(world: World, model: mujoco.MjModel) -> Scan:
 
     Args:
         world: the world.
-        model: its model, which is changed.
-
-    Args:
-        world: the world.
-        model: its model.
+        model: model of the world, which is changed.
     """
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
     return Scan(model, {passage.door.id for passage in world.floorplan.passages if passage.door})
@@ -92,7 +88,7 @@ def check_world(
 
     Args:
         world: the world; it says where rooms, passages and goals are.
-        site: its model.
+        site: model of the world.
         robot_radius_m: radius of the disc that has to reach every room from the origin.
         settle_s: how long to let physics run, with every body awake at first; None leaves that out.
         pushed: whether loose objects are pushed, too, which takes twenty times longer.

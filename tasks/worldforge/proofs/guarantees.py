@@ -1,8 +1,6 @@
 """Guarantees of every world: the limits, which of them a world breaks, and their wording.
 
 It needs only the measurements that `world.json` holds; `checks` takes them.
-
-Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 """
 
 from collections.abc import Iterator
@@ -163,7 +161,7 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
 def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:
     """Returns the line with the number of geoms that collide.
 
-    The reason: counted now or, for stored worlds, by their generator.
+    They are counted now or, for stored worlds, by their generator.
     """
     major = world.generator_version.partition(".")[0]
     counted_all = checks.faults is None and major.isdecimal() and int(major) < _COUNTS_COLLIDING

@@ -26,7 +26,7 @@ Cells = NDArray[np.bool_]
 
 
 class _Expected(NamedTuple):
-    """Cells that a map must or may show."""
+    """Map cells that a correct map must show, and those that it may show."""
 
     must_occupy: Cells
     may_occupy: Cells
@@ -75,8 +75,8 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
     Args:
         world: the world.
-        site: its model.
-        read: its map.
+        site: model of the world.
+        read: stored map of the world.
         as_described: whether each part of the model is as the world describes it.
     """
     grid, scan = site.first, site.scan
@@ -121,7 +121,7 @@ def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
 
 
 def _there(scan: Scan, place: Point) -> str:
-    """Returns the name of the part at a position."""
+    """Returns the name of the solid part at a position."""
     for geom, outline in scan.slices:
         xs, ys = zip(*outline, strict=True)
         if min(xs) - 0.05 < place[0] < max(xs) + 0.05 and min(ys) - 0.05 < place[1] < max(ys) + 0.05:
@@ -134,8 +134,8 @@ def lidar_faults(world: World, site: Site, read: OccupancyGrid) -> list[Fault]:
 
     Args:
         world: the world.
-        site: its model; a building with a plan has walls all around, so that each ray has to end.
-        read: its map.
+        site: model of the world; in a building with a plan, each ray must hit a wall.
+        read: stored map of the world.
     """
     scan = site.scan
     places = [place for place in ((0.0, 0.0), *(goal for _, goal in goals_of(world))) if _is_free(site.first, place)]

@@ -21,9 +21,9 @@ class Overlap(NamedTuple):
     depth_m: float
     """Distance by which one of the parts would have to be moved to separate them, in metres."""
     parts: tuple[str, str]
-    """Names of the two geoms; empty for geoms without name."""
+    """Names of two overlapping geoms; empty for geoms without name."""
     geoms: tuple[int, int]
-    """Ids of the two geoms."""
+    """Ids of two overlapping geoms."""
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
@@ -33,7 +33,7 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
 
     Args:
         model: a world.
-        data: where everything is; needs what `mj_kinematics` computes.
+        data: MuJoCo state of the world, after `mj_kinematics`.
     """
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
@@ -107,7 +107,7 @@ are soft. Steps with bodies awake take most of the time.
 _WATCHED_AFTER_PUSH_S = 0.5
 """Time after a push during which no body may fall asleep, in seconds.
 
-Longer, as rocking bodies are slow where they turn back.
+It is longer, as rocking bodies are slow where they turn back.
 """
 
 _SLEEP_TOLERANCE = 5e-4
@@ -185,7 +185,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
 
     Args:
         model: a world.
-        seed: of the pushes.
+        seed: random seed of the pushes.
     """
     dice = np.random.default_rng(seed)
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
@@ -216,8 +216,6 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s
 
     Bodies that are asleep from the beginning would have no contacts and never move: a floating or half-sunk book would
     pass.
-
-    Asleep from the begin, bodies would have no contacts and never move: a floating or half-sunk book would pass.
     """
     watched_s = min(watched_s, span_s)
     awake = model.opt.enableflags

@@ -1,8 +1,6 @@
 """Compares the model of a world with its description, piece by piece: floors, walls, doors, furniture.
 
 A model must have all that is described, at its place and in its size, and no other colliding geoms.
-
-A model has all that is described, in its place and as large, and nothing that collides besides.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -37,7 +35,7 @@ from .scan import Scan, names_of
 _SAME_M = 1e-3
 """Largest difference of positions and sizes, in metres.
 
-Five times MJCF's rounding to a tenth of a millimetre, which moves both faces of a box.
+It is five times MJCF's rounding to a tenth of a millimetre, which moves both faces of a box.
 """
 _OUTLINE_M = 0.03
 """Largest distance by which a piece's parts may extend beyond its described size, in metres, such as door handles."""
@@ -88,7 +86,7 @@ def part_faults(world: World, scan: Scan) -> list[Fault]:
 
     Args:
         world: the world.
-        scan: its model.
+        scan: scanned model of the world.
     """
     return list(_Comparison(world, scan).faults())
 
@@ -271,7 +269,7 @@ def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
 def _resisting(model: mujoco.MjModel, joint: int, door: Door, *, exactly: bool) -> str:
     """Describes how much harder a door is to turn than described, as earlier generators' doors may be.
 
-    Empty if it is not.
+    The text is empty if it is not.
     """
     dof = int(model.jnt_dofadr[joint])
     found = {

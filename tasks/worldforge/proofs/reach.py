@@ -26,14 +26,7 @@ def ground_of(world: World, scan: Scan) -> OccupancyGrid:
 
     Args:
         world: the world.
-        scan: its model.
-
-    A robot that follows the world's map does not drive under tables, so the described outlines of furniture are in the
-    way as well; floors and everything that collides are the model's.
-
-    Args:
-        world: the world.
-        scan: its model.
+        scan: scanned model of the world.
     """
     grid = occupancy_grid(world.floorplan, world.furniture)
     for _, outline in scan.standing:
@@ -60,7 +53,7 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
 
     Args:
         world: the world.
-        scan: its model.
+        scan: scanned model of the world.
 
     Returns:
         The ways in the order of the passages, and those that are too narrow.

@@ -47,7 +47,7 @@ class Scan:
 
     data: mujoco.MjData = field(init=False)
     names: list[str] = field(init=False)
-    """Name of each geom."""
+    """Name of each geom of the world's model."""
     pieces: list[str] = field(init=False)
     """Name of the piece that each geom is part of: a body, a piece of furniture, a wall, a room's floor."""
     solid: NDArray[np.bool_] = field(init=False)
@@ -81,7 +81,7 @@ class Scan:
         """Returns a geom's name for messages: its own, else that of the furnishing that it is a part of.
 
         Args:
-            geom: its number.
+            geom: id of the geom.
         """
         return self.names[geom] or self.pieces[geom] or "a part without a name"
 
@@ -118,7 +118,7 @@ class Scan:
         """Returns a mask of the cells whose middle is on a floor.
 
         Args:
-            grid: where the cells are.
+            grid: occupancy grid with the cells' positions.
         """
         cells = np.zeros_like(grid.known)
         for _, outline in self.floors:
@@ -150,7 +150,7 @@ def names_of(model: mujoco.MjModel, begins: NDArray[np.int32]) -> list[str]:
 
     Args:
         model: a world.
-        begins: where the names begin, such as `model.name_geomadr`.
+        begins: addresses of the names, such as `model.name_geomadr`.
     """
     names = model.names
     return [names[begin : names.index(b"\0", begin)].decode() for begin in begins.tolist()]
@@ -183,7 +183,7 @@ class LidarScan:
     ends: Points
     """End point of each ray on the surface that it hits; NaN if it hits nothing."""
     geoms: NDArray[np.int32]
-    """Geom id that each ray hits; -1: none."""
+    """Id of the geom that each lidar ray hits; -1: none."""
 
 
 def lidar_scan(scan: Scan, place: Point) -> LidarScan:

@@ -30,7 +30,7 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str 
         style: file name of the style sheet.
         scripts: file names of the scripts, which become one.
         library: a script that comes before them and makes pictures of parts of the page.
-        values: what else the template puts in; text is escaped.
+        values: further values for the template; text is escaped.
 
     Returns:
         The document; its content security policy allows this style, these scripts and pictures inside the page.
@@ -115,7 +115,7 @@ class SheetWorld:
     arn: str
     verdict: Verdict
     rooms: tuple[str, ...] = ()
-    """Names of the rooms, as in the template."""
+    """Names of a world's rooms, as in the template."""
     area_m2: float = 0.0
     pieces: int = 0
     missed_preferences: int = 0
@@ -124,11 +124,11 @@ class SheetWorld:
     problems: tuple[str, ...] = ()
     """Broken guarantees, or the reason why the world cannot be read."""
     preview: bytes | None = None
-    """A picture from above, PNG."""
+    """Picture of a world from above (PNG); `None`: there is none."""
 
     @property
     def verdict_text(self) -> str:
-        """The world's verdict in words."""
+        """Verdict on a world in words, as the contact sheet shows it."""
         if self.verdict == "broken":
             return f"{len(self.problems)} guarantee{'s' if len(self.problems) != 1 else ''} broken"
         return _WORDS[self.verdict]
@@ -149,9 +149,9 @@ class Sheet:
 
     title: str
     lines: tuple[str, ...]
-    """Lines about the job as a whole."""
+    """Lines about the generation job as a whole."""
     worlds: tuple[SheetWorld, ...]
-    """Worlds, in the order in which they are shown."""
+    """Worlds of the contact sheet, in the order in which they are shown."""
     failures: tuple[SheetFailure, ...] = ()
 
 

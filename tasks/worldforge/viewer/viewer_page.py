@@ -1,8 +1,6 @@
 """HTML page that shows a world in three dimensions, in any browser, without a network.
 
 Everything is in the page: the GLB, three.js, which draws it, and the controls (`viewer*.js`).
-
-Everything is in the page: the GLB, three.js, which draws it, and what people steer it with (`viewer*.js`).
 """
 
 import base64
@@ -35,7 +33,7 @@ def viewer_page(bundle: Path, title: str) -> str:
 
     Args:
         bundle: the world's bundle.
-        title: what to call the world.
+        title: title of the page.
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
@@ -105,7 +103,7 @@ def _room(room: Room) -> dict[str, Any]:
 def _bounds(world: World) -> tuple[list[float], list[float]]:
     """Returns the building's bounds as the page has them (y up, z south).
 
-    West, floor, north, and east, ceiling, south.
+    They are west, floor, north, and east, ceiling, south.
     """
     west, south, east, north = bounds(world.floorplan.footprint)
     wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2
@@ -118,8 +116,8 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
 
     Args:
         world: the world.
-        bundle: its bundle, whose preview is taken if there is one.
-        folder: where to; made if need be.
+        bundle: bundle of the world, whose preview is used if there is one.
+        folder: target folder, created if necessary.
 
     Returns:
         The files: the plan, the view from above, then one for each room in the plan's order.

@@ -40,7 +40,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _report_lines(report: "ConsistencyReport") -> list[str]:
-    """The answer, line by line."""
+    """Formats the consistency report as text lines."""
     from rich.filesize import decimal
 
     lines = [line for finding in report.findings for line in _lines(finding)]

@@ -47,7 +47,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _may_stop(settings: "Settings") -> bool:
-    """Whether the server may be stopped; prints who uses it, and then asks if a person is at the terminal."""
+    """Whether the server may be stopped; prints its users, and then asks if a person is at the terminal."""
     users = _users(settings)
     if not users:
         return True
@@ -62,7 +62,7 @@ def _may_stop(settings: "Settings") -> bool:
 
 
 def _users(settings: "Settings") -> list[str]:
-    """Returns who uses the local server now, in words; nothing where it does not run or does not answer."""
+    """Lists the users of the local server as text; empty if it does not run or does not answer."""
     from ....prefect_server.local_server import client_variables, server_status
 
     without_profile = {"PREFECT_PROFILES_PATH": os.devnull}

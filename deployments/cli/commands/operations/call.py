@@ -68,7 +68,7 @@ def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> di
 
 
 def _tell_waits(arn: str, settings: "Settings") -> None:
-    """Prints on standard error which jobs wait for memory or disk of this machine; the answer does not say it."""
+    """Prints on standard error which jobs wait for memory or disk of this machine, as the response does not say it."""
     import time
 
     from .....tasks.machine.machine_slots import jobs_that_wait
@@ -81,7 +81,7 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
 
 
 def _tell_owner(arn: str, settings: "Settings") -> None:
-    """Prints on standard error which process carries out a job, and which may continue it; the answer does not."""
+    """Prints on standard error which process runs a job, and which may continue it, as the response does not say it."""
     from .....tasks.jobs.job_owners import standing_of
     from .....tasks.service.service import Service
 

@@ -31,7 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _finish(arguments: argparse.Namespace) -> int:
-    """Finishes a run whose process died, whatever environment it was ordered in: the person here decides."""
+    """Resumes an interrupted run without comparing environments, because the user of this command decides."""
     from .....schemas.settings import Settings
     from .....tasks.nights.broken_off import broken_off
     from .....tasks.nights.open_runs import OpenRun

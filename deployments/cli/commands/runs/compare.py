@@ -63,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _shares(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
-    """Checks the numbers, and returns difference and margin as shares.
+    """Checks the options' numbers, and returns difference and margin as shares of 1.
 
     Raises:
         ConfigurationError: alpha, difference or margin is out of range, or both difference and margin are given.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .....tasks.service.service import Service
 
 _LEFT = "to be removed"
-"""Begins a note about what processes left that died or lost their jobs."""
+"""Beginning of the printed notes about files and containers that dead processes left behind."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -121,7 +121,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
 
 
 def _kept_outputs(service: "Service") -> list[str]:
-    """Describes outputs that are on this machine only; they are not deleted."""
+    """Lists outputs that exist only on this machine, as text; they are not deleted."""
     from .....tasks.jobs.job_folders import find_kept
 
     if not (kept := find_kept(service)):

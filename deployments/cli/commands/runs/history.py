@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from .....tasks.inspection.run_records import FoundRecords
 
 _MOST_TOLD = 3
-"""Latest nights without a run that are named where there is no run at all; `robomaker doctor` has those of a week."""
+"""Limit of the latest missed nights that are named if a specification has no run.
+
+`robomaker doctor` has those of a week.
+"""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:
-    """Reason why there is no history."""
+    """Explains why a specification has no history."""
     from .....tasks.inspection.run_records import find_records, names_of_specifications
 
     if found.unreadable:

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 _JOBS = 3
 _LONGEST_NAME = 90
-"""Characters of the specification's name that are left, with `-challenge`, in a name of 100."""
+"""Longest specification name that is kept in the challenge's name, in characters.
+
+`-challenge` is appended, and 100 characters are the limit.
+"""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

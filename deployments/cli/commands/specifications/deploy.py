@@ -142,10 +142,10 @@ def _schedule(arguments: argparse.Namespace) -> "CronSchedule | None":
 
 
 def _read(paths: Sequence[str], given: Mapping[str, Any]) -> "list[CheckedSpec]":
-    """Reads all specifications.
+    """Reads and checks all specification files.
 
     Raises:
-        SpecError: with the problems of all.
+        SpecError: with the problems of all files.
     """
     from ...inputs.specifications import read_spec
 
@@ -178,7 +178,7 @@ def _named(
 
 
 def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]:
-    """Warns of objects that the specifications name and that this machine's object store lacks."""
+    """Warns about objects that the specifications name and that are missing in this machine's object store."""
     from .....schemas.wire.errors import StorageError
     from .....tasks.storage import open_store
     from ....deploying.deployables import missing_objects, needs_of

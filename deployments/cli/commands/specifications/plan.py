@@ -76,7 +76,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _questions(arguments: argparse.Namespace) -> "list[Question]":
-    """The questions of `--detect` and `--margin`."""
+    """Returns the statistical questions of `--detect` and `--margin`."""
     shares = {
         "difference": percentage(arguments.detect, "--detect", whole=True),
         "margin": percentage(arguments.margin, "--margin"),

@@ -80,7 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _question(arguments: argparse.Namespace, settings: "Settings") -> "Against | None":
-    """The earlier run beside which it is to be carried out.
+    """Returns the earlier run that `--against` compares the new run with; `None` without the option.
 
     Raises:
         ConfigurationError: there is no such run, or a number is out of range, or stands for nothing.
@@ -125,7 +125,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
     """Returns the command line that repeats the same run.
 
     Args:
-        arguments: those of the command.
+        arguments: parsed arguments of the command.
         parameters: all values of the specification's parameters: defaults, and those in a file, may change.
     """
     from .....schemas.specs.parameter_values import set_options
@@ -136,7 +136,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
 
 
 def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
-    """The specification, with what the options put in place of its own values."""
+    """Reads the specification, and applies the options that replace its values."""
     from .....schemas.specs.model import with_seed
     from ...inputs.specifications import given_parameters, read_spec
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 
 def as_command(run: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Runs a command of the agent, whose errors are then those of any command here.
+    """Runs a command of the robot agent, and converts its errors to those of other commands.
 
     Raises:
         ConfigurationError: the agent cannot do it; its error says why.

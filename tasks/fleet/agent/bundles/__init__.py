@@ -1,1 +1,1 @@
-"""Bundles of applications: links to the modules in `tasks/bundles`, which this wheel shares with simulation jobs."""
+"""Archives of robot applications: links to the modules in `tasks/bundles`, which simulation jobs use, too."""

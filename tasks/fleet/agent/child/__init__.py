@@ -1,4 +1,4 @@
 """Child process for untrusted input: verifies TUF metadata, downloads and unpacks, then exits to free its memory.
 
-`forking` makes it, `phases` says what it does; it answers by lines of JSON.
+`forking` starts it, `phases` has its work; it answers by lines of JSON.
 """

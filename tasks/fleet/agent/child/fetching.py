@@ -1,4 +1,4 @@
-"""Fetches files of the repository: from where the last try was cut, and verified before they have their name."""
+"""Downloads files of the TUF repository to the robot: continues interrupted downloads, and verifies hashes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Part:
     """Content of a file that the update server sends: all, or the rest after an interruption."""
 
     start: int
-    """0 where it sends all, although a rest was asked for."""
+    """First byte of the content: 0 if the server sends the whole file, although only the rest was requested."""
 
     chunks: Iterator[bytes]
 
@@ -35,11 +35,14 @@ class HttpStatus(Exception):
     def __init__(self, status: int) -> None:
         super().__init__(f"HTTP status {status}")
         self.status = status
-        """HTTP status."""
+        """HTTP status of the update server's error."""
 
 
 Source = Callable[[str, int], Part]
-"""Reads a file of the repository, `metadata/…` or `targets/…`, from an offset on; raises `HttpStatus`, `TryLater`."""
+"""Function that reads a repository file (`metadata/…` or `targets/…`) from an offset on.
+
+Raises `HttpStatus`, `TryLater`.
+"""
 
 
 def source_of(connection: Connection) -> Source:
@@ -110,7 +113,7 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
 
 
 def _complete(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
-    """Downloads the missing part of a file; all of it once more if the file's hash is wrong then."""
+    """Downloads the missing part of a file; if the file's hash is wrong afterwards, downloads all of it again."""
     was_begun = part.exists()
     try:
         _receive(source, file, part, progress)

@@ -1,6 +1,6 @@
-"""A child of the agent, forked: it has what the agent has imported, and nothing that the agent has opened.
+"""Child process of the robot agent, made by fork: it has all imported modules, but no files that the agent has open.
 
-The agent has one thread, so a fork of it is whole. To start an interpreter and to import took longer than the work.
+The agent has one thread, so a fork of it is safe. Starting an interpreter and importing took longer than the work.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def events_of(content: Mapping[str, Any], phase: Phase) -> list[Event]:
     """Parses a message line of the agent's child process into events; a progress line gives none.
 
     Raises:
-        AgentError: the line is none of a child's.
+        AgentError: the line is not a message of a child process.
     """
     try:
         events: list[Event] = [Trusted(**content["trusted"])] if "trusted" in content else []
@@ -79,12 +79,12 @@ class Child:
             return None
 
     def end(self) -> int | None:
-        """Waits for the child's end; returns the exit code."""
+        """Waits for the end of the agent's child process; returns the exit code."""
         self._process.join(_KILLED_WITHIN_S)
         return self._process.exitcode
 
     def kill(self) -> None:
-        """Kills the child process."""
+        """Kills the agent's child process."""
         self._process.kill()
         self.end()
 
@@ -108,14 +108,17 @@ def _run(do: Callable[[Callable[..., None]], None], answers: int) -> None:
 
 
 def _forget_signals() -> None:
-    """The agent's handlers would wake the agent."""
+    """Removes the agent's signal handlers in the child process, as they would wake the agent."""
     signal.set_wakeup_fd(-1)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD):
         signal.signal(number, signal.SIG_DFL)
 
 
 def _end_with_agent(answers: int) -> None:
-    """Closes the agent's open files, such as its lock; the kernel kills this process when the agent ends."""
+    """Closes the agent's open files in the child process, such as its lock.
+
+    The kernel kills the child with the agent.
+    """
     agent = multiprocessing.parent_process()
     assert agent is not None
     life = agent.sentinel  # a pipe that only the agent could write to

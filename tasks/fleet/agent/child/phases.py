@@ -1,4 +1,4 @@
-"""Phases of an order that a child process runs: checking it in the repository, fetching and unpacking its bundle."""
+"""Phases of an installation that the child process runs: verifying the order, downloading and unpacking the archive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _PROGRESS_EVERY_S = 0.5
 
 Say = Callable[..., None]
-"""Answers the agent; see `forking`."""
+"""Function that sends an answer to the agent; see `forking`."""
 
 
 def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:
@@ -62,7 +62,10 @@ def _validate(home: Home, state: State, architecture: str, say: Say) -> None:
 
 
 def _repository_class() -> type[Repository]:
-    """Imports TUF, only for a validation and without its HTTP client: that would take a third of its time."""
+    """Imports TUF and returns the repository class.
+
+    It is imported only to verify, and without TUF's HTTP client, which would take a third of its import time.
+    """
     fetcher = "tuf.ngclient.urllib3_fetcher"
     sys.modules[fetcher] = SimpleNamespace(Urllib3Fetcher=object)  # type: ignore[assignment]
     try:

@@ -1,8 +1,8 @@
-"""Asks the fleet's TUF repository what a deployment is: nothing else says what is installed.
+"""Verifies deployments with the fleet's TUF repository, the only source of what is installed.
 
-TUF's client believes its own files: where somebody empties those of timestamp and snapshot, it takes an older
+TUF's client believes its own files: if somebody empties those of timestamp and snapshot, it accepts an older
 repository. So the newest version of each role that was ever seen, and the latest time at which the repository was
-fresh, are in the agent's journal too, and hold here.
+fresh, are in the agent's journal too, and are checked here.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class Attested:
     """Rules in a TUF root: which applications need attestations."""
 
     keys: Mapping[str, Any]
-    """Those that are believed, by id, as TUF writes them; none: attestations are not looked at."""
+    """Public keys whose attestations are accepted, by id, as TUF writes them; empty: attestations are not checked."""
 
     applications: frozenset[str]
-    """Applications of which no version is installed without an attestation."""
+    """Names of the applications of which no version is installed without an attestation."""
 
     @classmethod
     def of(cls, root: Mapping[str, Any]) -> Attested:
@@ -140,7 +140,7 @@ _TOP_ROLES = ("root", "timestamp", "snapshot", "targets")
 
 
 class _Fetcher(FetcherInterface):
-    """TUF's way to the repository; its addresses are paths there."""
+    """TUF client's access to the repository; its URLs are paths there."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -210,7 +210,7 @@ class Repository:
     def _fresh(
         self, order: Order, floors: Mapping[str, int], newest_s: float, seen: Callable[[Trusted], None]
     ) -> Updater:
-        """Reads the metadata, that of the order's application too, and holds it against the journal."""
+        """Reads the repository's metadata, also of the order's application, and checks it against the journal."""
         role = f"application-{application_of(order.target)}"
         self._metadata.mkdir(parents=True, exist_ok=True)
         updater = Updater(str(self._metadata), "metadata/", fetcher=_Fetcher(self._source), bootstrap=self._root)
@@ -241,7 +241,7 @@ class Repository:
             attested.check(document, bundle.sha256, {path: self._text(updater, path) for path in paths})
 
     def _text(self, updater: Updater, path: str) -> bytes:
-        """A small target."""
+        """Downloads a small target file into memory."""
         target = _found(updater, path)
         if target.length > MAX_DOCUMENT_BYTES:
             raise StepFailed("RobotDeploymentAborted", f"{path} has {target.length} bytes, which is too long")

@@ -1,4 +1,4 @@
-"""Unpacks a bundle into the folder of its version, which appears when all of it is on the disk."""
+"""Unpacks an application's archive into the folder of its version, which appears only when it is complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..journal import sync_folder
 
 
 def unpack(archive: Path, folder: Path, limits: ArchiveLimits | None = None) -> None:
-    """Unpacks an archive, unless the folder is there; of a bundle of colcon its overlays, too.
+    """Unpacks an archive unless its folder exists; for an archive of `colcon bundle`, also its overlays.
 
     Args:
         archive: a .tar, .tar.gz or .zip.

@@ -1,1 +1,1 @@
-"""Processes on the robot: the child, scripts, the application; their rights, their sandbox, what they leave."""
+"""Processes on the robot: child process, scripts, application; their user rights, sandbox, and leftover processes."""

@@ -1,4 +1,4 @@
-"""The application that runs: started, watched, started again with growing pauses, stopped with all it has started."""
+"""Starts, watches and stops the robot's application; restarts it with growing pauses if it keeps failing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .launching import Sandbox, environment, kill_leftovers, launch_command
 
 _LONGEST_PAUSE_S = 60.0
 _STEADY_S = 60.0
-"""An application that was up so long is started again at once."""
+"""Run time after which an application that ends is restarted without pause, in seconds."""
 
 
 class Application:
@@ -24,7 +24,7 @@ class Application:
 
     Args:
         home: the agent's.
-        options: how long it may take to stop.
+        options: the agent's options, which have the time limit for stopping.
         sandbox: rights of the application.
         monotonic: a clock that only goes forward, in seconds.
         start: starts a process; `subprocess.Popen`.
@@ -49,10 +49,10 @@ class Application:
         self._failures = 0
         self._how = ""
         self.was_steady = False
-        """Whether it had been up for long when it ended the last time."""
+        """Whether the application had run for a long time (`_STEADY_S`) when it last ended."""
 
         self.due_s: float | None = None
-        """Time of its next start, by the monotonic clock."""
+        """Time of its next start, by the monotonic clock in seconds; `None`: no start is due."""
 
     @property
     def is_running(self) -> bool:
@@ -83,7 +83,7 @@ class Application:
         self._version, self._since_s = version, self._monotonic()
 
     def ended(self) -> str | None:
-        """Returns once how the application ended by itself; `None` if it runs."""
+        """Returns how the application ended by itself (once for each end); `None` if it is running."""
         if self._process is None or (code := self._process.poll()) is None:
             return None
         up_s = self._monotonic() - self._since_s
@@ -94,7 +94,10 @@ class Application:
         return f"the application ended with {how} after {up_s:.1f} s"
 
     def steady_s(self) -> float | None:
-        """Time when it will have been up for long, by the monotonic clock; `None`: it does not run."""
+        """Returns when the application will count as steady, by the monotonic clock in seconds.
+
+        Returns `None` if it is not running.
+        """
         return None if self._process is None else self._since_s + _STEADY_S
 
     @property
@@ -106,7 +109,7 @@ class Application:
         return f"version {self._version.version} keeps restarting: {self._how or 'it cannot be started'}"
 
     def fall_back(self, *, was_steady: bool = False) -> None:
-        """Makes the next start wait, longer after each failure."""
+        """Delays the next start of the robot's application, longer after each failure."""
         self._failures = 0 if was_steady else self._failures + 1
         pause_s = 0.0 if was_steady else min(_LONGEST_PAUSE_S, 2.0 ** min(self._failures, 10) / 2)
         self.due_s = self._monotonic() + pause_s

@@ -32,7 +32,7 @@ class Sandbox:
     kind: str
     home: Home
     rights: Mapping[str, Any] = field(default_factory=dict)
-    """Arguments of `subprocess.Popen` that give them their user."""
+    """Arguments of `subprocess.Popen` that set the programs' user."""
 
     user_id: int | None = None
 
@@ -116,10 +116,10 @@ def _works(sandbox: Sandbox) -> bool:
 
 
 HOME_VARIABLE = "ROBOMAKER_AGENT_HOME"
-"""Every program that an agent starts has its home in this variable."""
+"""Environment variable with the agent's home folder, set in every program that an agent starts."""
 
 VERSION_VARIABLE = "ROBOMAKER_AGENT_VERSION"
-"""Programs of an application have the folder of their version in this one."""
+"""Environment variable with the folder of the application version, set in the application's programs."""
 
 
 def kill_leftovers(home: Path, version: str | None = None) -> int:
@@ -127,7 +127,7 @@ def kill_leftovers(home: Path, version: str | None = None) -> int:
 
     Args:
         home: the agent's.
-        version: only those of a version's application, by its folder.
+        version: folder of the version whose processes are killed; `None`: of any version.
 
     Returns:
         How many there were.
@@ -157,10 +157,10 @@ Which = Callable[[str], "str | None"]
 def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) -> list[str]:
     """Returns the command line that starts an application on the robot.
 
-    The launch file is looked for in the bundle (in the package's folder, in its `launch`, at the top), of a bundle of
-    colcon in its overlays; `ros2 launch` or `roslaunch`, whichever the file is for, start files of ROS, in the
-    environment of the bundle and of that ROS. What is not in the bundle may be an installed program. Words behind the
-    file are its arguments.
+    The launch file is searched in the application's archive (in the package's folder, in its `launch`, at the top), and
+    in the overlays of an archive of `colcon bundle`. Files of ROS are started with `ros2 launch` or `roslaunch`, in the
+    environment of the archive and of that ROS. A name that is not in the archive may be an installed program. Words
+    behind the file are its arguments.
 
     Args:
         folder: folder of the version.
@@ -190,7 +190,7 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
 
 
 def _ros_launch(folder: Path, package: str, file: str, path: Path | None, which: Which) -> list[str]:
-    """The command line of the ROS that a launch file is for: that of the bundle, else the robot's."""
+    """Returns the command line that starts a launch file with the archive's own ROS, or else the robot's ROS."""
     lack = lacks_launch_file(folder, package, file) if path is None else None
     if lack is not None:
         raise StepFailed("EnvironmentSetupError", f"launchFile: {lack}")
@@ -220,7 +220,7 @@ def _ros_launch(folder: Path, package: str, file: str, path: Path | None, which:
 
 
 def in_overlays(folder: Path, command: Sequence[str]) -> list[str]:
-    """A command in the environment of the overlays of a bundle of colcon; of other bundles, the command itself."""
+    """Returns a command in the environment of the overlays of a `colcon bundle`; unchanged for other archives."""
     return list(sourced(setups_of(folder), command))
 
 
@@ -246,7 +246,7 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
 
     Args:
         home: the agent's.
-        version: whose launch configuration and tags are exported.
+        version: application version whose launch configuration and tags are exported.
         data: folder of the application's data that outlives its versions; programs have it as `HOME`.
         base: the agent's own.
     """
@@ -266,7 +266,10 @@ def _is_variable(name: str, value: str) -> bool:
 
 
 def _inside(folder: Path, name: str) -> Path | None:
-    """A file of a version, of its last overlay first; names that would lead out of the version name nothing."""
+    """Returns the path of a file of a version, in its last overlay first.
+
+    Returns `None` for names that lead out of the version.
+    """
     for top in (*reversed(overlays(folder)), folder):
         path = top / name.lstrip("/")
         if path.is_file() and folder.resolve() in path.resolve().parents:

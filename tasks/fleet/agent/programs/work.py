@@ -1,4 +1,4 @@
-"""Work that runs while the agent polls: the child, a script, or the watch over a new version."""
+"""Work that runs while the agent polls the server: child process, script, or health check of a new version."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class ChildWork:
         self._has_answered = False
         self._is_over = False
         self.percent: int | None = None
-        """Percentage that is done."""
+        """Percentage of the installation phase that is done; `None`: unknown."""
 
         self.later: str | None = None
-        """Reason why it has to be tried again later."""
+        """Reason why the phase must be tried again later; `None`: there is none."""
 
     @property
     def pipe(self) -> int | None:
-        """Pipe with the child's messages; `None` once the child has ended."""
+        """Returns the pipe with the child's messages; `None` once the child has ended."""
         return None if self._is_over else self._child.pipe
 
     def poll(self) -> list[Event]:
@@ -87,7 +87,7 @@ class ScriptWork:
         name: name of the script in failure reasons.
         code: failure code.
         log: file with the script's output.
-        due_s: until when it has to have ended, by the monotonic clock.
+        due_s: time by which the script must have ended, by the monotonic clock.
         monotonic: the monotonic clock, in seconds.
     """
 
@@ -136,7 +136,7 @@ class ScriptWork:
         return [Failed(self._phase, self._code, f"{self._name} ended with {how}{self._said()}")]
 
     def stop(self) -> None:
-        """Ends the script."""
+        """Ends the running pre- or post-launch script."""
         _kill(self._process)
 
     def _said(self) -> str:
@@ -150,7 +150,7 @@ class Watch:
     """Watches whether a new version keeps running, then runs the health command.
 
     Args:
-        due_s: when it ends, by the monotonic clock.
+        due_s: end of the watch, by the monotonic clock in seconds.
         monotonic: the monotonic clock, in seconds.
         check: starts the health command; `None`: there is none.
     """
@@ -174,7 +174,7 @@ class Watch:
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """Returns the result of the health check, once known."""
+        """Returns the result of a new version's health check, once known."""
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:
@@ -186,7 +186,7 @@ class Watch:
         return self._checking.poll()
 
     def stop(self) -> None:
-        """Ends the health command."""
+        """Ends the health command of a new version."""
         if self._checking is not None:
             self._checking.stop()
 

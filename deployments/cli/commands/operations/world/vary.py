@@ -73,7 +73,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _check_once(options: str, names: list[str]) -> None:
-    """Refuses a thing that is to become two.
+    """Raises an error if an option names the same door or piece more than once.
 
     Raises:
         ConfigurationError: a name is given more than once.
