@@ -1,1 +1,1 @@
-"""The processes that run one simulation job."""
+"""Runtime: code of the process that runs one simulation job, from loading the applications to its results."""
