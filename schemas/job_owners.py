@@ -1,4 +1,4 @@
-"""The process that carries out a job, and what another has to have to carry it out instead; pure data, comparisons."""
+"""The process that runs a job (its owner), and the environment that another process needs to take the job over."""
 
 import os
 import shlex
@@ -12,11 +12,12 @@ from .wire.base import Model, optional
 
 PYTHON_PATH = "PYTHONPATH"
 NOT_INSTALLED = ""
-"""The content of a package that is not there."""
+"""Content of a package that is not installed."""
 
 OwnerState = Literal["works", "died", "left", "ended"]
-"""Whether a job's owner lives; has died, so that the next may take the job; has given it back before its end; or the
-job has ended."""
+"""State of a job's owner: it works; it died, so that another process may take the job over; it gave the job back before
+its end; or the job has ended.
+"""
 
 
 class JobOwner(Model):
@@ -64,7 +65,7 @@ class NeededEnvironment(Model):
         """Describes in words how another process's environment differs from the one that the job needs.
 
         Args:
-            here: what that process has of the same.
+            here: Environment of the other process.
         """
         found = [
             f"{name} is {here.variables.get(name, '') or 'not set'}, not {value or 'unset'}"
@@ -84,8 +85,8 @@ class NeededEnvironment(Model):
         """Returns the shell command that runs the job on its machine in the environment it was ordered in.
 
         Args:
-            arn: the job.
-            here: what the person's process has, which need not be typed; `None`: not known.
+            arn: ARN of the job.
+            here: Environment of the user's process, whose equal parts need not be in the command; `None`: unknown.
         """
         here = here or NeededEnvironment(machine="", python="", variables={}, packages={})
         words: list[str] = []
@@ -101,7 +102,7 @@ class NeededEnvironment(Model):
 
 
 class JobStanding(Model):
-    """The process that runs a simulation job, and who continues the job if that process has died."""
+    """State of the process that runs a simulation job, and who continues the job if that process has died."""
 
     owner: JobOwner = Field(description="The process that carries it out, or did last.")
     since: datetime | None = Field(description="When the owner took it.")

@@ -1,4 +1,4 @@
-"""The document of an application, and of a numbered version of one."""
+"""Catalog document of an application, and of a numbered version of one."""
 
 from pydantic import ConfigDict, Field
 

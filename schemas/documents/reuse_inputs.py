@@ -14,7 +14,7 @@ from ..wire.request_problems import Location, path_text
 from .simulation_jobs import MadeOf, SimulationJobDocument
 
 REUSE_LABEL = "reuseKey"
-"""Label of a job in the catalog: the key of its inputs."""
+"""Label of a job in the catalog with the hash of its inputs (reuse key)."""
 
 _MOST_CHANGES = 3
 _MOST_CHARACTERS = 40
@@ -32,7 +32,7 @@ _CONTENTS = {"world": "the world", "robot": "the robot application", "simulation
 class ReuseInputs(Model):
     """All inputs of a simulation job that decide whether an earlier job's results can be reused.
 
-    Only their hash is stored. Reports of nights compare the less exact `JobInputs`.
+    Only their hash is stored. Nightly reports compare the less exact `JobInputs`.
     """
 
     request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
@@ -101,7 +101,7 @@ def _compared(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _leaves(value: Any, path: Location) -> Iterator[tuple[Location, Any]]:
-    """The innermost values with their paths; an empty object or list is one, too."""
+    """Yields the innermost values with their paths; an empty object or list counts as a value, too."""
     if is_mapping(value) and value:
         for name, inner in value.items():
             yield from _leaves(inner, (*path, name))

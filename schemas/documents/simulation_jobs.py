@@ -1,4 +1,4 @@
-"""The documents of simulation jobs and of their batches: requests, facts fixed at creation, and progress."""
+"""Catalog documents of simulation jobs and of their batches: requests, facts fixed at creation, and progress."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -107,7 +107,7 @@ class ResolvedDataSource(Part):
 
 
 ARCHIVE = "archive "
-"""Prefix in `MadeOf` of an application that was an archive; the archive's ETag follows."""
+"""Prefix of an application's content in `MadeOf` if the application is an archive; the archive's ETag follows."""
 
 
 class MadeOf(Part):

@@ -1,4 +1,4 @@
-"""The documents of worlds, and of the templates and jobs that worlds come from and go into."""
+"""Catalog documents of worlds, and of their templates, generation jobs and export jobs."""
 
 from pydantic import ConfigDict, Field
 

@@ -1,4 +1,4 @@
-"""The documents of robots, of fleets, and of the deployment jobs that bring applications to them."""
+"""Catalog documents of physical robots, of fleets, and of the deployment jobs that install applications on them."""
 
 from typing import Any, Literal
 
@@ -114,4 +114,4 @@ class DeploymentJobDocument(FailureChanges, Document):
 
 
 DOCUMENTS = {"deployment-fleet": FleetDocument, "deployment-job": DeploymentJobDocument, "robot": RobotDocument}
-"""Document class of each kind of resource."""
+"""Document class of each kind of resource of fleets."""

@@ -1,4 +1,4 @@
-"""The rollout: its plan, its events, how each robot stands, how the whole ended, and the facts for its report."""
+"""State of a rollout (installation of an application on a fleet): plan, events, states of robots, and report."""
 
 from typing import Annotated, Literal
 
@@ -10,13 +10,13 @@ from .rollout_plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
 Departure = Literal["left", "deleted"]
-"""End of a robot's membership in a fleet."""
+"""Ways in which a robot's membership in a fleet ends."""
 
 OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
-"""States of orders that count for the concurrency."""
+"""States of orders that count towards the concurrency limit."""
 
 UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
-"""States of orders that were canceled, and that the robot may still carry out."""
+"""States of orders that were cancelled, but that the robot may still execute."""
 
 
 class RobotDeploymentState(StoredPart):
@@ -69,12 +69,12 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def no_response(self) -> bool:
-        """Whether the robot failed because it never fetched its order; it gets another when it polls again."""
+        """Whether the robot failed because it never fetched its order; it gets another one when it polls again."""
         return self.failure_code == "RobotDeploymentNoResponse"
 
 
 RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
-"""Statuses of a deployment job that has a rollout; earlier ones are preparation."""
+"""Statuses of a deployment job that has a rollout; earlier statuses are those of its preparation."""
 
 
 class Pause(StoredPart):
@@ -143,10 +143,10 @@ ReportedCode = Literal[
     "ResourceNotFound",
     "RobotDeploymentAborted",
 ]
-"""Failure codes that a robot may report; the others are found by the service."""
+"""Failure codes that a robot may report; the service itself sets the others."""
 
 StopCause = Literal["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"]
-"""Reason for ending a rollout from outside."""
+"""Reasons for ending a rollout from outside."""
 
 
 class _OfOrder(StoredPart):
@@ -213,8 +213,8 @@ class RobotGone(StoredPart):
 class Stopped(StoredPart):
     """Rollout event: the whole rollout was ended early.
 
-    By a person who canceled it, or did not approve it; by the deletion of its fleet or of its application; or, after
-    its end, by the fleet's next deployment, so that robots that return do not get this one any more.
+    The cause is a person who cancelled it or did not approve it; the deletion of its fleet or application; or, after
+    its end, the fleet's next deployment, so that robots that return do not get this one any more.
     """
 
     kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
@@ -250,7 +250,7 @@ class Outage(StoredPart):
 
 
 Report = Fetched | Progressed | Succeeded | Failed | Canceled | CancelRefused
-"""Reports of a robot about an order."""
+"""Reports of a robot about an order, as rollout events."""
 
 RolloutEvent = Annotated[
     Report | Offered | RobotGone | Stopped | Paused | Resumed | Approved | Outage,

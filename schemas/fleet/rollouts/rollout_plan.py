@@ -1,10 +1,10 @@
-"""The plan of a rollout: which robots, in which order, how many at a time, and when it stops.
+"""Plan of a rollout: the robots in order, how many at a time, and when the rollout stops.
 
-Nothing published says which percentages hold if a request has none. Here both are 20:
+AWS does not document which percentages apply if a request has none. Here both are 20:
 
-* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds.
-* A version that breaks each robot of the first round stops there. A good version is not stopped by robots that are
-  away, unless a fifth of the fleet is.
+* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds. * A version
+that breaks each robot of the first round stops there. A good version is not stopped by robots that are   offline,
+unless a fifth of the fleet is.
 """
 
 from typing import Annotated, Any, Literal, Self
@@ -17,20 +17,20 @@ from ...wire.errors import InvalidParameterException
 from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentLaunchConfig, MaintenanceWindow
 
 MAX_ACTION_ID = 2**31 - 1
-"""Largest number of an order: what clients of hawkBit hold as a signed integer of 32 bits."""
+"""Maximum number of an order: clients of hawkBit store it as a signed 32-bit integer."""
 
 ActionId = Annotated[int, Field(ge=1, le=MAX_ACTION_ID)]
-"""The number of one order to one robot, unlike that of any other order of the catalog."""
+"""Number of an order to one robot, unique in the catalog."""
 
 TimeS = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-"""A moment, in seconds since the epoch."""
+"""Time in seconds since the epoch."""
 
 
 class StoredPart(BaseModel):
     """Immutable base class of the objects of a stored rollout; members added by newer releases are kept unread.
 
-    `documents.base.Part` is the same for small documents: it makes its JSON in Python, which takes five times as long,
-    and the rollout of a large fleet is written again and again.
+    `documents.base.Part` does the same for small documents, but converts to JSON in Python, which takes five times as
+    long; the rollout of a large fleet is written very often.
     """
 
     model_config = ConfigDict(
@@ -53,10 +53,10 @@ class StoredPart(BaseModel):
 
 
 DEFAULT_CONCURRENT_PERCENTAGE = 20
-"""Share of a fleet that is deployed to at the same time if a request does not say, in percent."""
+"""Default maximum share of a fleet that is deployed to at the same time, in percent."""
 
 DEFAULT_THRESHOLD_PERCENTAGE = 20
-"""Share of a fleet that has to fail for a deployment to stop if a request does not say, in percent."""
+"""Default share of a fleet that has to fail for a deployment to stop, in percent."""
 
 JOB_TIMEOUT_S = 30 * 24 * 3600.0
 """Time limit of a whole deployment, in seconds."""
@@ -67,7 +67,7 @@ UnfitCode = Literal[
     "MissingRobotArchitecture",
     "MissingRobotDeploymentResource",
 ]
-"""Reason for a robot not to get the application at all."""
+"""Reasons for which a robot cannot get the application at all."""
 
 
 class PlannedRobot(StoredPart):
@@ -128,7 +128,7 @@ class RolloutPlan(StoredPart):
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        """Refuses plans whose robots are missing, repeated or unknown."""
+        """Raises an error for a plan whose robots are missing, repeated or unknown."""
         known = _each_once("robots", self.order)
         if not known:
             raise InvalidParameterException(

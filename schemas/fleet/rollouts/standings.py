@@ -1,4 +1,4 @@
-"""States of fleets, their robots and their latest deployments, for people and programs that look."""
+"""States of fleets, their robots and latest deployments, as `robomaker fleet status` and the console show them."""
 
 from datetime import datetime
 from typing import Literal
@@ -18,7 +18,7 @@ RobotKind = Literal["agent", "updater"]
 
 
 class _Standing(BaseModel):
-    """Base class of the parts of a standing; members have the names of the JSON."""
+    """Base class of the parts of a fleet's state; members have the names of the JSON output."""
 
     model_config = ConfigDict(frozen=True)
 

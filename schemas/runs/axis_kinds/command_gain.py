@@ -1,4 +1,4 @@
-"""Gain of the commands: the robot does so many times as much as its agent commands."""
+"""Axis that scales the agent's commands."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Delay of the motors: commands of the agent take so long until the robot begins to carry them out."""
+"""Axis for the delay between the agent's commands and the motors."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Mass of the robot: all of its bodies are so many times as heavy, with inertias to match."""
+"""Axis that scales the mass and inertia of the robot."""
 
 from typing import Literal
 

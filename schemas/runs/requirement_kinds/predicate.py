@@ -1,4 +1,4 @@
-"""Predicates: a function of the application has to say yes."""
+"""Requirement that a function of the application returns true."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal

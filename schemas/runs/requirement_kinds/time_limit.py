@@ -1,4 +1,4 @@
-"""Time limits: the run has to be over in time."""
+"""Requirement that the run ends within a simulated time."""
 
 from typing import Literal
 
