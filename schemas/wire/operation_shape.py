@@ -1,4 +1,4 @@
-"""Description of an operation as data, with deprecated uses; each resource's module lists its own as `OPERATIONS`."""
+"""Description of an operation as data, with its deprecated uses; each resource's module has a list `OPERATIONS`."""
 
 import re
 import sys

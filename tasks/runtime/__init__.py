@@ -1,1 +1,1 @@
-"""Runtime: code of the process that runs one simulation job, from loading the applications to its results."""
+"""Runtime: code of the processes that run one simulation job, from loading the applications to its results."""
