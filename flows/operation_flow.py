@@ -27,7 +27,7 @@ class OperationFlow(Flow[..., Any]):
     """
 
     def __call__(self, *arguments: Any, return_state: bool = False, wait_for: Any = None, **members: Any) -> Any:
-        """Calls the operation; see Prefect's `Flow`.
+        """Runs the RoboMaker operation as a Prefect flow; arguments are members of the request. See Prefect's `Flow`.
 
         Raises:
             RobomakerError: the call is wrong, or the operation failed; the message is for people.

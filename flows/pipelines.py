@@ -317,7 +317,7 @@ class PipelineRun:
 
     @property
     def interruptions(self) -> Sequence[Interruption]:
-        """Times at which the run's processes died."""
+        """Times at which processes of the run died and others resumed it."""
         return self._open.order.interruptions if self._open is not None else ()
 
     def _keep_order(self) -> None:
@@ -342,12 +342,12 @@ class PipelineRun:
 
     @property
     def service(self) -> Service:
-        """Service in which the operations run."""
+        """Service (catalog and object store) in which the run's operations run."""
         return self._service
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run has ended and has a record."""
+        """Whether the run of the specification has ended and has a record."""
         return self._record is not None
 
     def record(self) -> RunRecord:
@@ -374,7 +374,7 @@ class PipelineRun:
                     self._service.catalog.request_cancel(arn)
 
     def result(self) -> FlowResult:
-        """Returns the result of the flow."""
+        """Returns the result that the Prefect flow of the run returns."""
         return result_of(self.record())
 
     def _run_step(self, name: str) -> bool:

@@ -109,7 +109,7 @@ class Document(Changes):
     MIGRATIONS: ClassVar[tuple[Migration, ...]] = ()
     """Functions that each convert a document to the next format version, beginning with version 1."""
 
-    schema_version: Literal[1] = Field(default=1, alias=VERSION_KEY, description="Version of this document's form.")
+    schema_version: Literal[1] = Field(default=1, alias=VERSION_KEY, description="Format version of this document.")
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:

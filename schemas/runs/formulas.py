@@ -106,7 +106,7 @@ def signals_of(node: _Node) -> Iterator[str]:
 
 
 def bounds_of(formula: Formula) -> Iterator[Bounds]:
-    """Yields all time bounds in a formula."""
+    """Yields all time bounds in a temporal logic formula."""
     if isinstance(formula, Comparison):
         return
     if isinstance(formula, Temporal) and formula.bounds is not None:
@@ -116,7 +116,7 @@ def bounds_of(formula: Formula) -> Iterator[Bounds]:
 
 
 def in_words(node: _Node) -> str:
-    """Formats a formula as text, with all brackets."""
+    """Formats a temporal logic formula as text, with all brackets."""
     if isinstance(node, Number):
         return node.value if isinstance(node.value, str) else f"{node.value:g}"
     if isinstance(node, Comparison):

@@ -94,7 +94,7 @@ class PolicyRequest(JobRequest, Protocol):
 
     @property
     def policy(self) -> str | None:
-        """Text that names the policy; `None` for none."""
+        """Text of a job request that names the robot's policy; `None` for none."""
         ...
 
     @property

@@ -68,7 +68,7 @@ def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]
 
 
 def grid_cell(axes: dict[str, Axis], number: int) -> dict[str, Value]:
-    """Returns a cell of a grid by its number."""
+    """Returns a cell (combination of axis values) of a grid by its number."""
     chosen: dict[str, Value] = {}
     for name, axis in reversed(axes.items()):
         listed = axis.listed or ()

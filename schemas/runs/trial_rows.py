@@ -99,7 +99,7 @@ class TrialCounts(Model):
 
     @property
     def total(self) -> int:
-        """Number of all trials."""
+        """Number of all trials of a job."""
         return self.passed + self.failed + self.errors + self.unjudged
 
 

@@ -134,7 +134,7 @@ class Trials(Shape):
                 yield f"record[{place}]: there is no trial {number}; the trials are 0 to {self.count - 1}"
 
     def _has_cell(self, cell: Cell) -> bool:
-        """Returns whether a grid contains a given cell."""
+        """Returns whether a grid of axis values contains a given cell."""
         listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self._axes.items())
         return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
 
@@ -145,7 +145,7 @@ class Trials(Shape):
 
     @property
     def count(self) -> int:
-        """Number of trials: cells times seeds."""
+        """Number of trials of the job: cells times seeds."""
         return self.seeds * self.cells
 
     @property
@@ -171,7 +171,7 @@ class Trials(Shape):
         return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cell(place, first_seed))
 
     def _cell(self, place: int, seed: int) -> Cell:
-        """Returns the cell with a number, from 0."""
+        """Returns a cell (combination of axis values) by its number, from 0."""
         if place >= self._drawn:
             return self._included[place - self._drawn]
         if self.design == "grid":

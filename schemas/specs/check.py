@@ -160,7 +160,7 @@ def _load_single(
 
 
 class _Check:
-    """Check of one specification, with its state."""
+    """Check of one specification: parses it, collects its problems, and returns it if there are none."""
 
     def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str, given: _Given) -> None:
         self._respelling = respelt(root, Spec)

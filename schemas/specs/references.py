@@ -58,7 +58,7 @@ class Interpreter(TreeInterpreter):  # pyright: ignore[reportUntypedBaseClass] -
         self._left = MAX_WORK
 
     def visit(self, node: Any, *args: Any, **kwargs: Any) -> Any:
-        """Evaluates a node of an expression."""
+        """Evaluates a node of a JMESPath expression, and counts it as work."""
         self._spend(1)
         value: Any = super().visit(node, *args, **kwargs)
         # Only these make values that were not there before; a list of one value twice counts it twice.
@@ -142,7 +142,7 @@ class Template:
 
     @property
     def references(self) -> tuple[Reference, ...]:
-        """The references in the text, in order."""
+        """The `${{ }}` references in the text, in order."""
         return tuple(part for part in self.parts if isinstance(part, Reference))
 
     @property

@@ -54,7 +54,7 @@ class _ScalarEvent(_Event, Protocol):
 
 
 class _Mistake(Protocol):
-    """Used attributes of a `MarkedYAMLError`."""
+    """Used attributes of ruamel's `MarkedYAMLError`."""
 
     context: str | None
     context_mark: _Mark | None

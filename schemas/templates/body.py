@@ -373,7 +373,7 @@ class WorldTemplateBody(Model):
     @model_validator(mode="before")
     @classmethod
     def _default_room(cls, document: Any) -> Any:
-        """Adds the default room of version 2."""
+        """Validator that adds the default room of version 2 to a body without rooms."""
         second = is_object(document) and document.get("Version") == "2"
         return _with_default(document, _ROOMS, [_ROOM_OF_VERSION_2]) if second else document
 

@@ -180,14 +180,14 @@ MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 
 
 class PageRequest(Shape):
-    """Members of a request for one page of a list."""
+    """Base class of requests for one page of a list: token of the page, and its size."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
 
 
 class JobReference(Shape):
-    """Member of a request about one job."""
+    """Base class of requests about one job: has the job's ARN."""
 
     job: Arn = Field(description="ARN of the job.")
 

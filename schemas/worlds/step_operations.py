@@ -79,7 +79,7 @@ class VaryWorldsRequest(Shape):
 
 
 class VariedWorld(Shape):
-    """A variation of a world that was made."""
+    """A variation of a world, as the response of `VaryWorlds` reports it."""
 
     arn: Arn = Field(description="ARN of the variation.")
     world: Arn = Field(description="ARN of the world it was made of.")

@@ -166,7 +166,7 @@ class TrialPairs:
         return np.array([known.get(code, -2 - code) for code in codes[lost].tolist()], dtype=np.int64)
 
     def only(self, which: NDArray[np.bool_]) -> "TrialPairs":
-        """Returns the pairs that a mask selects."""
+        """Returns the trial pairs that a mask selects."""
         return TrialPairs(
             self.before, self.after, self.before_rows[which], self.after_rows[which], self.jobs[which],
             self.worlds[which], self.has_worlds,
@@ -219,7 +219,7 @@ def outcomes_of(table: ResultTable) -> NDArray[np.int8]:
 
 
 def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, Value], ...]]]:
-    """Returns seed and values of axes of each row."""
+    """Returns seed and axis values of each trial, by which trials are matched."""
     seeds = table.numbers("seed").tolist()
     names = sorted(table.axes)
     if not names:

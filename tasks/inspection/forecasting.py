@@ -184,7 +184,7 @@ class _Costs:
 
 @dataclass(frozen=True)
 class _MeanCost:
-    """Mean cost of a job."""
+    """Mean times, CPU share and output size of measured simulation jobs."""
 
     around_s: float
     """Seconds in which a job occupies a place before and after its run."""

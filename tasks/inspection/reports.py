@@ -256,7 +256,7 @@ def jobs_of(
 
 
 def _with_owners(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
-    """Adds to each job the process that ran it."""
+    """Adds to each reported job the process (machine, program) that ran it."""
     found = service.catalog.ownerships(job.arn for job in jobs if job.arn)
     owners = {arn: JobOwner.of_lease(ownership.owner) for arn, ownership in found.items() if ownership.owner}
     return [job.model_copy(update={"carried_out_by": owners.get(job.arn or "")}) for job in jobs]

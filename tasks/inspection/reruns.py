@@ -37,7 +37,7 @@ class Selection:
 
     @property
     def words(self) -> str:
-        """The selection of jobs as text."""
+        """Describes the criteria of the filter as text."""
         parts = ["failed"] if self.failed else []
         parts += [" or ".join(self.jobs)] if self.jobs else []
         parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []

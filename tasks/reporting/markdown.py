@@ -67,7 +67,7 @@ def _challenge(challenge: Challenge) -> Iterator[str]:
 
 
 def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
-    """Returns the figures of the run in one line."""
+    """Returns a run's figures (jobs, trials, duration) in one line."""
     told = [f"**{summary.challenge.headline}**"] if summary.challenge else _counts(summary, jobs)
     told.append(outcomes.duration(summary.time_s))
     page = pages.run(summary.run_id)

@@ -44,7 +44,7 @@ class Numbers:
 
     @property
     def rooms_text(self) -> str:
-        """Visited rooms of all rooms as text: `5/6`."""
+        """Number of visited rooms and of all rooms as text: `5/6`."""
         return "–" if not self.rooms else f"{self.rooms_visited}/{self.rooms}"
 
 

@@ -196,7 +196,7 @@ class ResultTable:
 
     @property
     def first_rows(self) -> list[int]:
-        """Number of the first row of each job."""
+        """Row number of each job's first trial."""
         return [rows.start for rows in self._jobs.values()]
 
     @cached_property

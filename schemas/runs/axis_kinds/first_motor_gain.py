@@ -23,5 +23,5 @@ class FirstMotorGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the robot's first motor."""
+        """Returns a function that scales the force of the robot's first motor."""
         return scale_motors(rig, *rig.first_motor)

@@ -115,7 +115,7 @@ class Rig(Protocol):
 
     @property
     def lidar(self) -> LidarErrors:
-        """Errors of the robot's lidar."""
+        """Noise, bias, dropout and latency of the robot's lidar."""
         ...
 
     @property
@@ -125,12 +125,12 @@ class Rig(Protocol):
 
     @property
     def commands(self) -> CommandDelay:
-        """Delay of the robot's commands."""
+        """Delay between the agent's commands and the robot's motors."""
         ...
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors on the robot's commands."""
+        """Factors by which the agent's commands to the robot are multiplied."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
@@ -193,7 +193,7 @@ class NormalDistribution(Shape):
 
 
 class Axis(Shape):
-    """Base class of kinds of axes."""
+    """Base class of kinds of axes: quantities that vary between the trials of a simulation job."""
 
     kind: Any = Field(description="Name of its kind.")
 
@@ -352,7 +352,7 @@ class LidarAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the errors of the robot's lidar."""
+        """Returns a function that sets one of the errors of the robot's lidar."""
         lidar = rig.lidar
         built = getattr(lidar, cls.error)
 

@@ -22,7 +22,7 @@ class LidarNoiseFactorAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the noise of the robot's lidar."""
+        """Returns a function that scales the noise of the robot's lidar."""
         lidar = rig.lidar
         built = lidar.noise_std_m
 

@@ -21,7 +21,7 @@ class MotorDelayAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the delay of the robot's commands."""
+        """Returns a function that sets the delay of the robot's commands."""
         commands = rig.commands
         built = commands.delay_s
 

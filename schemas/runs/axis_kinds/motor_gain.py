@@ -22,7 +22,7 @@ class MotorGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the robot's motors."""
+        """Returns a function that scales the forces of the robot's motors."""
         return scale_motors(rig, rig.motors, rig.motor_joints)
 
 

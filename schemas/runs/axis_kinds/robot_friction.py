@@ -25,7 +25,7 @@ class RobotFrictionAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the geoms of robot and floor that touch each other."""
+        """Returns a function that scales the friction of the geoms of robot and floor that touch."""
         geoms, pairs = rig.touching_geoms, rig.touching_pairs
 
         def set_factor(factor: float | None) -> None:

@@ -23,7 +23,7 @@ class TurnGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the factors on the robot's commands.
+        """Returns a function that sets the factor on the robot's turning rate.
 
         Raises:
             AxisError: The commands have no turning rate.

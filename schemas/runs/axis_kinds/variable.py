@@ -29,7 +29,7 @@ class VariableAxis(Axis):
 
     @property
     def listed(self) -> Sequence[str]:
-        """Values that the axis lists."""
+        """Values of the environment variable that the axis lists."""
         return self.values
 
     def parse(self, text: str) -> str:

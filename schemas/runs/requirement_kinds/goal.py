@@ -105,7 +105,7 @@ class GoalRule(Rule[GoalRequirement]):
         self._before = goal_named(self.asked.after, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation."""
+        """Connects the goal's rule to a simulation: each check measures the distance to the goal."""
         goal, position = self.asked, scene.position(self)
         if goal.room is None:
             x, y = goal.x or 0.0, goal.y or 0.0

@@ -162,7 +162,7 @@ class Floor(Protocol):
 
     @property
     def cell_m2(self) -> float:
-        """Area of a cell, in m²."""
+        """Area of a grid cell of the floor, in m²."""
         ...
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> Set[int]:
@@ -183,12 +183,12 @@ class Scene(Protocol):
 
     @property
     def environment(self) -> Any:
-        """The simulation's environment."""
+        """The simulation's environment (dm_env)."""
         ...
 
     @property
     def world(self) -> World | None:
-        """World of the run, if any."""
+        """Description of the run's world, if it has one."""
         ...
 
     def position(self, rule: "Rule[Any]") -> Sequence[float]:
@@ -330,10 +330,10 @@ class Rule(ABC, Generic[Asked]):
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
-        """Passes the rules of the requirements above it to the rule."""
+        """Receives the rules of the requirements listed above, for a rule that depends on one of them."""
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the rule's numbers to the run's metrics."""
+        """Adds the figures that the rule has measured to the run's metrics."""
 
     @property
     def first_look_s(self) -> float:

@@ -61,12 +61,12 @@ class LocalizationRequirement(RobotRequirement):
 
     @property
     def by_topics(self) -> bool:
-        """Whether both poses come from recorded topics."""
+        """Whether both the estimated and the true pose come from recorded topics."""
         return self.estimate is not None
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """Returns the Python package of the function."""
+        """Returns the Python package of the function that returns the estimated pose."""
         if attribute := requirement.get("attribute"):
             yield str(attribute).partition(".")[0]
 
@@ -143,7 +143,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the largest error to the run's metrics."""
+        """Adds the largest localization error to the run's metrics."""
         if self._checks > self._missing:
             metrics["max_localization_error_m"] = max(
                 metrics.get("max_localization_error_m", 0.0), round(self.worst_m, 6)

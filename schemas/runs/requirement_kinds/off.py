@@ -33,7 +33,7 @@ class OffRule(Rule[OffRequirement]):
         """Whether the environment's `requirements()` have one of this name; its report may have one still."""
 
     def bind(self, scene: Scene) -> Look:  # noqa: ARG002 - as of other rules
-        """Returns a check that measures nothing."""
+        """Returns a check that does nothing, as this rule measures nothing."""
         return lambda _time_s: None
 
     def judged(self, end_s: float, ended_by: str) -> Requirement:  # noqa: ARG002 - as of other rules

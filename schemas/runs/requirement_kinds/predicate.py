@@ -23,7 +23,7 @@ class PredicateRequirement(RequirementKind):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """Returns the Python package of the function."""
+        """Returns the Python package of the predicate function."""
         yield str(requirement.get("attribute", "")).partition(".")[0]
 
 

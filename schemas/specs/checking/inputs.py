@@ -86,7 +86,7 @@ class InputCheck:
         return self
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
-        """Adds a problem at a location of the request."""
+        """Adds a problem at a location of the request to the list."""
         self._report_at(as_written(self.node, location), message, at_key=at_key)
 
     def _report_at(self, written: Location, message: str, *, at_key: bool = False) -> None:

@@ -83,7 +83,7 @@ class Rounds:
         )
 
     def _put_right(self, problem: RequestProblem) -> None:
-        """Replaces an invalid value by a placeholder."""
+        """Replaces an invalid value of a request by a placeholder that fits."""
         location = self._deepest(problem.location) if problem.is_rule else problem.location
         if not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
             self.request = _changed(self.request, location, kind)

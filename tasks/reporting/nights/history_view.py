@@ -67,7 +67,7 @@ class HistoryPage:
 
     @property
     def latest(self) -> NightView:
-        """The latest run."""
+        """Row of the latest run."""
         return self.nights[0]
 
     @property

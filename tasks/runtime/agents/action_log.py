@@ -290,7 +290,7 @@ class ActionRecorder:
             self._give_up(error)
 
     def keep(self, action: bytes) -> None:
-        """Records the action of the next step."""
+        """Records one robot action, that of the next simulation step."""
         if self._writer is not None:
             try:
                 self._writer.add(action)

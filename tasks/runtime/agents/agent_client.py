@@ -166,7 +166,7 @@ class ArraySpec:
             self.maximum = self._numpy_bound(self.maximum, np.inf)
 
     def read(self, data: bytearray) -> Any:
-        """Reads the array from a message's content."""
+        """Decodes one array of an observation from a message's content."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
         return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
@@ -385,7 +385,7 @@ class Simulation:
             self._say(ERROR, {"error": error})
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Closes the robot program's connection to the simulation."""
         self._socket.close()
 
     def __iter__(self) -> Iterator[TimeStep]:

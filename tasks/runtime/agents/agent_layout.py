@@ -34,7 +34,7 @@ class ArrayField:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the array."""
+        """Shape of the observation's or action's array."""
         return tuple(self.spec.shape)
 
     @property

@@ -164,7 +164,7 @@ class AgentSocket:
         return bool(select.select([self._socket], [], [], 0.0)[0])
 
     def close(self) -> None:
-        """Stops listening, and deletes the socket."""
+        """Stops listening for robot programs, and deletes the socket file."""
         self._socket.close()
         _remove(self.path)
 
@@ -299,7 +299,7 @@ class AgentLink:
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Closes the simulation's connection to the robot program."""
         self._socket.close()
 
     def _fill(self, flags: int) -> None:

@@ -65,7 +65,7 @@ class FallingBall(dm_env.Environment):
 
 
 def make_environment(context: Any) -> FallingBall:  # noqa: ARG001 - the interface of applications
-    """Makes the falling-ball environment."""
+    """Makes the environment of the smallest example: a falling ball."""
     return FallingBall()
 
 

@@ -184,7 +184,7 @@ class RecordedRun(dm_env.Environment):
         )
 
     def close(self) -> None:
-        """Closes the recording."""
+        """Closes the recording that this environment replays."""
         self._bag.close()
 
     @contextmanager

@@ -53,7 +53,7 @@ class LidarErrors:
 
 @dataclass
 class CommandDelay:
-    """Delay of the commands of an agent."""
+    """Delay between an agent's commands and the motors."""
 
     delay_s: float = 0.0
     """Simulated seconds from a command to the motors."""
@@ -61,7 +61,7 @@ class CommandDelay:
 
 @dataclass
 class CommandGains:
-    """Factors on the commands of an agent."""
+    """Factors by which an agent's commands are multiplied."""
 
     whole: float = 1.0
     """Factor on all numbers of a command."""
@@ -100,7 +100,7 @@ class LateItems(KeepsAttributes, Generic[_Item]):
         """Time in seconds at which each is due, and the item."""
 
     def add(self, due_s: float, item: _Item) -> None:
-        """Adds an item that is due at a time."""
+        """Adds an item to the queue, with the time from which it is available."""
         self.waiting.append((due_s, item))
 
     def take(self, now_s: float) -> _Item | None:

@@ -35,7 +35,7 @@ class MapFloor:
 
     @property
     def cell_m2(self) -> float:
-        """Area of a cell."""
+        """Area of a cell of the world's map, in m²."""
         return self._map.resolution_m**2
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> frozenset[int]:

@@ -21,7 +21,7 @@ from ....schemas.wire.request_problems import nearest
 
 @dataclass(frozen=True)
 class Parts:
-    """Facts that decide the verdict of a run."""
+    """Facts about a run from which its verdict is decided."""
 
     own: Verdict = "NONE"
     """Verdict of the environment, or of a program that runs without one."""

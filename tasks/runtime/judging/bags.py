@@ -136,7 +136,7 @@ class Bag:
         self._store: Any = None
 
     def close(self) -> None:
-        """Closes the recording's files."""
+        """Closes the files of a ROS recording."""
         for reader in (self._reader, *self._reading):
             _closed(reader)
 

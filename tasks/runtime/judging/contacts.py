@@ -72,7 +72,7 @@ class Contacts:
         return read
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads a message with contacts."""
+        """Reads the robot's contacts from a recorded message."""
         source = self._by_topic[message.topic]
         source.hear(time_s)
         for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
@@ -112,7 +112,7 @@ class Contacts:
         self._names.finish()
 
     def remarks(self) -> Iterator[str]:
-        """Yields notes about topics without messages."""
+        """Yields notes about contact topics that had no messages."""
         for source in self.sources:
             if source.rules and not source.messages:
                 yield f"no message came on {source.name}, which is taken for nothing was touched"

@@ -46,7 +46,7 @@ class Source:
         self.messages = 0
 
     def hear(self, time_s: float) -> None:
-        """Records a message, and the silence before it."""
+        """Records that a topic has a message, and how long it was silent before."""
         self.messages += time_s >= 0
         self.look_back(time_s)
         self._last_s = max(self._last_s, time_s)
@@ -58,7 +58,7 @@ class Source:
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
 
     def finish(self, end_s: float) -> None:
-        """Records the silence at the end of the run."""
+        """Records how long a topic was silent at the end of the run."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
         self.look_back(end_s)
@@ -107,11 +107,11 @@ class Pose:
 
     @property
     def is_known(self) -> bool:
-        """Whether a pose was received."""
+        """Whether a pose of the frame was received."""
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
-        """Stores a new pose."""
+        """Sets the latest pose of the frame."""
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
@@ -170,7 +170,7 @@ class TransformPoses:
         return self._poses[key]
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Reads a `/tf` message."""
+        """Reads the transforms of a recorded `/tf` message."""
         changed: set[str] = set()
         for transform in message.content.transforms:
             link = self._links.get(bare(transform.child_frame_id))

@@ -70,7 +70,7 @@ class Measurements:
 
     @property
     def topics(self) -> list[str]:
-        """Topics whose messages are read."""
+        """Names of the recorded topics that are read to judge the run."""
         _ = self._chosen  # a topic that `/tf` makes needless is not read
         found = [_TF] if self._is_tf else []
         found += [self._topic_pose.source.name] if self._topic_pose else []

@@ -161,7 +161,7 @@ class CappedLog:
 
 
 def add_note(output_dir: Path, text: str) -> None:
-    """Appends a line to the run's error log."""
+    """Appends a note of the runtime to the run's error log."""
     folder = output_dir / LOG_FOLDER
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     with suppress(OSError):  # the application may have put anything there

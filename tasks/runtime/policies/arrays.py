@@ -48,7 +48,7 @@ class ObservedArrays:
         """Numbers in all arrays together."""
 
     def read(self, observation: Any) -> Observed:
-        """Copies an observation's arrays, by name."""
+        """Copies the arrays of an observation to a dictionary by name."""
         values = dict(_leaves(observation))
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 

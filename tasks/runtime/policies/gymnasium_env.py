@@ -82,7 +82,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
 
     @property
     def environment(self) -> dm_env.Environment:
-        """The wrapped dm_env environment."""
+        """The dm_env environment that this gymnasium environment wraps."""
         return self._environment
 
     def reset(

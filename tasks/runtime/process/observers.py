@@ -51,7 +51,7 @@ class PathNote(Observer):
         self._due_s = clock() + _WRITE_EVERY_S
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records the robot's position."""
+        """Appends the robot's current position to the path file of the live view."""
         self.next_time_s = time_s + self._period_s
         model, data = raw_physics(environment.physics)
         if model is not self._model:

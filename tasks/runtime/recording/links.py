@@ -38,7 +38,7 @@ class Link:
 
 
 class Links:
-    """The moving parts of one robot, as ROS links."""
+    """Moving bodies of one robot, as ROS links with transforms."""
 
     def __init__(self, model: mujoco.MjModel, base: int, base_frame: str, without: Iterable[int] = ()) -> None:
         """Finds the bodies that hinges and slides move, outwards from the base.

@@ -106,11 +106,11 @@ class Stream(Protocol):
     """Interface of the output stream that an MCAP file is written to."""
 
     def write(self, data: bytes, /) -> object:
-        """Writes all of the bytes."""
+        """Writes all of the bytes to the output stream."""
         ...
 
     def tell(self) -> int:
-        """Returns how many bytes have been written."""
+        """Returns the number of bytes written to the output stream."""
         ...
 
 
@@ -327,7 +327,7 @@ class Unbuffered:
         os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
-        """Writes all of the bytes."""
+        """Writes all of the bytes to the file, repeating partial writes."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)
@@ -336,7 +336,7 @@ class Unbuffered:
         return len(data)
 
     def tell(self) -> int:
-        """Returns how many bytes have been written."""
+        """Returns the number of bytes in the file."""
         return self._position
 
     def close(self) -> None:
@@ -348,11 +348,11 @@ class Nowhere:
     """Output stream that discards its bytes."""
 
     def write(self, data: bytes) -> int:
-        """Discards the bytes."""
+        """Discards the bytes, and returns their number."""
         return len(data)
 
     def tell(self) -> int:
-        """Returns 0."""
+        """Returns 0 as the position of the stream."""
         return 0
 
     def close(self) -> None:

@@ -73,7 +73,7 @@ class Recorder:
         """Writes pending messages, and returns the state for a checkpoint."""
 
     def restore(self, state: Any) -> None:
-        """Continues from a checkpoint's state."""
+        """Continues the recording from the state in a checkpoint."""
 
     def close(self) -> None:
         """Finishes the recording file."""

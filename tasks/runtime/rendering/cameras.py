@@ -38,7 +38,7 @@ class Relighting:
         }
 
     def light(self, scene: mujoco.MjvScene) -> None:
-        """Sets the lights of a new scene."""
+        """Sets the lights of a rendered scene to the chosen appearance."""
         for light in scene.lights[: scene.nlight]:
             if light.headlight:
                 light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
@@ -229,7 +229,7 @@ class GlCamera:
         return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
 
     def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
-        """Adds the visible geoms to the scene."""
+        """Adds the geoms that are visible in a camera view to the scene."""
         model, scene, camera = self._model, self._scene, view(data)
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, aspect):
@@ -242,7 +242,7 @@ class GlCamera:
                 light.diffuse[:] = light.diffuse * _THROUGH_ROOFS
 
     def close(self) -> None:
-        """See `Camera`."""
+        """Frees the renderer's memory and OpenGL context; see `Camera`."""
         self._context.make_current()
         self._renderer.free()
         self._context.free()

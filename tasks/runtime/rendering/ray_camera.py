@@ -75,7 +75,7 @@ class RayCamera:
         return np.ascontiguousarray(made)
 
     def close(self) -> None:
-        """See `Camera`."""
+        """Does nothing, as this renderer has no OpenGL context; see `Camera`."""
 
     def _cast(self, data: mujoco.MjData, view: View, shape: tuple[int, int]) -> Image:
         with self._aimed(data, view, shape) as (eye, rays, buffers, housing):

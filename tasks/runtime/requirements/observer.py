@@ -206,7 +206,7 @@ class _Check:
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
-    """Makes the rule that judges each requirement."""
+    """Makes a rule for each requirement, which judges it during the run."""
     rules = [requirement.rule(requirement) for requirement in requirements]
     for index, rule in enumerate(rules):
         rule.follow(rules[:index])

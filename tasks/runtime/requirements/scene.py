@@ -48,12 +48,12 @@ class Scene:
 
     @property
     def world(self) -> World | None:
-        """World of the run, read when first needed."""
+        """Description of the run's world, read when first needed."""
         return self.read_world()
 
     @cached_property
     def names(self) -> list[str]:
-        """Names of the geoms."""
+        """Names of the model's geoms, for messages about contacts."""
         return geom_names(self.model, [piece.id for piece in self.world.furniture] if self.world else [])
 
     @cached_property

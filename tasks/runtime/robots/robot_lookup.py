@@ -39,7 +39,7 @@ _MAX_NAME = 60
 
 
 class _Package(NamedTuple):
-    """Folders of an application's files."""
+    """Folders of a robot application's files, in which its robot is searched."""
 
     folders: list[Path]
     """Folders of the application's packages, the innermost first."""

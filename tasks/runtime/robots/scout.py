@@ -104,7 +104,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 
 def _add_looks(base: mujoco.MjsBody) -> None:
-    """Adds the geoms that are only visible."""
+    """Adds geoms of the robot that are only visible and do not collide."""
     add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
     add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
     add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)

@@ -85,7 +85,7 @@ class TrotGait(KeepsAttributes):
     KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 
     def __init__(self, legs: LegGeometry, settings: GaitSettings) -> None:
-        """Starts with all feet on the floor."""
+        """Starts the gait with all feet on the floor."""
         self._legs, self._settings = legs, settings
         self.reset()
 

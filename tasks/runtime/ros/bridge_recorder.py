@@ -210,7 +210,7 @@ _Gathered = tuple[Numbers, Sequence[Sequence[AnyNumbers]]]
 
 
 def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]]:
-    """Joins rows that were gathered in parts."""
+    """Joins rows of recorded numbers that were gathered in several parts."""
     if not parts:
         return np.zeros(0), []
     if len(parts) == 1:
@@ -240,7 +240,7 @@ class _Relayed:
 
     @property
     def topics(self) -> Any:
-        """Topics of the series."""
+        """Topics of the relayed series, with their message templates."""
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
@@ -250,7 +250,7 @@ class _Relayed:
         return _joined(kept)
 
     def gather(self) -> None:
-        """Collects new messages from the series."""
+        """Collects new messages from the wrapped series."""
         found = self.series.take()
         if not len(found[0]):
             return

@@ -210,7 +210,7 @@ class Participant:
 
     @property
     def entity(self) -> Any:
-        """The participant as `cyclonedds` object."""
+        """The DDS participant as an object of `cyclonedds`."""
         return self._entity
 
     @property
@@ -341,7 +341,7 @@ class Reader:
 
     @property
     def writers(self) -> int:
-        """Number of matching publishers."""
+        """Number of publishers that match this DDS subscriber."""
         return len(self.entity.get_matched_publications())
 
 

@@ -228,7 +228,7 @@ class _Link:
     """A non-blocking connection to a bridge process."""
 
     def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
-        """Starts with sending the greeting."""
+        """Starts sending the greeting to a newly connected bridge process."""
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)

@@ -89,7 +89,7 @@ class StateLog:
 
     @property
     def frames(self) -> int:
-        """Number of logged states."""
+        """Number of simulation states in the log."""
         return sum(len(segment.times) for segment in self.segments)
 
     @property
@@ -324,7 +324,7 @@ class StateLogger(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Logs the current state."""
+        """Writes the current simulation state to the state log."""
         try:
             if self._writer is None:
                 camera = getattr(environment, "video_camera", None)

@@ -53,7 +53,7 @@ _MODULES = (
 
 
 def main() -> None:
-    """Entry point of the warm process: imports modules, then forks a supervisor for each run requested."""
+    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run."""
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:

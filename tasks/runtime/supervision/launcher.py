@@ -147,10 +147,10 @@ OnCrash = Callable[[str, str], None]
 
 
 class Launcher:
-    """Launcher of simulation runs: forks them from one warm process, and supervises them; threads may share it.
+    """Launcher of simulation runs: forks them from one fork server process, and supervises them; threads may share it.
 
-    The warm process starts with the first run (or `start`). It ends with `close`, with the launcher object, or with
-    this process, however that ends.
+    The fork server has imported all modules that runs need. It starts with the first run (or `start`). It ends with
+    `close`, with the launcher object, or with this process, however that ends.
     """
 
     def __init__(self) -> None:
@@ -159,7 +159,7 @@ class Launcher:
         self._cores = Cores()
 
     def start(self) -> None:
-        """Starts the warm process, unless it is running.
+        """Starts the fork server process, unless it is running.
 
         Raises:
             LaunchError: The process cannot be started.
@@ -168,7 +168,7 @@ class Launcher:
             self._running_server()
 
     def close(self) -> None:
-        """Ends the warm process; current runs continue."""
+        """Ends the fork server process; current runs continue."""
         with self._lock:
             if self._server is not None:
                 self._server.close()
@@ -271,7 +271,7 @@ class Launcher:
         return plan_box(settings, confinement, endpoint=os.environ.get(ENDPOINT_VARIABLE))
 
     def _connect(self) -> Connection:
-        """Forks a supervisor from the warm process, and returns the connection to it."""
+        """Lets the fork server fork a supervisor process, and returns the connection to it."""
         ours, theirs = socket.socketpair()
         with ours, theirs, self._lock:
             self._running_server().fork(theirs.fileno())
@@ -286,7 +286,7 @@ class Launcher:
 
 
 class _Server:
-    """Client side of the warm process."""
+    """Client side of the fork server process."""
 
     def __init__(self) -> None:
         ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))

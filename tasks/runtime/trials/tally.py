@@ -66,7 +66,7 @@ class Tally:
         """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
 
     def take(self, row: TrialRow) -> None:
-        """Adds a trial's results."""
+        """Adds one trial's results to the job's counts."""
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
@@ -109,7 +109,7 @@ class Tally:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all trials were added."""
+        """Whether the results of all trials of the job were added."""
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
@@ -227,7 +227,7 @@ class _Mean:
 
 @dataclass
 class _RequirementCount:
-    """Number of trials that met one requirement."""
+    """Count of the trials that met one requirement, with the worst of them."""
 
     trials: int = 0
     met: int = 0

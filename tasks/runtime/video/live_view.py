@@ -239,7 +239,7 @@ class LiveView(Observer):
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Ends the web server."""
+        """Ends the web server of the live view."""
         del ended_by
         self._file.unlink(missing_ok=True)
         self._frames.close()
@@ -283,13 +283,13 @@ class _Server(ThreadingHTTPServer):
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
     def serve(self) -> None:
-        """Serves requests until stopped; sleeps while no viewer is connected."""
+        """Serves HTTP requests of the live view until stopped; sleeps while no viewer is connected."""
         while not self._stopped:
             self.handle_request()
         self.server_close()
 
     def stop(self) -> None:
-        """Ends `serve`."""
+        """Stops the live view's web server."""
         self._stopped = True
         with suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it

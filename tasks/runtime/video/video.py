@@ -58,7 +58,7 @@ class VideoWriter:
         self._stream.codec_context.time_base = Fraction(1, rate_hz)
 
     def add(self, picture: Image) -> None:
-        """Adds the next frame."""
+        """Adds the next frame to the video."""
         frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
         frame.pts = self.frames
         frame.time_base = Fraction(1, self.rate_hz)
@@ -72,7 +72,7 @@ class VideoWriter:
         self._unfinished.replace(self._path)
 
     def abandon(self) -> None:
-        """Closes and deletes the unfinished file."""
+        """Closes and deletes the unfinished video file."""
         self._container.close()
         self._unfinished.unlink(missing_ok=True)
 
@@ -151,7 +151,7 @@ class ViewRenderer:
         return picture
 
     def depths(self, data: mujoco.MjData) -> Depths:
-        """Renders a depth image of a state."""
+        """Renders a depth image of a simulation state."""
         return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:

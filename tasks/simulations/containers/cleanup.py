@@ -159,7 +159,7 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Replaces the records of a run's containers."""
+    """Replaces the stored list of a run's containers."""
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return

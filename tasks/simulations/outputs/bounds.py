@@ -270,5 +270,5 @@ def _like(name: str) -> Iterator[str]:
 
 
 def _above(name: str) -> list[str]:
-    """Lists the folders above a file of a name."""
+    """Lists the parent folders in a file's name."""
     return [str(parent) for parent in PurePosixPath(name).parents if parent.name]

@@ -106,7 +106,7 @@ class RunOutputs:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
-        """Returns the uploads during the run."""
+        """Returns the uploader of files that are finished during the run."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
         room = Room.of(self._service.settings)

@@ -175,7 +175,7 @@ MAX_REPORTED = 200
 
 @dataclass
 class _Touch:
-    """Collision that may still continue."""
+    """A collision of the robot that may still continue."""
 
     first_s: float
     last_s: float

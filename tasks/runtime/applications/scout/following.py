@@ -45,7 +45,7 @@ class PathFollower:
 
     @property
     def arrived(self) -> bool:
-        """Whether the end of the path is reached."""
+        """Whether the robot has reached the end of the path."""
         return self.remaining_m < _ARRIVED_M
 
     def ahead(self, distance_m: float) -> list[tuple[float, float]]:

@@ -82,7 +82,7 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
 
 
 def _folder(name: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """Finds the folder of a model."""
+    """Finds the folder of a robot model in MuJoCo Menagerie."""
     return _in_checkout(name, variables[ROOT_VARIABLE]) if variables.get(ROOT_VARIABLE) else _fetched(name, variables)
 
 

@@ -140,7 +140,7 @@ class _Writer:
             )
 
     def _in_order(self) -> Iterator[Link]:
-        """Yields the links, each after its parent."""
+        """Yields the links of an SDF robot, each after its parent link."""
         done: set[str] = set()
         left = list(self._links.values())
         while left:

@@ -90,7 +90,7 @@ class SensorKind(Model):
 
 
 class Sensor(NamedTuple):
-    """A sensor of a robot."""
+    """A sensor of a robot, as MuJoCo sensors whose numbers form its reading."""
 
     kind: type[SensorKind]
     names: Sequence[str]
