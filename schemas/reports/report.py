@@ -1,4 +1,4 @@
-"""The content of a report, and the same in numbers, which `robomaker report -o json` prints."""
+"""Content of a run's report, and its figures, which `robomaker report -o json` prints."""
 
 from datetime import datetime
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""End of a run as a whole, judged by its steps and jobs, and in words for messages of a line or two."""
+"""State of a finished run, decided from its steps and jobs, and texts about it in a line or two."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
@@ -13,7 +13,7 @@ from .against import in_words as answer_in_words
 from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
-"""State of a run by the status of a step or job; after one of these no later step starts."""
+"""State of a run by the status of a failed step or job, after which no further step starts."""
 
 # Later steps use the worlds there are, but the run is not what was ordered.
 _STATES: dict[str, RunState] = {**BAD_ENDS, "PartialFailed": "broken"}
@@ -27,7 +27,7 @@ _OTHER_ENDS: dict[CaseOutcome, str] = {
 }
 _MOST_NAMED = 3
 _MOST_OF_REASON = 160
-"""Characters of each reason."""
+"""Maximum number of characters of each reason."""
 
 
 class FlowResult(Model):
@@ -56,10 +56,10 @@ def result_of(record: RunRecord) -> FlowResult:
 
 
 def meaning_of(record: RunRecord) -> str:
-    """Says in words why a run has its exit code.
+    """Describes why a run has its exit code.
 
-    One that came to its end beside an earlier run has its answer, and a challenge has its headline: `failed` says there
-    nothing about the code, or about the robot.
+    For a run that was compared with an earlier one this is the answer, and for a challenge its headline, as the state
+    `failed` would say nothing about the robot.
     """
     is_whole = record.state in ("succeeded", "failed")
     if record.against is not None and is_whole:
@@ -107,7 +107,7 @@ def is_bad(status: str) -> bool:
 def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
     """Classifies a simulation job as passed, failed, broken or canceled.
 
-    The status goes first: a verdict counts only when the job ended by itself.
+    The status takes precedence: a verdict counts only if the job ended by itself.
     """
     if status in ("Canceled", "Terminated", "Terminating"):
         return "canceled"
@@ -127,7 +127,7 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
     Args:
         statuses: statuses of the run's steps.
         jobs: simulation jobs of the run.
-        is_whole: whether all its steps were seen to.
+        is_whole: Whether all steps of the run were completed.
     """
     states: set[RunState] = {_STATES.get(status, "succeeded") for status in statuses}
     if not is_whole:
@@ -171,10 +171,10 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
     """Summarises a run as text: its state, how many verdicts pass, the worst failures, and a command to inspect them.
 
     Args:
-        state: how the run ended.
+        state: State of the finished run.
         jobs: simulation jobs of the run.
-        troubles: what else went wrong, in words, the worst first.
-        look: the command; empty: none.
+        troubles: Other problems as text, the worst first.
+        look: Command line to inspect the failures; empty: none.
     """
     words = ": ".join(filter(None, (state, counts_in_words(jobs))))
     bad = [*(_line(trouble) for trouble in troubles), *(_job_in_words(job) for job in _bad(jobs))]

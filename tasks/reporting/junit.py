@@ -39,7 +39,7 @@ def junit_xml(summary: ReportSummary) -> bytes:
 
 
 def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
-    """A suite with one error, of a run whose jobs and steps do not say why it did not succeed."""
+    """Makes a test suite with one error, for a run that failed for a reason that no job or step has."""
     name = f"{summary.name}.run"
     error = _told("error", summary.state, f"the run was not carried out as ordered: {summary.state}")
     case = _element("testcase", error, name="end of the run", classname=name, time=_seconds(0.0))
@@ -120,7 +120,7 @@ def _is_error(job: JobCase) -> bool:
 
 
 def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
-    """Summary of a job for people, one fact a line."""
+    """Yields the facts about a job for people, one per line."""
     yield from (f"{name}: {value}" for name, value in _facts(job, pages))
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
@@ -130,7 +130,7 @@ def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
 
 
 def _told(tag: str, kind: str, reason: str) -> ElementTree.Element:
-    """An element whose message is the first line of a reason, and whose text is all of it."""
+    """Makes an element whose message is the first line of a reason, and whose text is the whole reason."""
     first = (reason.splitlines() or [""])[0]
     message = first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…"
     element = _element(tag, type=kind, message=message)
