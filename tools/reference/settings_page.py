@@ -37,8 +37,8 @@ COMPUTED: Mapping[str, str] = {
 """Defaults that depend on the machine, or on other settings."""
 _MORE: Mapping[str, str] = {
     "access_keys_file": "[Serving](serving.md)",
-    "backend": "[A laptop becomes two](machines.md)",
-    "catalog_url": "[A laptop becomes two](machines.md)",
+    "backend": "[Backends](machines.md#backends)",
+    "catalog_url": "[More machines](machines.md)",
     "console_url": "[Unattended nights](unattended.md#being-told)",
     "job_memory_mb": "[A machine that is shared](machines.md#a-machine-that-is-shared)",
     "jobs_call_aws": "[Other services of AWS](roles.md#other-services-of-aws)",

@@ -1,4 +1,4 @@
-"""The greeting between a run and the program that is its robot (`docs/agents.md`)."""
+"""The greeting between a run and the program that is its robot (`docs/robot-programs.md`)."""
 
 import math
 import sys

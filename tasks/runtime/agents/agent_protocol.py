@@ -1,6 +1,6 @@
 """Messages of the agent protocol, without the socket: observations, actions, greetings and errors.
 
-The form of messages is specified in `docs/agents.md` and shared with the client (`agent_client`).
+The form of messages is specified in `docs/robot-programs.md` and shared with the client (`agent_client`).
 """
 
 import json
