@@ -12,7 +12,7 @@ This one file is all a robot program needs: copy it into a container or a bundle
 `prefect_robomaker.tasks.runtime.agents.agent_client`. It runs on Python 3.8 and newer with nothing but the standard
 library. With numpy installed, observations are arrays; without, they are numbers and (nested) lists.
 
-The protocol is specified in `docs/agents.md`; the constants and `FrameBuffer` below are the simulation's too.
+The protocol is specified in `docs/robot-programs.md`; the constants and `FrameBuffer` below are the simulation's too.
 """
 
 from __future__ import annotations

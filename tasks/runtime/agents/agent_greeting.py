@@ -1,4 +1,4 @@
-"""Handshake between a simulation and the robot program that connects to it (`docs/agents.md`)."""
+"""Handshake between a simulation and the robot program that connects to it (`docs/robot-programs.md`)."""
 
 import math
 import sys

@@ -1,4 +1,4 @@
-"""Layout of observations and actions in messages of the agent protocol (`docs/agents.md`)."""
+"""Layout of observations and actions in messages of the agent protocol (`docs/robot-programs.md`)."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Encoding and decoding of the agent protocol's messages: observations, actions, greetings and errors.
 
-This module does not use sockets.
+The form of messages is specified in `docs/robot-programs.md` and shared with the client (`agent_client`).
 """
 
 import json
