@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.reports.run_states import (
     run_state,
     with_known,
 )
-from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch
+from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch
 
 
 def test_outcomes_are_counted_the_most_frequent_first() -> None:

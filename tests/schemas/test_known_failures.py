@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
+from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
 
 DAY = date(2027, 1, 15)
 

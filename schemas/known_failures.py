@@ -16,7 +16,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from ..wire.base import Model
+from .wire.base import Model
 
 
 def _read_day(value: object) -> object:
