@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,28 +32,6 @@ steps:
     operation: DescribeWorldTemplate
     input: {{template: "${{{{ flat.arn }}}}"}}
 """
-
-
-@pytest.fixture
-def client(prefect_server: str, robomaker: Robomaker, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A client of the server that the command uses."""
-    from prefect.client.orchestration import get_client
-
-    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
-    with get_client(sync_client=True) as made:
-        yield made
-
-
-@pytest.fixture
-def pool(client: Any) -> str:
-    """A work pool that no other test uses."""
-    from prefect.client.schemas.actions import WorkPoolCreate
-    from prefect.workers.process import ProcessWorker
-
-    name = f"pool-{uuid.uuid4().hex[:8]}"
-    template = ProcessWorker.get_default_base_job_template()
-    client.create_work_pool(WorkPoolCreate(name=name, type="process", base_job_template=template))
-    return name
 
 
 @pytest.fixture

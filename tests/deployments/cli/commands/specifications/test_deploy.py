@@ -2,7 +2,7 @@
 
 import json
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,30 +20,6 @@ steps:
   flat: {{operation: CreateWorldTemplate, input: {{name: flat, templateBody: "{{}}"}}}}
 """
 Robomaker = Callable[..., Any]
-
-
-@pytest.fixture
-def client(prefect_server: str, robomaker: Robomaker, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A client of the server that the command uses."""
-    from prefect.client.orchestration import get_client
-
-    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
-    with get_client(sync_client=True) as made:
-        yield made
-
-
-@pytest.fixture
-def pool(client: Any) -> str:
-    """A work pool that no other test uses."""
-    from prefect.client.schemas.actions import WorkPoolCreate
-
-    name = f"pool-{uuid.uuid4().hex[:8]}"
-    from prefect.workers.process import ProcessWorker
-
-    client.create_work_pool(
-        WorkPoolCreate(name=name, type="process", base_job_template=ProcessWorker.get_default_base_job_template())
-    )
-    return name
 
 
 @pytest.fixture
