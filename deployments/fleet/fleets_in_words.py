@@ -121,7 +121,7 @@ def _chosen(robots: Sequence[RobotStanding]) -> Sequence[RobotStanding]:
 
 
 def _failures(robots: Sequence[RobotStanding]) -> Iterator[Text]:
-    """Yields the reasons why robots failed, one line each, below the table."""
+    """Yields the reasons why robots of a fleet failed, one line each, below the table."""
     failed = [robot for robot in robots if robot.failure_code is not None]
     for robot in failed[:_MOST_FAILURES]:
         reason = f": {robot.failure_reason}" if robot.failure_reason else ""
@@ -174,7 +174,7 @@ _OVER = {
 """Texts that say that a cause of waiting has ended."""
 
 HEARTBEAT_S = 60.0
-"""Time without a change after which a line of counts is printed, in seconds."""
+"""Time without a change of a deployment after which a line of counts is printed, in seconds."""
 
 
 class LineWatcher:

@@ -84,7 +84,7 @@ class WarmWorker:
         return self._service.settings
 
     def look(self) -> None:
-        """Starts the jobs that can run; called several times a second."""
+        """Starts the stored jobs that can run; called several times a second."""
         try:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()

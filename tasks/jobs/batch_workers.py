@@ -81,7 +81,7 @@ class BatchWorker:
         self._ended.set()
 
     def _machine(self) -> MachineSlots:
-        """Returns the slots of this machine, as this batch may use them."""
+        """Returns the slots of this machine, with the batch's own priority and requirements."""
         try:
             batch = SimulationJobBatchDocument.of(self._service.catalog.get(self._batch, kind=_BATCH))
         except ResourceNotFoundException as error:

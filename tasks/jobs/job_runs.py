@@ -127,7 +127,7 @@ class _Next(Enum):
     """Next step of a job: start a new run, because a restart was requested."""
 
     GO_ON = auto()
-    """Continue a killed run from its last checkpoint, else from the start."""
+    """Next step of a job: continue a killed run from its last checkpoint, else from the start."""
 
 
 @cache
@@ -171,7 +171,7 @@ class JobRun:
         self._begin: Callable[[], None] | None = None
         """Function that sets the job's status to running; `None` once it has been called."""
         self._answers = False
-        """Whether applications listen on forwarded ports, or have had their time to."""
+        """Whether the job's applications listen on forwarded ports, or have had their time to."""
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
@@ -350,7 +350,7 @@ class JobRun:
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
-        """Runs the plan's processes until they have ended; returns the result."""
+        """Runs the processes of a simulation run's plan until they have ended; returns the result."""
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
@@ -426,7 +426,7 @@ class JobRun:
         return RunStop.CANCELED if self._is_interrupted() else None
 
     def _is_interrupted(self) -> bool:
-        """Whether the current run has to end, because the job ends or restarts."""
+        """Whether the current simulation run has to end, because the job ends or restarts."""
         status, reason = self._asked()
         return reason is not None or self._is_to_restart(status)
 

@@ -42,7 +42,7 @@ class BrokenOff:
     died_at: datetime
     """Time of the last sign of life of an interrupted run's process."""
     limits: tuple[str, ...]
-    """Reason why no process resumes it automatically, in words; empty: one does."""
+    """Reason why no process resumes the interrupted run automatically, in words; empty: one does."""
     differences: tuple[str, ...]
     """Differences between this process's environment and the one that the run needs; empty: none."""
     command: str

@@ -48,7 +48,7 @@ class DueRun:
     state_name: str
     message: str
     has_begun: bool
-    """Whether the run left anything; one that crashed in its first moments has not."""
+    """Whether the scheduled run left anything; one that crashed in its first moments has not."""
 
 
 def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
@@ -144,7 +144,7 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Yields whether this process is the one that may check for missed nights now."""
+    """Yields whether this process is the only one that may check for missed nights now."""
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:

@@ -143,7 +143,7 @@ class Agent:
         self._application.stop()
 
     def _settle(self, *, begin: bool = True) -> None:
-        """Applies all events; each new state is saved to disk before it has any effect."""
+        """Applies all events to the agent's state; each new state is saved to disk before it has any effect."""
         while True:
             if self._events and self._monotonic() >= self._held_until_s:
                 self._take()

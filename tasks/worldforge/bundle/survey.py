@@ -53,7 +53,7 @@ _MOST_SIDE_M = 200.0
 _BARE_SIDE_M = 20.0
 """Side of the map of a world that consists of an infinite plane only, in metres."""
 _SEEN_DEPTH_M = 1.5
-"""Depth to which things are known behind their faces: walls behind beds are."""
+"""Depth in metres to which objects behind a visible face are drawn on the map; walls behind beds then are, too."""
 _HOLLOW = 3
 """Half of the width of hollow walls that are filled on the map, in cells: 30 cm are closed."""
 _BOX = np.ones((3, 3), np.bool_)
@@ -149,7 +149,7 @@ def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 
 def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of all finite solid geometry."""
+    """Returns the lowest and highest corner of all finite solid geometry of a world."""
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
     half = _BARE_SIDE_M / 2

@@ -68,7 +68,7 @@ class Hanging(NamedTuple):
         )
 
     def local(self, box: Box) -> Box:
-        """Converts a box to the hinge's frame: along the wall, into the room."""
+        """Converts a box to the frame of a door's hinge: along the wall, into the room."""
         (x, y), (u, v), (p, q) = self.hinge, self.along, self.into
         west, south, east, north = box[0] - x, box[1] - y, box[2] - x, box[3] - y
         # All directions are along axes: two opposite corners say everything.
@@ -84,7 +84,7 @@ class Hanging(NamedTuple):
 
     @property
     def outline(self) -> list[Point]:
-        """Convex polygon around the area that the moving door sweeps."""
+        """Returns the convex polygon around the area that a moving door sweeps."""
         # Tangents to the arc: the polygon lies outside it.
         radius = self.leaf_m / cos(pi / 4 / _ARC_STEPS)
         angles = [(step + 0.5) * pi / 2 / _ARC_STEPS for step in range(_ARC_STEPS)]

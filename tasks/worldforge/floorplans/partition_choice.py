@@ -82,11 +82,11 @@ _POOR = 5.0
 """Cost of the best plan above which L-shaped rooms are tried as well, unless a plan satisfies all preferences."""
 
 _CLIMB_SEED = 1
-"""Random seed of the search for L-shaped rooms, where plans need not differ."""
+"""Random seed of the search for floor plans with L-shaped rooms, where plans need not differ."""
 
 _DRAWS = 4
 _WORSE = 0.2
-"""Largest cost that the random variation of sizes may add to a plan."""
+"""Largest cost that the random variation of room sizes may add to a floor plan."""
 
 
 class Pool(NamedTuple):

@@ -14,7 +14,7 @@ from .prisms import COMPOSED, prism_parts, prism_triangles
 from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
-"""Limit of collision shapes in one world: with more, a time step takes milliseconds."""
+"""Limit of collision shapes in one imported world: with more, a time step takes milliseconds."""
 _MOST_OF_ONE = 1500
 """Limit of the collision shapes of one mesh; the walls of a hospital have 1,447."""
 _MOST_FACES = 6000
