@@ -1,1 +1,1 @@
-"""Every RoboMaker operation as a Prefect flow, in `operations`; specifications are run by the flow of `pipelines`."""
+"""RoboMaker operations as Prefect flows, in `operations`; the flow in `pipelines` runs specifications."""

@@ -1,8 +1,8 @@
-"""The flow of a deployed specification that has parameters: it takes them beside those of `RunPipeline`.
+"""Prefect flow of a deployed specification with parameters: they become parameters of the flow.
 
-Prefect compares the parameters of a flow run with the flow's signature before the flow is asked anything, and they are
-others for each specification. So `RunPipeline` is made here when it is looked up, in the process of a flow run with the
-names that this flow run was given: also those of an order from before the deployment was changed.
+Prefect compares the parameters of a flow run with the flow's signature before it calls the flow, and the parameters
+differ between specifications. So `RunPipeline` is made when it is imported, in the process of a flow run, with the
+parameter names that this flow run was given; this includes names from before the deployment was changed.
 """
 
 import inspect
@@ -18,10 +18,10 @@ RUN_PIPELINE = pipelines.RunPipeline.name
 
 
 def with_parameters(names: Iterable[str]) -> Flow[..., Any]:
-    """Makes the flow `RunPipeline` with more parameters, which are handed on as those of the specification.
+    """Makes the flow `RunPipeline` with more parameters, which are passed on as those of the specification.
 
     Args:
-        names: those that the flow run is given; what is wrong with them is told with the specification.
+        names: Parameter names of the flow run; invalid ones are reported together with errors of the specification.
     """
     own = inspect.signature(pipelines.RunPipeline.fn)
 
@@ -44,7 +44,7 @@ def with_parameters(names: Iterable[str]) -> Flow[..., Any]:
 
 
 def __getattr__(name: str) -> Any:
-    """Makes the flow, for the flow run of this process if it has one (PEP 562)."""
+    """Makes the flow with the parameters of this process's flow run, if there is one (PEP 562)."""
     if name != RUN_PIPELINE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return with_parameters(flow_run.parameters)

@@ -1,4 +1,4 @@
-"""Finding the flow of an operation by the operation's name."""
+"""Looks up the Prefect flow of a service operation by the operation's name."""
 
 import logging
 from collections.abc import Generator
@@ -44,18 +44,18 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
 
 
 def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
-    """Runs a stored job to its end as a Prefect flow run.
+    """Runs a stored job to completion as a Prefect flow run.
 
     Args:
-        operation: the operation that made the job.
-        arn: the job.
+        operation: Operation that created the job.
+        arn: ARN of the job.
 
     Returns:
         The job's final description, and how it ended.
 
     Raises:
-        PrefectServerLostError: the Prefect server does not answer any more, and the job has not ended.
-        BaseException: what the flow raised: a defect, or the interruption that cancelled the job.
+        PrefectServerLostError: The Prefect server does not answer any more, and the job has not ended.
+        BaseException: The flow failed with a programming error, or was interrupted, which cancelled the job.
     """
     try:
         with without_heartbeat():
@@ -68,9 +68,9 @@ def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
 
 @contextmanager
 def without_heartbeat() -> Generator[None]:
-    """Turns off Prefect's own heartbeat inside the block, because every flow waits a second for it at its end.
+    """Turns off Prefect's heartbeat inside the `with` block, as every flow waits a second for it at its end.
 
-    Where it is off already, as in the steps of a pipeline, nothing is done: changing settings takes Prefect 0.1 s.
+    If it is off already, as in the steps of a pipeline, nothing is changed: changing settings of Prefect takes 0.1 s.
     """
     if PREFECT_FLOWS_HEARTBEAT_FREQUENCY.value() is None:
         yield
@@ -80,7 +80,7 @@ def without_heartbeat() -> Generator[None]:
 
 
 def _answer_without_prefect(operation: str, arn: str, error: Exception) -> tuple[dict[str, Any], FlowResult]:
-    """The job's final description, if it has come to its end without the server."""
+    """Returns the job's final description if it has completed without the Prefect server; else raises the error."""
     service, url = Service.current(), PREFECT_API_URL.value()
     job = service.catalog.get(arn)
     if not is_terminal(job.kind, job.status):
@@ -94,7 +94,7 @@ def _answer_without_prefect(operation: str, arn: str, error: Exception) -> tuple
 
 
 def _is_unreachable(error: BaseException | None) -> bool:
-    """Whether an exception came of a server that does not answer; Prefect's client has several ways of saying so."""
+    """Returns whether an exception means that a server does not answer; Prefect's client has several of them."""
     while error is not None:
         if isinstance(error, httpx.TransportError):
             return True

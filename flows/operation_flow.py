@@ -1,7 +1,7 @@
-"""The kind of flow that operations are: a wrong call is answered with one sentence, the command line's.
+"""Flow class of the operations: an invalid call raises an error of one sentence, as on the command line.
 
-Prefect's own flows answer a misspelt member with the whole signature, and an error of the service with the tracebacks
-of its engine, of the task and of the flow.
+Prefect's own flows answer a misspelt parameter with the whole signature, and an error of the service with the
+tracebacks of the engine, the task and the flow.
 """
 
 from typing import Any, Self, cast
@@ -17,18 +17,17 @@ from ..schemas.wire.operation_shape import OperationShape
 from .request_defaults import default_members, with_defaults
 
 _LATER = (PrefectFuture, State)
-"""Values that Prefect puts others in place of, once these are known."""
+"""Types of arguments that Prefect replaces by their results."""
 
 
 class OperationFlow(Flow[..., Any]):
-    """Flow that raises errors of this package without the tracebacks of Prefect's engine.
+    """Prefect flow that raises errors of this package without the tracebacks of Prefect's engine.
 
-    The flow of an operation is named after it; a request that is wrong by itself is refused before Prefect makes a run
-    of it, so that nothing is started.
+    The flow of an operation has the operation's name. An invalid request is refused before Prefect creates a flow run.
     """
 
     def __call__(self, *arguments: Any, return_state: bool = False, wait_for: Any = None, **members: Any) -> Any:
-        """Calls the operation; see Prefect's `Flow`.
+        """Runs the RoboMaker operation as a Prefect flow; arguments are members of the request. See Prefect's `Flow`.
 
         Raises:
             RobomakerError: the call is wrong, or the operation failed; the message is for people.
@@ -51,12 +50,13 @@ class OperationFlow(Flow[..., Any]):
         return cast("Self", changed)
 
     def _check(self, arguments: tuple[Any, ...], members: dict[str, Any], *, is_final: bool) -> None:
-        """Refuses a request that is wrong by itself.
+        """Raises an error for a request that is invalid by itself.
 
         Args:
-            arguments: arguments that have no name.
+            arguments: Positional arguments.
             members: members of the request.
-            is_final: whether errors are raised; otherwise the state of a run has them, but for misspelt members.
+            is_final: Whether errors are raised now; otherwise they become the state of a flow run, except for misspelt
+                members.
         """
         shape = OPERATIONS.get(self.fn.__name__)
         if shape is None:
@@ -73,6 +73,6 @@ class OperationFlow(Flow[..., Any]):
 
 
 def _example(shape: OperationShape) -> str:
-    """Writes a call with the names of two members, the required ones first."""
+    """Returns an example call with the names of two members, the required ones first."""
     members = sorted(shape.request.model_fields.items(), key=lambda item: not item[1].is_required())
     return f"{shape.name}({', '.join(f'{name}=…' for name, _ in members[:2])})"

@@ -1,7 +1,7 @@
-"""Every operation as a flow, with its request's members as parameters; and the flows that carry out stored jobs.
+"""Every operation as a Prefect flow, with its request's members as parameters; and the flows that run stored jobs.
 
-A flow is made when it is first asked for: `from prefect_robomaker.flows.operations import DescribeWorld`. Type
-checkers read `operations.pyi`, which `python -m tools.reference` writes.
+A flow is created on first access: `from prefect_robomaker.flows.operations import DescribeWorld`. Type checkers read
+`operations.pyi`, which `python -m tools.reference` writes.
 """
 
 import inspect
@@ -19,7 +19,7 @@ from .steps import carry_out, job_id, order, read, record, validate
 
 
 def __getattr__(name: str) -> Flow[..., Any]:
-    """Makes the flow of a name; later uses find it in the module."""
+    """Creates the flow of a name; the module keeps it."""
     if name in OPERATIONS:
         made = _operation_flow(OPERATIONS[name])
     elif makers := [entry.name for entry in registry().values() if entry.run_job and entry.perform_name == name]:
@@ -68,7 +68,7 @@ def _perform_flow(name: str, makers: list[str]) -> Flow[..., Any]:
 
 
 def _named(function: Any, name: str, text: str, signature: inspect.Signature) -> Any:
-    """A function that Prefect takes for one that is written out in this module."""
+    """Returns a function that Prefect accepts as one defined in this module, with the given signature."""
     function.__name__ = function.__qualname__ = name
     function.__doc__, function.__signature__ = text, signature
     return function

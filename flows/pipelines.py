@@ -1,7 +1,7 @@
-"""Pipelines: the steps of a specification, one after the other, and the report at the end.
+"""Pipelines: run the steps of a specification one after the other, and write a report at the end.
 
-`RunPipeline` is the flow that `prefect deployment run` and schedules start; `run_spec` is the same
-for a caller in this process who watches.
+`RunPipeline` is the flow that `prefect deployment run` and schedules start; `run_spec` does the same for a caller in
+this process who watches its progress.
 """
 
 import os
@@ -87,21 +87,21 @@ def run_spec(
     """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
     Args:
-        checked: the specification.
-        settings: where everything is kept.
-        listener: told of everything that happens.
-        spec_path: the file it came from.
-        command: the command that runs it again; absent: `robomaker run` with the file.
-        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
-        rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
-        against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
-        open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
-        permit: decides on each request; `None`: all are carried out.
-        challenge: the sabotages of a challenge, whose jobs `cut` makes; `None`: it is none.
+        checked: Specification.
+        settings: Settings of the service.
+        listener: Called with every progress event.
+        spec_path: Path of the specification's file.
+        command: Command line that repeats the run; absent: `robomaker run` with the file.
+        reuse: Whether existing worlds and results of the same inputs are reused.
+        rerun_of: Run that is repeated; `None`: none.
+        cut: Function that changes requests, for a probe or a challenge; `None`: they are unchanged.
+        against: Earlier run with which results are compared until the comparison is decided; `None`: all jobs run.
+        open_run: Run that is stored already; `None`: a new id and folder are created.
+        permit: Function that allows or refuses each request; `None`: all are allowed.
+        challenge: Sabotages of a challenge, whose jobs `cut` makes; `None`: the run is no challenge.
 
     Returns:
-        The record of the run, whose `exit_code` says how it ended; the report is written.
+        Record of the run, whose `exit_code` says how it ended; its report is written.
 
     Raises:
         RunInterrupted: Ctrl-C was pressed.
@@ -137,7 +137,7 @@ def run_spec(
 
 
 def run_name() -> str:
-    """Returns the name of a flow run of a pipeline: the file that it runs, or that the text it runs came from."""
+    """Returns the name of a pipeline's flow run: the name of its specification's file."""
     given = flow_run.parameters
     if continued := given.get("continues"):
         return f"{continued}, continued"
@@ -153,15 +153,15 @@ def RunPipeline(
     continues: str | None = None,
     parameters: dict[str, Any] | None = None,
 ) -> Any:
-    """Runs a specification (pipeline of world and simulation steps): a file, or the text that a deployment keeps.
+    """Runs a specification (pipeline of world and simulation steps): a file, or the text that a deployment stores.
 
     Args:
-        spec: path of a YAML file, where the flow runs; it is run in place of `text`.
-        text: the specification itself, as `robomaker deploy` keeps it.
-        origin: where the text came from.
-        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
-        continues: id of a run whose process died; it is finished, and nothing else is run.
-        parameters: values of the specification's parameters by name; the others have their defaults.
+        spec: Path of a YAML file on the machine of the flow; it takes precedence over `text`.
+        text: Text of the specification, as `robomaker deploy` stores it.
+        origin: Name of the text's file.
+        reuse: Whether existing worlds and results of the same inputs are reused.
+        continues: Id of a run whose process died; it is completed, and nothing else is run.
+        parameters: Values of the specification's parameters by name; the others have their defaults.
     """
     pipeline, taking_up = _current.get(), None
     if pipeline is None:
@@ -188,21 +188,21 @@ def RunPipeline(
 
 
 class PipelineRun:
-    """One run of a specification: carries out its steps and writes its report.
+    """One run of a specification: runs its steps and writes its report.
 
     Args:
-        checked: the specification.
-        service: where its operations happen.
-        listener: told of everything that happens.
-        spec_path: the file it came from.
-        command: the command that runs it again; absent: `robomaker run` with the file.
-        reuse: whether worlds and results that are there already, of the same inputs, are taken over.
-        rerun_of: of which run it is the rerun; `None`: of none.
-        cut: makes other requests, for a probe or a challenge; `None`: they are carried out whole.
-        against: the earlier run beside which it is carried out, until it is decided; `None`: it is run whole.
-        open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
-        permit: decides on each request; `None`: all are carried out.
-        challenge: the sabotages of a challenge; `None`: it is none.
+        checked: Specification.
+        service: Service that runs the operations.
+        listener: Called with every progress event.
+        spec_path: Path of the specification's file.
+        command: Command line that repeats the run; absent: `robomaker run` with the file.
+        reuse: Whether existing worlds and results of the same inputs are reused.
+        rerun_of: Run that is repeated; `None`: none.
+        cut: Function that changes requests, for a probe or a challenge; `None`: they are unchanged.
+        against: Earlier run with which results are compared until the comparison is decided; `None`: all jobs run.
+        open_run: Run that is stored already; `None`: a new id and folder are created.
+        permit: Function that allows or refuses each request; `None`: all are allowed.
+        challenge: Sabotages of a challenge; `None`: the run is no challenge.
     """
 
     def __init__(
@@ -252,7 +252,7 @@ class PipelineRun:
 
     @classmethod
     def of_order(cls, run: OpenRun) -> "PipelineRun":
-        """Makes the run that continues an interrupted run whose process died."""
+        """Creates the run that continues an interrupted run, whose process died."""
         return cls(ordered_spec(run.order), once_catalog_answers(Service.current), _log, **as_ordered(run))
 
     @classmethod
@@ -265,11 +265,11 @@ class PipelineRun:
         reuse: bool = False,
         parameters: Mapping[str, Any] | None = None,
     ) -> "PipelineRun":
-        """Makes the run from the Prefect flow's parameters.
+        """Creates the run from the Prefect flow's parameters.
 
         Raises:
-            ConfigurationError: there is no such file, or neither file nor text.
-            SpecError: the specification has problems.
+            ConfigurationError: The file does not exist, or neither file nor text is given.
+            SpecError: The specification has problems.
         """
         if spec is not None:
             text, origin = read_spec_file(Path(spec)), spec
@@ -312,16 +312,16 @@ class PipelineRun:
 
     @property
     def _ends(self) -> bool:
-        """Whether no other step begins: the run is cancelled, or has decided what it was to decide."""
+        """Returns whether no further step starts: the run is cancelled, or its comparison is decided."""
         return self._is_canceled or (self._early is not None and self._early.is_decided)
 
     @property
     def interruptions(self) -> Sequence[Interruption]:
-        """Times at which the run's processes died."""
+        """Times at which processes of the run died and others resumed it."""
         return self._open.order.interruptions if self._open is not None else ()
 
     def _keep_order(self) -> None:
-        """Keeps what another process needs to finish the run if this one dies; a probe is not worth it."""
+        """Stores what another process needs to complete the run if this one dies; not done for a probe."""
         if self._facts.is_probe:
             return
         self._open = keep_order(
@@ -336,18 +336,18 @@ class PipelineRun:
         self._is_canceled = self._is_canceled or (self._open is not None and self._open.is_cancelled)
 
     def _note_cancelled(self) -> None:
-        """Has the process that finishes the run, if this one is killed now, end it instead."""
+        """Stores that the run was cancelled, so that a process that continues it after a crash ends it instead."""
         if self._open is not None:
             self._open.cancel()
 
     @property
     def service(self) -> Service:
-        """Service in which the operations run."""
+        """Service (catalog and object store) in which the run's operations run."""
         return self._service
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run has ended and has a record."""
+        """Whether the run of the specification has ended and has a record."""
         return self._record is not None
 
     def record(self) -> RunRecord:
@@ -364,7 +364,7 @@ class PipelineRun:
         """Cancels the run: the current step's job is cancelled, and no other step starts.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer, so that it has to be called again.
+            ServiceUnavailableException: The catalog does not answer, so that the caller has to try again.
         """
         self._is_canceled = True
         self._note_cancelled()
@@ -374,11 +374,11 @@ class PipelineRun:
                     self._service.catalog.request_cancel(arn)
 
     def result(self) -> FlowResult:
-        """Returns the run's result, as its flow returns it."""
+        """Returns the result that the Prefect flow of the run returns."""
         return result_of(self.record())
 
     def _run_step(self, name: str) -> bool:
-        """Runs a step; answers whether the next may start."""
+        """Runs a step; returns whether the next one may start."""
         step, began = self._checked.steps[name], self._service.clock()
         self._listener(StepStarted(name, step.operation))
         try:
@@ -393,7 +393,7 @@ class PipelineRun:
         return last.status not in BAD_ENDS
 
     def _run_parts(self, name: str, parts: Sequence[Part]) -> StepRecord:
-        """Runs the parts of a step, one after the other, until one ends badly; answers the record of the last."""
+        """Runs the parts of a step one after the other until one fails; returns the record of the last."""
         earlier, progress = EarlierParts(), Progress({}, 0)
 
         def watch(told: Progress) -> None:
@@ -416,7 +416,7 @@ class PipelineRun:
         return ended[-1]
 
     def _run_part(self, name: str, part: Part, watch: Callable[[Progress], None]) -> StepRecord:
-        """Runs one part of a step, mostly the only one; answers its record."""
+        """Runs one part of a step (most steps have one); returns its record."""
         started_at = self._service.clock()
         self._outputs.pop(name, None)  # of the part before
         try:
@@ -452,14 +452,14 @@ class PipelineRun:
         return record
 
     def _cancelled(self, name: str) -> dict[str, Any]:
-        """Returns the state of the job of an interrupted step, or else what the step has answered so far."""
+        """Returns the state of an interrupted step's job, or what the step has returned so far."""
         entry, output = step_registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
         with suppress(ServiceUnavailableException):  # what made it is known all the same
             return entry.described(output["arn"], self._service) if entry.run_job and output else output
         return output
 
     def _call(self, name: str, part: Part, watch: Callable[[Progress], None]) -> dict[str, Any]:
-        """Calls a step's operation for a part of its request; jobs are performed to their end."""
+        """Calls a step's operation for a part of its request; if it creates a job, runs the job to completion."""
         step = self._checked.steps[name]
         entry = step_registry()[step.operation]
         service = self._service.ordered_by(
@@ -484,7 +484,7 @@ class PipelineRun:
                 return answer
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Calls again until the catalog answers, or the run is to end."""
+        """Repeats a call until the catalog answers, or the run has to end."""
         pause_s = self._service.timing.after_outage_s
         wait = CatalogWait(self.run_id, self._service.catalog.count, lambda: self._is_canceled, pause_s)
         return wait.outlasting(call)
@@ -497,7 +497,7 @@ class PipelineRun:
         return StepRecord(name=name, operation=operation, status="Skipped")
 
     def _finish(self) -> RunRecord:
-        """Writes the report and the record, whatever happened; nothing, if this process is ending as an orphan."""
+        """Writes the report and the record in any case; nothing if this process was orphaned and ends."""
         wait_if_ending()
         early = self._early
         return finish_run(
@@ -517,7 +517,7 @@ _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", defa
 
 
 def _log(event: ProgressEvent) -> None:
-    """Watches a pipeline that a worker runs: its steps go to the flow run's log."""
+    """Writes the progress of a pipeline to the log of its flow run."""
     if isinstance(event, StepEnded):
         get_run_logger().info("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):

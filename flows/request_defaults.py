@@ -1,6 +1,6 @@
-"""Values of members that the service requires, for callers in Python who leave them out.
+"""Default values for members that the service requires, for callers in Python who leave them out.
 
-The wire is not changed: SDKs, the endpoint and specifications have to name these members, as with the service.
+API clients, the endpoint and specifications have to give these members, as with AWS.
 """
 
 from collections.abc import Mapping
@@ -11,10 +11,12 @@ from ..schemas.wire.operation_shape import OperationShape
 from ..tasks.service.service import Service
 
 LOCAL_ROLE = "arn:aws:iam::000000000000:role/local"
-"""Role of jobs whose caller names none; without a roles file it is recorded only, and with one it has to be there."""
+"""Role ARN of jobs whose caller gives none; without a roles file it is only recorded, with one it has to be in the
+file.
+"""
 
 _HOUR_S = 3600
-"""Longest time of a job whose caller names none: ten times what the longest built-in mission takes."""
+"""Duration limit in seconds of jobs whose caller gives none: ten times that of the longest built-in mission."""
 
 _VALUES: Mapping[str, Any] = MappingProxyType(
     {
@@ -28,17 +30,19 @@ _VALUES: Mapping[str, Any] = MappingProxyType(
 _TOKEN, _PLACE = "clientRequestToken", "outputLocation"
 _TOKEN_BITS = 128
 _CREATE = ("Create", "SyncDeploymentJob")
-"""Beginnings of the operations that have defaults: those that update would change what the caller did not name."""
+"""Prefixes of the operations with defaults; in update operations, defaults would change values that the caller did not
+give.
+"""
 
 
 def default_members(shape: OperationShape) -> dict[str, Any]:
     """Returns the required members of an operation that have a default, with the fixed defaults.
 
     Args:
-        shape: the operation.
+        shape: Shape of the operation.
 
     Returns:
-        Values by member; `None`: it is made anew for each call.
+        Default values by member; `None`: a new value is made for each call.
     """
     if not shape.name.startswith(_CREATE):
         return {}
@@ -51,10 +55,10 @@ def with_defaults(shape: OperationShape, given: Mapping[str, Any], *, bucket: st
     """Returns the members of a request with the defaults of those that were left out.
 
     Args:
-        shape: the operation.
+        shape: Shape of the operation.
         given: members by name; those that are `None` count as left out.
-        bucket: the bucket for outputs.
-        token: a client token that no other request has.
+        bucket: Name of the bucket for outputs.
+        token: Unique client token.
     """
     present = {name: value for name, value in given.items() if value is not None}
     defaults = default_members(shape) | {_TOKEN: token, _PLACE: {"s3Bucket": bucket}}
@@ -62,6 +66,6 @@ def with_defaults(shape: OperationShape, given: Mapping[str, Any], *, bucket: st
 
 
 def with_defaults_of(shape: OperationShape, given: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """Returns the members of a request with its defaults, as a service has them; see `with_defaults`."""
+    """Returns the members of a request with the defaults of a service's settings; see `with_defaults`."""
     token = f"{service.chance.getrandbits(_TOKEN_BITS):032x}"
     return with_defaults(shape, given, bucket=service.settings.bucket, token=token)

@@ -1,6 +1,6 @@
-"""The flow of the job workers that a work pool starts: a run for each machine, not for each job.
+"""Prefect flow of the job workers that a work pool starts: one flow run for each machine, not for each job.
 
-To start a flow run takes seconds.
+Starting a flow run takes seconds.
 """
 
 from typing import Any
@@ -24,8 +24,8 @@ from ..tasks.service.service import Service
 def RunJobWorker(batch: str) -> State[Any]:
     """Runs a job worker: takes jobs of a simulation job batch from the catalog and runs them, until none is left.
 
-    `ROBOMAKER_BACKEND=workers:POOL` starts as many as there are machines. When a run is cancelled, the jobs that it
-    runs go on with other job workers; the batch goes on.
+    `ROBOMAKER_BACKEND=workers:POOL` starts one for each machine. If a flow run is cancelled, other job workers continue
+    its jobs, and the batch continues.
 
     Args:
         batch: ARN of the simulation job batch.

@@ -1,7 +1,8 @@
-"""Tasks of operation flows, and how the flows use them.
+"""Prefect tasks of operation flows, and how the flows use them.
 
-Prefect shows the tasks of a flow run by name. A write has `validate` and `record`; a job has the steps of its
-kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
+Prefect shows the tasks of a flow run by name. Operations that write have the tasks `validate` and `record`; those that
+create a job also have its steps (`prepare`, `simulate`, `upload`; `generate-world`; `export`). Operations that only
+read have no tasks.
 """
 
 import logging
@@ -45,16 +46,16 @@ def validate(operation: str, members: Mapping[str, Any]) -> Shape:
 
 @task(name="record", cache_policy=NO_CACHE)
 def record(operation: str, request: Shape) -> dict[str, Any]:
-    """Carries out the catalog part of a checked request, and returns the response; a job is `Pending` then.
+    """Stores a checked request in the catalog, and returns the response; a job is `Pending` then.
 
     Raises:
-        ServiceError: the request is refused; nothing was stored.
+        ServiceError: The request is refused; nothing was stored.
     """
     return registry()[operation].handle(request, Service.current())
 
 
 def order(operation: str, members: Mapping[str, Any]) -> Any:
-    """Submits a job and runs it to its end in this flow; no other process can take it meanwhile.
+    """Creates a job and runs it to completion in this flow; no other process can take the job meanwhile.
 
     Returns:
         As `carry_out`.
@@ -71,20 +72,20 @@ def order(operation: str, members: Mapping[str, Any]) -> Any:
 
 
 def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
-    """Carries out a request that changes nothing, and returns the response.
+    """Performs a request that changes nothing, and returns the response.
 
     Raises:
-        ServiceError: the request is refused.
+        ServiceError: The request is refused.
     """
     return registry()[operation].answer(_present(members), Service.current())
 
 
 def carry_out(operation: str, arn: str) -> Any:
-    """Runs a stored job to its end, with its steps as Prefect tasks and its progress in Prefect's UI.
+    """Runs a stored job to completion, with its steps as Prefect tasks and its progress in Prefect's UI.
 
     Returns:
-        The state in which its flow ends. In a good one the flow returns the job's final description with a
-        `FlowResult` as `result`; in others it raises `RunNotSucceeded`, which has both.
+        The final Prefect state of the flow. If it is successful, the flow returns the job's final description with a
+        `FlowResult` as `result`; otherwise it raises `RunNotSucceeded`, which has both.
     """
     service = Service.current()
     _name_run_after(arn)
@@ -102,7 +103,7 @@ def carry_out(operation: str, arn: str) -> Any:
 
 
 def _warn_of_environment(arn: str, service: Service) -> None:
-    """Says that a job was ordered in another environment; the person or deployment that names it here decides."""
+    """Logs a warning if a job was created for another environment; the caller who names it here decides."""
     with suppress(ServiceUnavailableException):
         ownership = service.catalog.ownerships([arn]).get(arn)
         if ownership is None or (ownership.is_held and not died_here(ownership.owner or "")):
@@ -118,7 +119,7 @@ def _warn_of_environment(arn: str, service: Service) -> None:
 
 
 def _cancel(arn: str, service: Service) -> None:
-    """Has a job end whose flow run was cancelled in Prefect."""
+    """Cancels a job whose flow run was cancelled in Prefect."""
     service.catalog.request_cancel(arn)
 
 
@@ -127,14 +128,14 @@ def _present(members: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def job_id() -> str:
-    """Returns the name of a flow run that carries out a job: the id at the end of the job's ARN."""
+    """Returns the name of a flow run that runs a job: the id at the end of the job's ARN."""
     return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
 
 
 def _name_run_after(arn: str) -> None:
-    """Names a subflow run after the job that it has made, which has no id yet when the run begins.
+    """Names a subflow run after the job that it has created, as there is no job id when the flow run begins.
 
-    A run that its caller has named keeps that name, and so does one that is no subflow.
+    Flow runs that are named by the caller, or that are no subflows, keep their name.
     """
     context = FlowRunContext.get()
     if context is None or context.flow_run is None or context.flow_run.parent_task_run_id is None:

@@ -1,1 +1,1 @@
-"""Shapes of the wire, states, errors and specifications; nothing here touches files, processes or networks."""
+"""Data types of the service: requests and responses, states, errors, specifications; without any input or output."""

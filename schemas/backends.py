@@ -1,4 +1,4 @@
-"""Kinds of backends by name, as the setting `ROBOMAKER_BACKEND` and its help list them."""
+"""Kinds of backends (where jobs run) by name, as the setting `ROBOMAKER_BACKEND` and its help list them."""
 
 from .discovery import named
 from .wire.errors import ConfigurationError
@@ -14,6 +14,8 @@ for _name, _module in _NAMED.items():
         )
 
 BACKENDS = {**dict.fromkeys(_NAMED, "PLACE"), **_OWN}
-"""Backends that need a place, and a word for it. Those of distributions are named by their entry points."""
+"""Backend kinds that need a place (such as a work pool), each with the word for the place in help texts. Backends of
+other distributions are named by their entry points.
+"""
 *_SOME, _LAST = (*_WITHOUT_PLACE, *(f"{kind}:{place}" for kind, place in BACKENDS.items()))
 BACKENDS_IN_WORDS = f"{', '.join(_SOME)} or {_LAST}"

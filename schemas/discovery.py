@@ -1,4 +1,4 @@
-"""Finds kinds by being there: the modules of a folder, and those that installed distributions bring."""
+"""Discovery of plugin classes: in the modules of a package, and in installed distributions by entry points."""
 
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -14,13 +14,13 @@ def modules_of(package: str, kind: str) -> list[ModuleType]:
     """Imports all plugin modules of a kind (such as requirements or sensors), this package's own first.
 
     Args:
-        package: Name of the package whose modules are kinds; other folders may be added to its `__path__`.
-        kind: Word for the kind, `requirements`. A distribution names a module or a package of its own with an entry
-            point of the group `prefect_robomaker.requirements`.
+        package: Name of the package whose modules are plugins; other folders may be added to its `__path__`.
+        kind: Kind of plugin, such as `requirements`. Distributions name a module or package with an entry point of the
+            group `prefect_robomaker.requirements`.
 
     Raises:
-        ConfigurationError: A distribution's module cannot be imported, or two have one name. None is left out: a
-            process without a kind that others have would refuse, or not show, what they have stored.
+        ConfigurationError: A distribution's module cannot be imported, or two have the same name. Such a module is not
+            skipped, since a process without it would refuse stored requests of others.
     """
     found = _modules(package)
     for module in named(kind).values():
@@ -38,10 +38,10 @@ def named(kind: str) -> dict[str, str]:
     """Lists plugin modules that installed distributions register as entry points, by entry point name; imports none.
 
     Args:
-        kind: As for `modules_of`.
+        kind: Kind of plugin, as for `modules_of`.
 
     Raises:
-        ConfigurationError: Two modules have one name.
+        ConfigurationError: Two modules have the same name.
     """
     found, group = dict[str, str](), f"prefect_robomaker.{kind}"
     for entry in sorted(entry_points(group=group)):
@@ -62,13 +62,13 @@ def classes_of(
     """Finds the subclasses of a base class that plugin modules define, and returns them by name.
 
     Args:
-        base: Base class of the classes.
-        package: As for `modules_of`.
-        kind: Likewise.
-        names: Gives the names of a class; none for a base class of others.
+        base: Base class.
+        package: Name of the package with plugin modules, as for `modules_of`.
+        kind: Kind of plugin, as for `modules_of`.
+        names: Function that returns the names of a class; none for a class that is only a base class.
 
     Raises:
-        ConfigurationError: Two have one name: it would not be known which of them did what a run was asked for.
+        ConfigurationError: Two classes have the same name, so that it would be unclear which one a request means.
     """
     found: dict[str, type[Kind]] = {}
     for module in modules_of(package, kind):

@@ -1,21 +1,20 @@
-"""Exit codes of the command line, all in one place; `robomaker --help` and `docs/commands.md` list them.
+"""Exit codes of the command line; `robomaker --help` and `docs/commands.md` list them.
 
-Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs in `schemas.reports.run_record`, by
-answers of `compare` and `run --against` in `schemas.reports.against`, and by those of `verify` in
-`schemas.runs.verification`.
+`schemas.wire.errors` maps errors to exit codes, `schemas.reports.run_record` ends of runs, `schemas.reports.against`
+answers of `compare` and `run --against`, and `schemas.runs.verification` those of `verify`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
 OK = 0
-"""All well; of `verify`: bit-identical; of `compare` and `run --against`: better."""
+"""Exit code for success; of `verify`: bit-identical; of `compare` and `run --against`: better."""
 
 VERDICT_FAILED = 1
-"""A simulation's verdict is FAIL; of `verify`: the runs differ; of `compare` and `run --against`: worse."""
+"""Exit code for a verdict FAIL; of `verify`: the runs differ; of `compare` and `run --against`: worse."""
 
 BAD_USAGE = 2
-"""Wrong words, a bad specification or bad settings: nothing was run."""
+"""Exit code for invalid arguments, an invalid specification or invalid settings; nothing was run."""
 
 BROKE = 3
 """Something broke: a crash, the object store, a world that cannot be generated; a replay that cannot be compared."""
@@ -24,16 +23,18 @@ CANCELED = 4
 TIMED_OUT = 5
 
 NO_DIFFERENCE = 6
-"""Result of `compare` and `run --against`: no difference is shown."""
+"""Exit code of `compare` and `run --against` if no difference is shown."""
 
 NOT_COMPARABLE = 7
-"""Result of `compare` and `run --against`: the runs cannot be compared."""
+"""Exit code of `compare` and `run --against` if the runs cannot be compared."""
 
 INTERRUPTED = 130
-"""Ctrl-C; of SIGTERM and SIGHUP it is 128 and the signal's number, as the process ends by the signal itself."""
+"""Exit code after Ctrl-C; after SIGTERM and SIGHUP it is 128 plus the signal's number, as the process ends by the
+signal itself.
+"""
 
 PIPE_CLOSED = 141
-"""The program that read the output went away; what a shell says of SIGPIPE."""
+"""Exit code if the program that read the output has closed the pipe; shells report the same for SIGPIPE."""
 
 IN_WORDS: Mapping[int, str] = MappingProxyType(
     {
@@ -47,4 +48,6 @@ IN_WORDS: Mapping[int, str] = MappingProxyType(
         NOT_COMPARABLE: "the runs cannot be compared",
     }
 )
-"""Meanings of the exit codes of runs; `run_states.meaning_of` says that of one run, which may answer a question."""
+"""Descriptions of the exit codes of runs; `run_states.meaning_of` describes that of one run, which may answer a
+question.
+"""

@@ -1,4 +1,4 @@
-"""Commands that install optional packages."""
+"""Commands that install optional dependencies of this package."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The process that carries out a job, and what another has to have to carry it out instead; pure data, comparisons."""
+"""The process that runs a job (its owner), and the environment that another process needs to take the job over."""
 
 import os
 import shlex
@@ -12,21 +12,22 @@ from .wire.base import Model, optional
 
 PYTHON_PATH = "PYTHONPATH"
 NOT_INSTALLED = ""
-"""The content of a package that is not there."""
+"""Content of a package that is not installed."""
 
 OwnerState = Literal["works", "died", "left", "ended"]
-"""Whether a job's owner lives; has died, so that the next may take the job; has given it back before its end; or the
-job has ended."""
+"""State of a job's owner: it works; it died, so that another process may take the job over; it gave the job back before
+its end; or the job has ended.
+"""
 
 
 class JobOwner(Model):
     """The process that runs a simulation job, or ran it last: machine, process id and program."""
 
     program: str = Field(
-        description="Program that it runs: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`."
+        description="Program of the process: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`."
     )
-    machine: str = Field(description="Name of its machine.")
-    process_id: int | None = Field(description="Its process id there; absent: it did not say.")
+    machine: str = Field(description="Host name of the process's machine.")
+    process_id: int | None = Field(description="Process id on that machine; absent: unknown.")
 
     @classmethod
     def of_lease(cls, owner: str) -> "JobOwner":
@@ -47,13 +48,13 @@ class NeededEnvironment(Model):
     Another process can continue the job only in the same environment.
     """
 
-    machine: str = Field(description="Name of the machine on which it was ordered.")
-    python: str = Field(description="Folder of the Python environment in which it was ordered.")
+    machine: str = Field(description="Host name of the machine on which the job was ordered.")
+    python: str = Field(description="Folder of the Python environment in which the job was ordered.")
     python_path: tuple[str, ...] | None = optional(
         "Folders of PYTHONPATH; absent: no code of the job's own is imported."
     )
-    variables: dict[str, str] = Field(description="Variables of RoboMaker and their values, set or not.")
-    packages: dict[str, str] = Field(description="Installed packages of its applications, with what they contain.")
+    variables: dict[str, str] = Field(description="RoboMaker's environment variables with their values, set or not.")
+    packages: dict[str, str] = Field(description="Installed packages of the job's applications, with content hashes.")
 
     @classmethod
     def of_stored(cls, stored: Mapping[str, Any]) -> "NeededEnvironment":
@@ -64,7 +65,7 @@ class NeededEnvironment(Model):
         """Describes in words how another process's environment differs from the one that the job needs.
 
         Args:
-            here: what that process has of the same.
+            here: Environment of the other process.
         """
         found = [
             f"{name} is {here.variables.get(name, '') or 'not set'}, not {value or 'unset'}"
@@ -84,8 +85,8 @@ class NeededEnvironment(Model):
         """Returns the shell command that runs the job on its machine in the environment it was ordered in.
 
         Args:
-            arn: the job.
-            here: what the person's process has, which need not be typed; `None`: not known.
+            arn: ARN of the job.
+            here: Environment of the user's process, whose equal parts need not be in the command; `None`: unknown.
         """
         here = here or NeededEnvironment(machine="", python="", variables={}, packages={})
         words: list[str] = []
@@ -101,14 +102,19 @@ class NeededEnvironment(Model):
 
 
 class JobStanding(Model):
-    """The process that runs a simulation job, and who continues the job if that process has died."""
+    """State of the process that runs a simulation job, and who continues the job if that process has died."""
 
-    owner: JobOwner = Field(description="The process that carries it out, or did last.")
-    since: datetime | None = Field(description="When the owner took it.")
-    state: OwnerState = Field(description="Whether the owner works, has died, has left it, or the job has ended.")
+    owner: JobOwner = Field(description="Process that runs the job, or ran it last.")
+    since: datetime | None = Field(description="Time at which the owner took the job.")
+    state: OwnerState = Field(
+        description="State of the owner: works, has died, has given the job back, or the job has ended."
+    )
     lost: JobOwner | None = optional("The owner before it, which died; absent: there was none.")
     differences: tuple[str, ...] = Field(
-        default=(), description="Differences of this process from what the job needs, in words; empty: none."
+        default=(),
+        description=(
+            "Differences between this process's environment and the one that the job needs, as text; empty: none."
+        ),
     )
     command: str | None = optional("Command that carries it out as it was ordered; absent: any job worker does.")
     machine: str | None = optional("Machine on which to type that.")

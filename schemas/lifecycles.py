@@ -1,6 +1,6 @@
-"""Lifecycles of jobs and batches: states, events, legal transitions, and how a batch ends.
+"""State machines of jobs and batches: states, events, legal transitions, and how a batch ends.
 
-These tables are the only way a status changes.
+A status only changes by these tables.
 """
 
 from collections.abc import Mapping, Sequence
@@ -156,14 +156,14 @@ LIFECYCLES: Mapping[str, Lifecycle[Any]] = {
     "world-export-job": WORLD_EXPORT_JOB,
     **{kind: machine for part in parts_of_wings("schemas", "lifecycles") for kind, machine in part.LIFECYCLES.items()},
 }
-"""The state machine of each kind of resource that has one, those of wings included."""
+"""State machine of each kind of resource that has one, including those of extensions (wings)."""
 
 ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - SIMULATION_JOB.terminal)
-"""States in which a simulation job counts for its batch's `maxConcurrency`."""
+"""States in which a simulation job counts towards its batch's `maxConcurrency`."""
 
 
 def is_terminal(kind: str, status: str) -> bool:
-    """Whether a resource of that kind in that status has reached its end and can change no more."""
+    """Returns whether a resource of a kind with a status has reached its final state."""
     return kind in LIFECYCLES and status in LIFECYCLES[kind].terminal
 
 
@@ -181,10 +181,10 @@ def batch_outcome(
     make a completed batch.
 
     Args:
-        pending: how many requests wait.
-        failed: for each request that will never become a job, the failure code.
-        created: for each job that was made, its status.
-        timed_out: whether the batch's time is up.
+        pending: Number of requests that wait.
+        failed: Failure code of each request that will never become a job.
+        created: Status of each created job.
+        timed_out: Whether the batch has reached its time limit.
         canceled: whether the batch was cancelled.
     """
     active = any(status in ACTIVE for status in created)

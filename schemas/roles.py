@@ -1,4 +1,4 @@
-"""The roles file: what the ARN of a role in `iamRole` stands for on this service.
+"""Roles file: maps the role ARNs in `iamRole` to credentials and permissions of this service.
 
 ```toml
 [[role]]
@@ -18,10 +18,10 @@ from pydantic import AfterValidator, Field, model_validator
 from .wire.base import Model
 
 ITSELF = "itself"
-"""Value of `assume_role` when the role that is assumed has the ARN of the request."""
+"""Value of `assume_role` that means the role ARN of the request itself."""
 
 BLOCK_TYPES = ("aws-credentials", "minio-credentials", "robomaker-credentials")
-"""The types of Prefect's blocks that credentials are taken from; the first two are prefect-aws's."""
+"""Types of Prefect blocks from which credentials are read; the first two are those of prefect-aws."""
 
 _PLACE = re.compile(r"[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]/.+")
 
@@ -81,7 +81,7 @@ class Role(Model):
         return bool(self.access_key_id or self.profile or self.block or self.assume_role)
 
     def means(self, arn: str) -> bool:
-        """Whether the role applies to the role ARN that a request names."""
+        """Returns whether the role applies to the role ARN that a request names."""
         account, name = account_and_name(self.arn)
         its_account, its_name = account_and_name(arn)
         if account not in ("*", its_account):
@@ -109,7 +109,7 @@ class RolesFile(Model):
 
 
 def find_role(roles: Sequence[Role], arn: str) -> Role | None:
-    """Finds the role for a role ARN: by its whole name, else by the longest matching prefix; its own account first."""
+    """Finds the role for a role ARN: by its full name, else by the longest matching prefix; its own account first."""
     return max((role for role in roles if role.means(arn)), key=_closeness, default=None)
 
 

@@ -1,6 +1,6 @@
 """Settings of this program, read from environment variables: storage, identity and limits.
 
-`docs/settings.md` is made from the descriptions of the fields.
+`docs/settings.md` is generated from the descriptions of the fields.
 """
 
 import os
@@ -26,15 +26,17 @@ from .wire.request_problems import problems_of
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
 _MOST = 9999
-"""Largest number of a setting that has no other bound."""
+"""Maximum of a numeric setting without another limit."""
 _MOST_MB = 9_999_999
 
 NotifyWhen = Literal["failure", "recovery", "change", "always"]
-"""Runs that notifications are sent for: those that did not succeed; the first good one after bad ones; those that ended
-otherwise than the one before; all."""
+"""Runs for which notifications are sent: `failure` unsuccessful ones; `recovery` the first good one after bad ones;
+`change` those with another end than the run before; `always` all.
+"""
 
 DEFAULT_STORE_PATIENCE_MIN = 30
-"""A server that is updated is back by then, and so is one whose disk a person cleans up."""
+"""Default time in minutes to wait for the object store: enough for a server update, or for a person to free disk space.
+"""
 
 
 class Settings(Model):
@@ -215,16 +217,16 @@ _Settings = TypeVar("_Settings", bound=Model)
 def _read(
     model: type[_Settings], environ: Mapping[str, str], defaults: Mapping[str, Any], known: Mapping[str, Any]
 ) -> _Settings:
-    """Reads settings from their variables.
+    """Reads settings from environment variables.
 
     Args:
-        model: the settings.
-        environ: environment variables.
-        defaults: values of settings whose variables are not set.
-        known: values that no variable has.
+        model: Class of the settings.
+        environ: Environment variables.
+        defaults: Values of settings whose variables are not set.
+        known: Values that have no variable.
 
     Raises:
-        ConfigurationError: a variable has a value that cannot be used.
+        ConfigurationError: A variable has an invalid value.
     """
     fields = {name: field for name, field in model.model_fields.items() if name not in known}
     read = {name: given for name, field in fields.items() if (given := _given(name, field, environ)) is not None}
@@ -236,7 +238,7 @@ def _read(
 
 
 def max_worlds_per_job(environ: Mapping[str, str]) -> int:
-    """Reads only the setting for how many worlds one generation job may make.
+    """Reads only the setting for the maximum number of worlds of one generation job.
 
     Args:
         environ: environment variables, usually `os.environ`.
@@ -250,7 +252,7 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
 
 
 def _given(name: str, field: FieldInfo, environ: Mapping[str, str]) -> Any:
-    """The value of a setting in its variable; `None` where that is not set, or empty."""
+    """Reads a setting from its variable; `None` if the variable is not set or empty."""
     variable = f"ROBOMAKER_{name.upper()}"
     if not (given := environ.get(variable)):
         return None
@@ -296,7 +298,7 @@ def _absolute_paths(name: str, given: str) -> tuple[Path, ...]:
 
 
 def _console_url(_: str, given: str) -> str:
-    """The address without a slash at its end; one of a server alone means the console that `robomaker serve` has."""
+    """Normalises the console's URL: no trailing slash; a URL without a path gets the console's path."""
     url = given.rstrip("/")
     return f"{url}/console" if re.fullmatch(r"https?://[^/\s?#]+", url) else url
 
@@ -308,7 +310,7 @@ _READERS: Mapping[str, Callable[[str, str], Any]] = {
     "trusted_proxies": _networks,
     "sandbox_show": _absolute_paths,
 }
-"""Readers of the settings that are lists."""
+"""Functions that parse settings from their variables, by setting."""
 
 
 def _switch(name: str, given: str) -> bool:

@@ -1,4 +1,4 @@
-"""State machines: the states of a resource, and which event leads from which to which."""
+"""State machines: states of a resource, and transitions by event."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ class Lifecycle(Generic[State]):
     """A state machine: its states, the initial one, and the transitions by event."""
 
     name: str
-    """Resource that has these states, for messages: `the simulation job`."""
+    """Name of the resource for messages: `the simulation job`."""
 
     initial: State
     """First state of a new resource."""
 
     states: tuple[State, ...]
-    """All states the interface knows."""
+    """All states of the resource."""
 
     terminal: frozenset[State]
-    """States that nothing leads out of."""
+    """Final states, from which no event leads."""
 
     transitions: Mapping[tuple[State, str], State]
-    """The state after an event in a state; pairs that are absent are not allowed."""
+    """Next state by state and event; missing pairs are not allowed."""
 
     not_when_canceled: frozenset[str] = frozenset()
-    """Events that cannot happen any more once a cancellation was requested."""
+    """Events that are not allowed any more after a cancellation was requested."""
 
     @property
     def events(self) -> frozenset[str]:

@@ -1,7 +1,7 @@
-"""Wings: parts of the product that nothing else imports, and that may be left out, as fleets are.
+"""Wings: optional extensions of the program, such as fleets, which no other code imports.
 
-A wing has a package of its name in `schemas`, `tasks` and `deployments`. Each registry asks here for what wings add to
-it: the module of the registry's name in the wing's package. `docs/adding.md` lists the registries.
+A wing has a package of its name in `schemas`, `tasks` and `deployments`. Each registry calls this module for the
+entries that wings add: those in the wing's module with the registry's name. `docs/adding.md` lists the registries.
 """
 
 import importlib
@@ -11,21 +11,21 @@ from itertools import accumulate
 from types import ModuleType
 
 WINGS = ("fleet",)
-"""Names of the wings there may be, in the order in which registries take them."""
+"""Names of all wings, in the order in which registries add their entries."""
 
 _PRODUCT = __name__.rpartition(".schemas.")[0]
 
 
 @cache
 def parts_of_wings(layer: str, registry: str) -> tuple[ModuleType, ...]:
-    """Imports the modules that optional parts of the program ("wings", such as fleets) add to a registry.
+    """Imports the modules that optional extensions ("wings", such as fleets) add to a registry.
 
     Args:
         layer: `schemas`, `tasks` or `deployments`.
-        registry: the module's name in the wing's package, such as `documents`.
+        registry: Name of the module in the wing's package, such as `documents`.
 
     Raises:
-        ImportError: the module is there, and something that it imports is not.
+        ImportError: The module exists, but an import in it fails.
     """
     names = (f"{_PRODUCT}.{layer}.{wing}" for wing in WINGS)
     return tuple(importlib.import_module(f"{name}.{registry}") for name in names if _is_there(name, registry))

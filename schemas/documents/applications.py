@@ -1,4 +1,4 @@
-"""The document of an application, and of a numbered version of one."""
+"""Catalog document of an application, and of a numbered version of one."""
 
 from pydantic import ConfigDict, Field
 
@@ -11,16 +11,16 @@ class StoredSource(Part):
 
     model_config = ConfigDict(extra="allow")
 
-    s3_bucket: str = Field(description="Bucket.")
-    s3_key: str = Field(description="Key.")
+    s3_bucket: str = Field(description="Name of the archive's bucket.")
+    s3_key: str = Field(description="Key of the archive.")
     architecture: str | None = optional("Processor architecture that it runs on; absent: any.")
-    etag: str = Field(description="ETag it had when the application or its version was made.")
+    etag: str = Field(description="ETag of the archive when the application or its version was created.")
 
 
 class StoredEnvironment(Part):
     """The installed Python package or container image of an application without archives, as the catalog stores it."""
 
-    uri: str = Field(description="`python://package.module`, or the image's name.")
+    uri: str = Field(description="`python://package.module`, or the name of the container image.")
 
 
 class ApplicationDocument(Document):
@@ -32,6 +32,6 @@ class ApplicationDocument(Document):
     simulation_software_suite: Json | None = optional("The suite that it simulates with.")
     rendering_engine: Json | None = optional("The engine that it renders with.")
     image_digest: str | None = optional("Digest of its container image, as far as known.")
-    version: str = Field(description="`$LATEST`, or the version's number.")
-    revision_id: str = Field(description="Changes with each change of the application.")
+    version: str = Field(description="`$LATEST`, or the number of the version.")
+    revision_id: str = Field(description="Id that changes with each change of the application.")
     last_number: int | None = optional("Number of its last version; counted by the catalog.")

@@ -1,4 +1,4 @@
-"""Base of all documents: how they are read from the catalog's JSON, how they are written, and their versions."""
+"""Base classes of all catalog documents: reading from and writing to the catalog's JSON, and format versions."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -11,13 +11,13 @@ from ..wire.base import optional
 from ..wire.errors import ConfigurationError
 
 VERSION_KEY = "schema_version"
-"""The member that says which version a stored document has; those from before it was written have version 1."""
+"""Name of the member with a stored document's format version; documents without it have version 1."""
 
 Migration = Callable[[dict[str, Any]], dict[str, Any]]
-"""Turns a stored document of one version into one of the next."""
+"""Function that converts a stored document of one format version to the next."""
 
 Json = Annotated[dict[str, Any], PlainSerializer(lambda value: value, return_type=Any)]
-"""A JSON object that is kept as it is, such as a request as the caller sent it."""
+"""A JSON object that is stored unchanged, such as a request as the caller sent it."""
 
 
 class StoredResource(Protocol):
@@ -35,7 +35,7 @@ class StoredResource(Protocol):
 
 
 class _Stored(BaseModel):
-    """Whatever is stored under camelCase names."""
+    """Base class of all objects that are stored under camelCase names."""
 
     model_config = ConfigDict(
         alias_generator=to_camel, validate_by_name=True, validate_by_alias=True, frozen=True, defer_build=True
@@ -83,7 +83,7 @@ class Changes(_Stored):
 
 
 class Brief(Changes):
-    """Base class of excerpts from a document, for lists which show a few members and need not read the rest."""
+    """Base class of excerpts from a document, for lists that show a few members and need not read the rest."""
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
@@ -107,16 +107,16 @@ class Document(Changes):
     model_config = ConfigDict(extra="ignore")
 
     MIGRATIONS: ClassVar[tuple[Migration, ...]] = ()
-    """Each turns a document into the next version, the first those of version 1."""
+    """Functions that each convert a document to the next format version, beginning with version 1."""
 
-    schema_version: Literal[1] = Field(default=1, alias=VERSION_KEY, description="Version of this document's form.")
+    schema_version: Literal[1] = Field(default=1, alias=VERSION_KEY, description="Format version of this document.")
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
-        """Reads a catalog resource's document; documents that an earlier release wrote are converted.
+        """Reads a catalog resource's document; documents of earlier releases are converted.
 
         Raises:
-            ConfigurationError: a newer release wrote it.
+            ConfigurationError: A newer release wrote the document.
         """
         return cls.model_validate(cls.upgraded(resource.document, resource.arn))
 
@@ -125,11 +125,11 @@ class Document(Changes):
         """Converts a stored document to the format version of this release.
 
         Args:
-            stored: the document.
+            stored: The document.
             arn: ARN of the document's resource, for messages.
 
         Raises:
-            ConfigurationError: a newer release wrote it.
+            ConfigurationError: A newer release wrote the document.
         """
         version, newest = stored.get(VERSION_KEY) or 1, len(cls.MIGRATIONS) + 1
         if version == newest:

@@ -1,4 +1,4 @@
-"""Document class of each kind of resource, those of wings included."""
+"""Document class of each kind of resource, including those of extensions (wings)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,7 +28,7 @@ def upgraded(kind: str, stored: Mapping[str, Any], arn: str) -> dict[str, Any]:
     """Converts a stored document of a resource kind to this release's format version, before a change is written.
 
     Raises:
-      ConfigurationError: a newer release wrote it.
+        ConfigurationError: A newer release wrote the document.
     """
     document = DOCUMENTS.get(kind, Document)
     return dict(document.upgraded(stored, arn))

@@ -14,7 +14,7 @@ from ..wire.request_problems import Location, path_text
 from .simulation_jobs import MadeOf, SimulationJobDocument
 
 REUSE_LABEL = "reuseKey"
-"""Label of a job in the catalog: the key of its inputs."""
+"""Label of a job in the catalog with the hash of its inputs (reuse key)."""
 
 _MOST_CHANGES = 3
 _MOST_CHARACTERS = 40
@@ -32,18 +32,22 @@ _CONTENTS = {"world": "the world", "robot": "the robot application", "simulation
 class ReuseInputs(Model):
     """All inputs of a simulation job that decide whether an earlier job's results can be reused.
 
-    Only their hash is stored. Reports of nights compare the less exact `JobInputs`.
+    Only their hash is stored. Nightly reports compare the less exact `JobInputs`.
     """
 
-    request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
+    request: dict[str, Any] = Field(
+        description="Request without names of resources that are compared by their content."
+    )
     seed: int = Field(description="Seed of the run's random generators.")
-    video: str = Field(description="When a video is written.")
-    requirements: list[dict[str, Any]] = Field(description="Requirements that the run is judged by.")
+    video: str = Field(description="Video policy: runs of which a video is rendered.")
+    requirements: list[dict[str, Any]] = Field(description="Requirements by which the run is judged.")
     data: list[dict[str, Any]] = Field(description="Data sources, with the ETags of their objects.")
-    world: str | None = Field(description="Hash of the world's content; none: it has no world.")
-    robot: str | None = Field(description="Content of the robot application; none: the job names none.")
-    simulation: str | None = Field(description="Content of the simulation application; none: the job names none.")
-    versions: dict[str, str] = Field(description="Versions of what runs it.")
+    world: str | None = Field(description="Content hash of the world; none: the job has no world.")
+    robot: str | None = Field(description="Content of the robot application (ETag or hash); none: the job has none.")
+    simulation: str | None = Field(
+        description="Content of the simulation application (ETag or hash); none: the job has none."
+    )
+    versions: dict[str, str] = Field(description="Versions of the packages that run the simulation.")
 
     @classmethod
     def of(cls, document: SimulationJobDocument, made_of: MadeOf) -> "ReuseInputs":
@@ -101,7 +105,7 @@ def _compared(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _leaves(value: Any, path: Location) -> Iterator[tuple[Location, Any]]:
-    """The innermost values with their paths; an empty object or list is one, too."""
+    """Yields the innermost values with their paths; an empty object or list counts as a value, too."""
     if is_mapping(value) and value:
         for name, inner in value.items():
             yield from _leaves(inner, (*path, name))

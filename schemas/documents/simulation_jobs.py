@@ -1,4 +1,4 @@
-"""The documents of simulation jobs and of their batches: requests, facts fixed at creation, and progress."""
+"""Catalog documents of simulation jobs and of their batches: requests, facts fixed at creation, and progress."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -18,7 +18,7 @@ OutcomeStatus = Literal["Completed", "Failed", "Canceled"]
 class Outcome(Part):
     """Final status of a simulation job with its verdict and failure, to be written into the job's document."""
 
-    status: OutcomeStatus = Field(description="Terminal status of the job.")
+    status: OutcomeStatus = Field(description="Final status of the job.")
     failure_code: str | None = optional("The service's failure code; absent when none.")
     failure_reason: str | None = optional("The same in words.")
     simulation_time_millis: int | None = optional("How long the run took; absent: none ran.")
@@ -70,11 +70,11 @@ class EarlierRun(Part):
 
     run_id: str = Field(description="Id of the run.")
     started_at: str | None = optional("When it began.")
-    status: OutcomeStatus = Field(description="How it finished.")
+    status: OutcomeStatus = Field(description="Verdict and failure of the run.")
     failure_code: str | None = optional("The service's failure code; absent when none.")
     failure_reason: str | None = optional("The same in words.")
     simulation_time_millis: int | None = optional("How long it took; absent: not known.")
-    restarted: bool = Field(default=False, description="Whether it ended for a restart of the job.")
+    restarted: bool = Field(default=False, description="Whether the run ended because the job was restarted.")
     outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
     not_stored: str | None = optional("Why its outputs are not stored; absent if they are.")
 
@@ -82,15 +82,15 @@ class EarlierRun(Part):
 class StoredNetworkInterface(Part):
     """The network address of a simulation job, as the service's responses report it."""
 
-    network_interface_id: str = Field(description="Its id.")
-    private_ip_address: str = Field(description="Address inside the network.")
-    public_ip_address: str = Field(description="Address from outside.")
+    network_interface_id: str = Field(description="Id of the network interface.")
+    private_ip_address: str = Field(description="Private IP address.")
+    public_ip_address: str = Field(description="Public IP address.")
 
 
 class ResolvedKey(Part):
     """One object of a job's data source, with the ETag that it had when the job was created."""
 
-    s3_key: str = Field(description="Its key.")
+    s3_key: str = Field(description="Key of the object.")
     etag: str | None = optional("Its ETag when the job was created; absent: the job's role could not read it.")
 
 
@@ -99,15 +99,15 @@ class ResolvedDataSource(Part):
 
     model_config = ConfigDict(extra="allow")
 
-    name: str = Field(description="Its name, a folder in the folder of data sources.")
+    name: str = Field(description="Name of the data source, and of its folder among the data sources.")
     type: str = Field(default="File", description="`File`, `Archive` or `Prefix`.")
-    s3_bucket: str = Field(description="Bucket.")
-    s3_keys: list[ResolvedKey] = Field(description="Its objects.")
+    s3_bucket: str = Field(description="Name of the bucket.")
+    s3_keys: list[ResolvedKey] = Field(description="Objects of the data source.")
     destination: str | None = optional("Path at which applications find it; absent: by its name.")
 
 
 ARCHIVE = "archive "
-"""Prefix in `MadeOf` of an application that was an archive; the archive's ETag follows."""
+"""Prefix of an application's content in `MadeOf` if the application is an archive; the archive's ETag follows."""
 
 
 class MadeOf(Part):
@@ -119,7 +119,7 @@ class MadeOf(Part):
     world: str | None = optional("Hash of the content of its world's bundle; absent: no world.")
     robot: str | None = optional("Content of its robot application: archive, image or package; absent: it names none.")
     simulation: str | None = optional("Content of its simulation application; likewise.")
-    versions: dict[str, str] = Field(default={}, description="Versions of what ran it.")
+    versions: dict[str, str] = Field(default={}, description="Versions of the packages that ran the simulation.")
     once_only: str | None = optional("Why the same inputs may have another result; absent: they have the same.")
 
     @property
@@ -131,7 +131,7 @@ class MadeOf(Part):
 class ReusedFrom(Part):
     """The earlier simulation job whose results a job took over instead of running."""
 
-    job: str = Field(description="ARN of the job that ran.")
+    job: str = Field(description="ARN of the job that ran the simulation.")
     spec_run: str | None = optional("The run of a specification that ordered it.")
 
 
@@ -141,15 +141,17 @@ class SimulationJobProgress(FailureChanges):
     run_id: str | None = optional("Id of its last run; absent: it has not run.")
     last_started_at: str | None = optional("When that run began.")
     network_interface: StoredNetworkInterface | None = optional("Network of that run.")
-    reached_s: float = Field(
-        default=0.0, description="How far its runs had come when one went on, in simulated seconds."
-    )
+    reached_s: float = Field(default=0.0, description="Simulated seconds at which each interrupted run was resumed.")
     waited_s: dict[Scarce, float] = Field(
         default={},
-        description="How long it waited for a machine before its last run, in seconds, by what the machine had too "
-        "little of; waits of less than a second, and those for jobs of its own batch, are left out.",
+        description=(
+            "Seconds that the job waited for a machine before its last run, by scarce resource; waits below one "
+            "second, and those for jobs of the same batch, are left out."
+        ),
     )
-    attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
+    attempts: int = Field(
+        default=1, description="Number of times that the run was begun: again after a crash of its worker."
+    )
     simulation_time_millis: int | None = optional("How long its last run took.")
     cpu_time_s: float | None = optional(
         "CPU time of all processes of that run; absent: not known, or it was taken over."
@@ -167,7 +169,7 @@ class SimulationJobProgress(FailureChanges):
         default=None,
         validation_alias="ending",
         serialization_alias="ending",
-        description="How it finished, known before its outputs are stored.",
+        description="Outcome of the run, known before its outputs are stored.",
     )
     trials_finished: int | None = optional(
         "How many trials of the last run had finished when it was last asked; absent: none."
@@ -177,9 +179,9 @@ class SimulationJobProgress(FailureChanges):
     call_key: str | None = optional("Key with which the code of its last run calls the service, until that run ends.")
     upload_canceled: bool = Field(
         default=False,
-        description="Whether a job that had been cancelled was cancelled again while its outputs were stored.",
+        description="Whether a cancelled job was cancelled again while its outputs were stored.",
     )
-    earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
+    earlier_runs: list[EarlierRun] = Field(default=[], description="Runs of the job before the last one, oldest first.")
     made_of: MadeOf | None = optional("Contents that its last run was made of; absent: it has not run.")
 
     @classmethod
@@ -229,13 +231,17 @@ class JobInBrief(FailureChanges, Brief):
     request_index: int | None = optional("Place of its request in its batch.")
     last_started_at: str | None = optional("When its last run began.")
     simulated_at: str | None = optional("When its programs had ended.")
-    waited_s: dict[Scarce, float] = Field(default={}, description="How long it waited for a machine, by what lacked.")
+    waited_s: dict[Scarce, float] = Field(
+        default={}, description="Seconds that the job waited for a machine, by scarce resource."
+    )
     video_s: float | None = optional("How long videos of its failure were made.")
     upload_s: float | None = optional("How long its outputs were stored.")
     simulation_time_millis: int | None = optional("How long its last run took.")
     verdict: Verdict | None = optional("Verdict of its last run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
-    video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
+    video: Literal["none", "on-failure", "always"] = Field(
+        default="none", description="Video policy: runs of which a video is rendered."
+    )
     outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
     run_id: str | None = optional("Id of its last run.")
 
@@ -243,17 +249,22 @@ class JobInBrief(FailureChanges, Brief):
 class SimulationJobDocument(SimulationJobProgress, Document):
     """Catalog document of a simulation job: its request, resolved inputs, progress and outcome."""
 
-    request: Json = Field(description="The request on the wire: a `SimulationJobOrder`.")
+    request: Json = Field(description="Request as sent to the API: a `SimulationJobOrder`.")
     request_index: int | None = optional("Place of its request in its batch; absent: no batch.")
     seed: int = Field(description="Seed of the run's random generators.")
-    video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
-    requirements: list[dict[str, Any]] = Field(default=[], description="Requirements that the run is judged by.")
+    video: Literal["none", "on-failure", "always"] = Field(
+        default="none", description="Video policy: runs of which a video is rendered."
+    )
+    requirements: list[dict[str, Any]] = Field(default=[], description="Requirements by which the run is judged.")
     trials: dict[str, Any] | None = optional("Its trials: `Trials`; absent: one episode.")
     data_sources: list[ResolvedDataSource] | None = optional("Its data, found.")
-    simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
-    robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    simulation_application_names: list[str] = Field(
+        default=[], description="Names of the job's simulation applications."
+    )
+    robot_application_names: list[str] = Field(default=[], description="Names of the job's robot applications.")
     application_arns: dict[str, str] = Field(
-        default={}, description="ARNs of applications that its request names barely, by role and name: `robot scout`."
+        default={},
+        description="ARNs of applications that the request gives by name only, by role and name: `robot scout`.",
     )
     spec_run: str | None = optional("Id of the run of a specification that ordered it.")
     reused_from: ReusedFrom | None = optional("Job whose results it took over; absent: it ran.")
@@ -262,17 +273,17 @@ class SimulationJobDocument(SimulationJobProgress, Document):
 class StoredBatchPolicy(Part):
     """Limits of a simulation job batch (concurrency, timeout, priority), with the defaults filled in."""
 
-    timeout_in_seconds: int = Field(description="Seconds after which it stops.")
-    max_concurrency: int = Field(description="How many of its jobs run at once.")
+    timeout_in_seconds: int = Field(description="Time limit of the batch in seconds.")
+    max_concurrency: int = Field(description="Maximum number of jobs that run at the same time.")
     priority: int | None = optional("On each machine jobs of batches with a higher one begin first; absent: 0.")
 
 
 class FailedRequest(Part):
     """A request in a simulation job batch for which no job could be created, and why."""
 
-    failure_code: str = Field(description="Why, a failure code of the service.")
-    failure_reason: str = Field(description="The same in words.")
-    failed_at: str = Field(description="When that was found out.")
+    failure_code: str = Field(description="Failure code of the request.")
+    failure_reason: str = Field(description="Reason of the failure as text.")
+    failed_at: str = Field(description="Time at which the failure was found.")
 
     @property
     def time(self) -> datetime:
@@ -283,20 +294,22 @@ class FailedRequest(Part):
 class BatchCounts(Changes):
     """Numbers of jobs and requests of a batch, which lists read instead of the whole document."""
 
-    request_count: int = Field(description="How many requests it has.")
-    failed_count: int = Field(default=0, description="How many of them never become jobs.")
+    request_count: int = Field(description="Number of requests in the batch.")
+    failed_count: int = Field(default=0, description="Number of requests for which no job can be created.")
 
 
 class BatchProgress(FailureChanges):
     """Update to a simulation job batch's document that is written while the batch runs and when it ends."""
 
-    failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
-    failed_count: int = Field(default=0, description="How many those are.")
+    failed: dict[str, FailedRequest] = Field(
+        default={}, description="Requests for which no job can be created, by index."
+    )
+    failed_count: int = Field(default=0, description="Number of requests for which no job can be created.")
     concurrency: int | None = optional(
         "How many of its jobs may be held at once by the job workers of a backend, right now."
     )
     ended_when_taken: int = Field(
-        default=0, description="How many of its jobs had ended when a job worker last took it over."
+        default=0, description="Number of jobs that had ended when a job worker last took the batch over."
     )
     verdicts: dict[str, int] | None = optional(
         "How many of its jobs that are Completed have which verdict; absent until it ends."
@@ -306,9 +319,11 @@ class BatchProgress(FailureChanges):
 class BatchInBrief(FailureChanges, Brief):
     """The few members of a simulation job batch which the web console reads instead of the whole document."""
 
-    request_count: int = Field(description="How many requests it has.")
-    failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
-    batch_policy: StoredBatchPolicy = Field(description="How it is run.")
+    request_count: int = Field(description="Number of requests in the batch.")
+    failed: dict[str, FailedRequest] = Field(
+        default={}, description="Requests for which no job can be created, by index."
+    )
+    batch_policy: StoredBatchPolicy = Field(description="Limits of the batch: concurrency, timeout, priority.")
     verdicts: dict[str, int] | None = optional(
         "How many of its jobs that are Completed have which verdict; absent until it ends."
     )
@@ -318,17 +333,17 @@ class BatchInBrief(FailureChanges, Brief):
 class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
     """Catalog document of a simulation job batch: its job requests, limits and progress."""
 
-    request: Json = Field(description="The request on the wire: a `StartSimulationJobBatchRequest`.")
-    batch_policy: StoredBatchPolicy = Field(description="How it is run.")
+    request: Json = Field(description="Request as sent to the API: a `StartSimulationJobBatchRequest`.")
+    batch_policy: StoredBatchPolicy = Field(description="Limits of the batch: concurrency, timeout, priority.")
     spec_run: str | None = optional("Id of the run of a specification that ordered it.")
-    reuse: bool = Field(default=False, description="Whether its jobs take over results of earlier ones.")
+    reuse: bool = Field(default=False, description="Whether jobs reuse results of earlier jobs with the same inputs.")
     in_campaign: bool = Field(
         default=False,
-        description="Whether it is one of several batches of a step; Prefect then has one task run of its jobs.",
+        description="Whether the batch is one of several of a step; Prefect then has one task run for its jobs.",
     )
     mixed: bool = Field(
         default=False,
-        description="Whether its requests become jobs in a mixed order, since it may end before all of them ran.",
+        description="Whether jobs are created in a mixed order, since the batch may end before all of them ran.",
     )
 
     @property

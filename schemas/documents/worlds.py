@@ -1,4 +1,4 @@
-"""The documents of worlds, and of the templates and jobs that worlds come from and go into."""
+"""Catalog documents of worlds, and of their templates, generation jobs and export jobs."""
 
 from pydantic import ConfigDict, Field
 
@@ -9,8 +9,8 @@ from .document_base import Changes, Document, FailureChanges, Part
 class StoredPlace(Part):
     """Bucket and key prefix of a folder of files in the object store."""
 
-    bucket: str = Field(description="Bucket.")
-    prefix: str = Field(description="Prefix of all keys of its files; its last part names the content or run.")
+    bucket: str = Field(description="Name of the bucket.")
+    prefix: str = Field(description="Prefix of the files' keys; its last part is a content hash or a run id.")
 
     @property
     def last_part(self) -> str:
@@ -33,8 +33,8 @@ class WorldDocument(Document):
 class TemplateBody(Changes):
     """The part of a world template's document that changes when its body (the JSON description) is replaced."""
 
-    version: str = Field(description="The body's version.")
-    template_body: str = Field(description="The body as text, as it was given.")
+    version: str = Field(description="Version of the template body.")
+    template_body: str = Field(description="Body as the JSON text that was given.")
 
 
 class WorldTemplateDocument(TemplateBody, Document):
@@ -47,7 +47,7 @@ class StoredWorldCount(Part):
     """Requested size of a world generation job: number of floor plans, and of interiors for each floor plan."""
 
     floorplan_count: int = Field(description="Number of different floor plans.")
-    interior_count_per_floorplan: int = Field(description="Number of furnished worlds for each of them.")
+    interior_count_per_floorplan: int = Field(description="Number of furnished worlds for each floor plan.")
 
     @property
     def total(self) -> int:
@@ -61,24 +61,26 @@ class WorldGenerationRequest(Part):
     model_config = ConfigDict(extra="allow")
 
     template: str = Field(description="ARN of the template.")
-    world_count: StoredWorldCount = Field(description="How many worlds.")
+    world_count: StoredWorldCount = Field(description="Number of worlds to generate.")
     world_tags: dict[str, str] | None = optional("Tags for every world.")
     client_request_token: str | None = optional("The request's token.")
-    diversity: int = Field(default=1, description="0: all floor plans are the best one; 1: they differ.")
+    diversity: int = Field(
+        default=1, description="Variety of the floor plans, from 0 (all are the best one) to 1 (they differ)."
+    )
 
 
 class WorldFailureCount(Part):
     """Number of worlds of a generation job that failed for the same reason, with the failure code."""
 
-    failure_code: str = Field(description="The reason's code.")
-    sample_failure_reason: str = Field(description="The reason in words, of one of them.")
-    failure_count: int = Field(description="How many worlds.")
+    failure_code: str = Field(description="Failure code.")
+    sample_failure_reason: str = Field(description="Reason of one of the failures, as text.")
+    failure_count: int = Field(description="Number of worlds that failed with this code.")
 
 
 class WorldFailures(Part):
     """Summary of the failed worlds of a generation job, counted by failure code."""
 
-    total_failure_count: int = Field(default=0, description="How many.")
+    total_failure_count: int = Field(default=0, description="Number of failed worlds.")
     failures: list[WorldFailureCount] = Field(default=[], description="Failures by code, the most frequent first.")
 
 
@@ -87,7 +89,7 @@ class WorldGenerationProgress(FailureChanges):
 
     failures: WorldFailures | None = optional("Worlds that failed so far.")
     made_when_taken: int = Field(
-        default=0, description="How many worlds there were when a job worker last took it over."
+        default=0, description="Number of worlds that existed when a job worker last took the job over."
     )
     succeeded_worlds: list[str] | None = optional("ARNs of the worlds it made; absent until it ends.")
     plan_count: int | None = optional("Number of different plans among them; absent until it ends.")
@@ -96,16 +98,16 @@ class WorldGenerationProgress(FailureChanges):
 class WorldGenerationJobDocument(WorldGenerationProgress, Document):
     """Catalog document of a world generation job: its request and progress."""
 
-    request: WorldGenerationRequest = Field(description="The request.")
-    template_body: str = Field(description="The template's body when the job was created.")
-    seed: int = Field(description="Seed that the worlds' seeds are drawn from.")
-    reuse: bool = Field(default=False, description="Whether worlds that are there already are not generated again.")
+    request: WorldGenerationRequest = Field(description="Request of the job.")
+    template_body: str = Field(description="Body of the template when the job was created.")
+    seed: int = Field(description="Random seed from which the worlds' seeds are derived.")
+    reuse: bool = Field(default=False, description="Whether existing worlds with the same inputs are reused.")
 
 
 class ArchiveLocation(Part):
     """Bucket and key prefix under which a world export job stores its archive, under the request's member names."""
 
-    s3_bucket: str = Field(description="Bucket.")
+    s3_bucket: str = Field(description="Name of the bucket.")
     s3_prefix: str | None = optional("Prefix of its key.")
 
 
@@ -114,19 +116,19 @@ class WorldExportRequest(Part):
 
     model_config = ConfigDict(extra="allow")
 
-    worlds: list[str] = Field(description="ARNs of the worlds.")
-    output_location: ArchiveLocation = Field(description="Location of the archive.")
-    iam_role: str = Field(description="ARN of the role.")
+    worlds: list[str] = Field(description="ARNs of the worlds to export.")
+    output_location: ArchiveLocation = Field(description="Location of the archive in the object store.")
+    iam_role: str = Field(description="ARN of the role with which the archive is written.")
     client_request_token: str | None = optional("The request's token.")
 
 
 class WorldExportProgress(FailureChanges):
     """Update to a world export job's document that is written while the job runs and when it ends."""
 
-    started: bool = Field(default=False, description="Whether it began, so that there may be an archive.")
+    started: bool = Field(default=False, description="Whether writing has begun, so that there may be an archive.")
 
 
 class WorldExportJobDocument(WorldExportProgress, Document):
     """Catalog document of a world export job, which packs worlds into an archive: its request and progress."""
 
-    request: WorldExportRequest = Field(description="The request.")
+    request: WorldExportRequest = Field(description="Request of the job.")

@@ -1,4 +1,4 @@
-"""The wing of fleets as data: operations, documents and lifecycles of robots, fleets and deployment jobs; rollouts.
+"""Fleets of physical robots as data: operations, documents and lifecycles of robots, fleets, and deployment jobs.
 
-Nothing outside the wing imports it: registries find it by `schemas.wings`.
+No module outside this extension (wing) imports it: registries find it by `schemas.wings`.
 """

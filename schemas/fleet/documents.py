@@ -1,4 +1,4 @@
-"""The documents of robots, of fleets, and of the deployment jobs that bring applications to them."""
+"""Catalog documents of physical robots, of fleets, and of the deployment jobs that install applications on them."""
 
 from typing import Any, Literal
 
@@ -61,8 +61,8 @@ class RobotInstallation(Changes):
 class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
     """Catalog document of a physical robot that receives deployments."""
 
-    architecture: str = Field(description="Architecture of its computer.")
-    greengrass_group_id: str = Field(description="Its Greengrass group.")
+    architecture: str = Field(description="Processor architecture of the robot's computer.")
+    greengrass_group_id: str = Field(description="Id of the robot's Greengrass group.")
 
     @property
     def trouble(self) -> str | None:
@@ -89,7 +89,7 @@ class RobotsRolledBack(Part):
     """The robots that a deployment returns to the application version they had before an earlier deployment."""
 
     job: str = Field(description="ARN of the deployment job that failed.")
-    robots: list[str] = Field(description="ARNs of the robots.")
+    robots: list[str] = Field(description="ARNs of the robots to return to an earlier version.")
     earlier: str | None = optional("ARN of the deployment job that had brought that version; absent in older ones.")
 
 
@@ -97,11 +97,14 @@ class DeploymentJobDocument(FailureChanges, Document):
     """Catalog document of a deployment job, which installs an application version on the robots of a fleet."""
 
     deployment_application_configs: list[dict[str, Any]] = Field(
-        description="Application to deploy: one `DeploymentApplicationConfig` on the wire."
+        description="Application to deploy, a `DeploymentApplicationConfig` as in the API."
     )
-    deployment_config: Json = Field(description="How, with the defaults that hold and the ETag of the condition file.")
+    deployment_config: Json = Field(
+        description="Limits of the deployment, with defaults and the ETag of the condition file."
+    )
     repeats: bool = Field(
-        default=False, description="Whether it repeats an earlier one, so that robots that are in sync are left alone."
+        default=False,
+        description="Whether the deployment repeats an earlier one, so that robots that have it already are left out.",
     )
     rolls_back: RobotsRolledBack | None = optional(
         "The only robots that it is meant for, and why; absent: it is made by a call."
@@ -114,4 +117,4 @@ class DeploymentJobDocument(FailureChanges, Document):
 
 
 DOCUMENTS = {"deployment-fleet": FleetDocument, "deployment-job": DeploymentJobDocument, "robot": RobotDocument}
-"""Document class of each kind of resource."""
+"""Document class of each kind of resource of fleets."""

@@ -1,4 +1,4 @@
-"""The lifecycle of deployment jobs."""
+"""State machine of deployment jobs."""
 
 from ..state_machines import Lifecycle, transition_table
 from ..wire.base import choices
@@ -19,7 +19,7 @@ DEPLOYMENT_JOB: Lifecycle[DeploymentStatus] = Lifecycle(
     terminal=frozenset({"Succeeded", "Failed", "Canceled"}),
     transitions=transition_table(_DEPLOYMENT_ROWS),
 )
-"""One deployment job.
+"""State machine of a deployment job.
 
 ```
           prepare            start             succeed
@@ -28,10 +28,10 @@ DEPLOYMENT_JOB: Lifecycle[DeploymentStatus] = Lifecycle(
      └─────────────────┴────────────────┴── cancel ───> Canceled
 ```
 
-`prepare`: what robots download is made. `start`: robots get their orders, wave by wave. `succeed`: each robot has
-ended, and fewer failed than the threshold. `fail` comes with a failure code. Neither `fail` nor `cancel` waits for
-robots: one that has begun may still report, which changes its own status only.
+`prepare`: the files that robots download are made. `start`: robots get their orders, wave by wave. `succeed`: each
+robot has finished, and fewer failed than the threshold. `fail` comes with a failure code. Neither `fail` nor `cancel`
+waits for robots: one that has begun may still report, which changes its own status only.
 """
 
 LIFECYCLES = {"deployment-job": DEPLOYMENT_JOB}
-"""The state machine of each kind of resource that has one."""
+"""State machine of each kind of resource of fleets that has one."""

@@ -1,4 +1,4 @@
-"""The simulation job batch that a deployment requires: its configuration or its tag names it."""
+"""Simulation job batch that has to pass before a deployment: named in the request's configuration or in a tag."""
 
 from ..operations.registry import agreed
 from ..wire.arns import ResourceArn

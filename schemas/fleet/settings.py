@@ -1,4 +1,4 @@
-"""Settings of fleets, read from environment variables; `docs/settings.md` is made from their descriptions."""
+"""Settings of fleets, read from environment variables; `docs/settings.md` is generated from their descriptions."""
 
 from pydantic import Field
 

@@ -1,1 +1,1 @@
-"""The requests and responses of the 57 operations, one module per resource, and the table of all operations."""
+"""Requests and responses of the 57 operations, one module per resource, and the table of all operations."""

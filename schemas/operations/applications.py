@@ -1,4 +1,4 @@
-"""Shapes that robot applications and simulation applications share: their sources, and their versions."""
+"""Shapes that robot applications and simulation applications share: sources, environments and versions."""
 
 from typing import Annotated, Literal, Self
 
@@ -164,12 +164,12 @@ def application_operations(
 
     Args:
         role: `robot` or `simulation`.
-        create: request to make one known; so on.
-        create_version: keeps an application under a number.
-        describe: tells what one is.
-        list_page: lists them.
-        update: makes one something else.
-        delete: removes one.
+        create: Request to register an application; the response class is found by its name.
+        create_version: Request to save the current content as a numbered version.
+        describe: Request to describe an application.
+        list_page: Request to list applications.
+        update: Request to replace an application's content.
+        delete: Request to delete an application.
     """
     words = f"{role} application"
     return (

@@ -1,6 +1,6 @@
-"""The service's operations as data: what each takes, gives and refuses, and how it is reached.
+"""Table of the service's operations: request, response, errors and HTTP path of each.
 
-`differences` lists everything in which they are not what the service published, extensions included.
+`differences` lists all differences to the operations that AWS published, including extensions.
 """
 
 import re
@@ -49,10 +49,10 @@ _MODULES: Mapping[str, ModuleType] = {
 OPERATION_GROUPS: Mapping[str, tuple[OperationShape, ...]] = {
     title: module.OPERATIONS for title, module in _MODULES.items()
 }
-"""The operations by what they are about, in the order in which one needs them."""
+"""Operations by title, in the order in which users need them."""
 
 MODULES: tuple[str, ...] = tuple(sorted(module.__name__ for module in _MODULES.values()))
-"""Full names of the resources' modules, those of wings included."""
+"""Full names of the modules with operations, including those of extensions (wings)."""
 
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
@@ -63,10 +63,10 @@ _Value = TypeVar("_Value")
 OPERATIONS: Mapping[str, OperationShape] = {
     shape.name: shape for title in sorted(OPERATION_GROUPS) for shape in OPERATION_GROUPS[title]
 }
-"""Every operation by name."""
+"""Operations by name."""
 
 STEPS: Mapping[str, OperationShape] = dict(sorted({**OPERATIONS, **STEP_OPERATIONS}.items()))
-"""Operations that steps of specifications may have: every operation, and those that only steps have."""
+"""Operations that steps of specifications may use: all operations, and those that only steps have."""
 
 
 def operation_shape(name: str) -> OperationShape:
@@ -99,8 +99,8 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
     """Parses and validates the plain data of a request for a service operation.
 
     Args:
-        operation_name: the service's name of the operation.
-        data: members by name, as JSON or YAML give them.
+        operation_name: Name of the operation.
+        data: Members by name, as in JSON or YAML.
 
     Raises:
         InvalidParameterException: one line per problem, each with the member's path, its value and
@@ -124,7 +124,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembe
     """Returns the random seed that a request asks for, by its member or by its tag; `None` if it asks for none.
 
     Raises:
-        InvalidParameterException: the tag is no whole number, or says something else than the member.
+        InvalidParameterException: The tag is not an integer, or contradicts the member.
     """
     tag = (request.tags or {}).get(SEED_TAG)
     if tag is None:
@@ -135,10 +135,10 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembe
 
 
 def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
-    """Returns which runs of a simulation job a request wants videos of, by its member or tag; `None` if unsaid.
+    """Returns the video policy that a simulation job request asks for, by its member or by its tag; `None` if none.
 
     Raises:
-        InvalidParameterException: the tag is no policy, or says something else than the member.
+        InvalidParameterException: The tag is not a video policy, or contradicts the member.
     """
     tag = (request.tags or {}).get(VIDEO_TAG)
     if tag is None:
@@ -154,7 +154,7 @@ def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
     """Returns the priority that a batch request asks for, by its policy or its tag; `None` if it asks for none.
 
     Raises:
-        InvalidParameterException: the tag is no priority, or says something else than the policy.
+        InvalidParameterException: The tag is not a priority, or contradicts the policy.
     """
     by_member = request.batchPolicy.priority if request.batchPolicy else None
     tag = (request.tags or {}).get(PRIORITY_TAG)
@@ -168,10 +168,10 @@ def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
 
 
 def agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
-    """Returns the value that a request gives by a tag, after checking that its member does not say otherwise.
+    """Returns the value that a request gives by a tag, after checking that the request's member is absent or equal.
 
     Raises:
-        InvalidParameterException: the member asks for something else.
+        InvalidParameterException: The member has another value.
     """
     if by_member is not None and by_member != by_tag:
         raise InvalidParameterException(

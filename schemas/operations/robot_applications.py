@@ -1,4 +1,4 @@
-"""Robot applications: what drives the robot."""
+"""Operations on robot applications: the programs that control a robot."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Simulation applications: what the robot moves in."""
+"""Operations on simulation applications: the environments in which a robot is simulated."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""Simulation job batches: many simulation jobs, so many at a time."""
+"""Operations on simulation job batches: many simulation jobs, of which a limited number runs at the same time."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""Simulation jobs: a robot application, a simulation application, or both, run until the end or a limit."""
+"""Operations on simulation jobs: a robot application, a simulation application, or both, run with a time limit."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, Self
@@ -148,7 +148,7 @@ class SimulationJobRequestMembers(Shape):
         return self
 
     def _disagreements(self, applications: Sequence[RobotApplicationConfig]) -> Iterator[str]:
-        """Finds members that do not go together; texts of launch variables are among them."""
+        """Yields problems of members that contradict each other, including texts of launch variables."""
         uploads = any(each.uploadConfigurations or each.useDefaultUploadConfigurations for each in applications)
         if uploads and self.outputLocation is None:
             yield "uploadConfigurations need an outputLocation; add outputLocation.s3Bucket"

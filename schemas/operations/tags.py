@@ -1,4 +1,4 @@
-"""Tags: words that users put on resources."""
+"""Operations on tags: key-value labels that users put on resources."""
 
 from collections.abc import Mapping
 from typing import Annotated

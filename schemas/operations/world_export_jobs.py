@@ -1,4 +1,4 @@
-"""World export jobs: worlds packed into one archive in the object store."""
+"""Operations on world export jobs, which pack worlds into one archive in the object store."""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,4 @@
-"""World generation jobs: so many worlds from one template."""
+"""Operations on world generation jobs, which generate a number of worlds from one template."""
 
 from typing import Annotated, Literal, Self
 
@@ -45,9 +45,9 @@ def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
     """Explains why a world generation job exceeds the limit on its number of worlds; `None` if it does not.
 
     Args:
-        floorplans: how many floor plans.
-        interiors: how many worlds for each of them.
-        most: worlds that one job may make.
+        floorplans: Number of floor plans.
+        interiors: Number of worlds for each floor plan.
+        most: Maximum number of worlds of one job.
     """
     total = floorplans * interiors
     if total <= most:

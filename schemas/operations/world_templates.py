@@ -1,4 +1,4 @@
-"""World templates: descriptions of floor plans and interiors that worlds are generated from."""
+"""Operations on world templates: descriptions of floor plans and interiors from which worlds are generated."""
 
 import json
 from typing import Annotated, Any, Self
@@ -46,9 +46,9 @@ def _as_text(body: object) -> object:
 
 TemplateName = Annotated[str, ShapeName("TemplateName"), text(0, 255)]
 NewTemplateName = Annotated[TemplateName, NO_CONTROLS]
-"""A name as requests give it; templates of earlier releases may have others."""
+"""Name of a template in requests; templates of earlier releases may have other names."""
 TemplateBody = Annotated[Json, BeforeValidator(_as_text, json_schema_input_type=Json | dict[str, Any])]
-"""JSON text or, an extension, the body itself as a mapping, which becomes JSON text."""
+"""Template body as JSON text or (an extension) as a mapping, which is converted to JSON text."""
 
 
 class TemplateLocation(Shape):

@@ -1,4 +1,4 @@
-"""Worlds: what generation jobs leave behind."""
+"""Operations on worlds, which generation jobs create."""
 
 from typing import Annotated
 

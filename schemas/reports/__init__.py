@@ -1,1 +1,1 @@
-"""Reports as data: the report, its summary, comparison and history, the record of a run and its progress."""
+"""Reports as data: a run's report and summary, comparison, history, the record of a run, and its progress."""

@@ -1,4 +1,4 @@
-"""A run that is compared with an earlier run while it goes on: the question, and its answer."""
+"""Comparison of a run with an earlier run while it runs (`run --against`): the question, and its answer."""
 
 from typing import Literal
 
@@ -20,15 +20,16 @@ ANSWER_EXIT_CODES: dict[Answer, int] = {
 
 
 FEWEST_WORLDS = 6
-"""Number of worlds from which on whole worlds are compared. Flipping the signs of fewer shows nothing at 5 %: five of
-five that got worse have p = 2 / 2**5 = 0.0625."""
+"""Number of worlds from which whole worlds are compared. Flipping the signs of fewer shows nothing at 5 %: five of five
+that got worse have p = 2 / 2**5 = 0.0625.
+"""
 
 MOST_NAMED = 8
-"""Number of steps that the line names; a step of many batches would fill pages."""
+"""Maximum number of steps named in the line; a step of many batches would fill pages."""
 
 
 class Against(Model):
-    """The question with which a run is carried out beside an earlier one: `robomaker run --against`."""
+    """Question with which a run is compared with an earlier run while it runs: `robomaker run --against`."""
 
     run_id: str = Field(description="Id of the earlier run.")
     alpha: float = Field(description="Error probability of all answers together.")
@@ -36,7 +37,7 @@ class Against(Model):
 
 
 class AgainstAnswer(Against):
-    """The answer of a run that was carried out beside an earlier one."""
+    """Answer of a run that was compared with an earlier run while it ran."""
 
     answer: Answer = Field(description="Whether the run is better or worse than the earlier one by its verdicts.")
     why: str = Field(description="The answer's reason in words.")
@@ -60,7 +61,7 @@ class AgainstAnswer(Against):
 
 
 def in_words(found: AgainstAnswer) -> str:
-    """Says the answer in a line, with the trials that it took and what was not run because of it."""
+    """Describes the answer in a line, with the number of used trials and of jobs that were skipped because of it."""
     heads: dict[Answer, str] = {
         "better": f"better than {found.run_id}",
         "not worse": f"not worse than {found.run_id}",

@@ -1,4 +1,4 @@
-"""The result of a challenge: which sabotages of the robot the requirements of which jobs catch."""
+"""Result of a challenge: which sabotages of the robot are caught by the requirements of which jobs."""
 
 from typing import Literal
 
@@ -8,13 +8,13 @@ from ..runs.axis_kinds.kind import Value
 from ..wire.base import Model, optional
 
 CellResult = Literal["caught", "missed", "no effect", "not applicable", "not tried"]
-"""Result of a job with a sabotage, where the same job passes without it."""
+"""Results of a job with a sabotage, if the same job passes without it."""
 ControlResult = Literal["passes", "fails", "breaks", "is not judged", "was not run"]
-"""Result of a job of the control arm, whose robot is as it is."""
+"""Results of a job of the control arm, whose robot is unchanged."""
 
 
 class ChallengedJob(Model):
-    """A job of a challenge in its control arm, where the robot is as it is."""
+    """A job of a challenge in the control arm, in which the robot is unchanged."""
 
     name: str = Field(description="Name of the job in every run of the specification.")
     control: ControlResult = Field(description="How it ended in the control arm; unless it passes, it shows nothing.")
@@ -22,7 +22,7 @@ class ChallengedJob(Model):
 
     @property
     def in_words(self) -> str:
-        """Says why the job shows nothing; empty if it passes."""
+        """Describes why the job shows nothing about sabotages; empty if it passes."""
         reason = f" ({self.reason})" if self.reason else ""
         match self.control:
             case "passes":
@@ -58,23 +58,23 @@ class SabotageResult(Model):
 
     @property
     def applicable(self) -> int:
-        """Number of the jobs that it was tried in, to the end."""
+        """Number of jobs in which the sabotage was applied until the end."""
         return self.caught + self.missed + self.no_effect
 
     @property
     def is_only_broken(self) -> bool:
-        """Whether jobs broke with it, and no requirement caught it."""
+        """Whether jobs crashed with the sabotage, and no requirement caught it."""
         return 0 < self.caught == self.broke
 
     @property
     def is_open(self) -> bool:
-        """Whether it counts and was not caught."""
+        """Whether the sabotage counts and was not caught."""
         is_only_elsewhere = self.not_applicable > 0 and not self.applicable and not self.not_tried
         return not self.caught and not is_only_elsewhere
 
     @property
     def in_words(self) -> str:
-        """Says how often it was caught, and by which requirement first."""
+        """Describes how often the sabotage was caught, and by which requirement first."""
         if not self.applicable:
             return self._not_run_in_words()
         parts = [self._tried_in_words()]
@@ -109,7 +109,7 @@ class SabotageResult(Model):
 
 
 def _jobs(count: int, total: int) -> str:
-    """Says how many of some jobs: `all 4 jobs`, `2 of 4 jobs`."""
+    """Describes a number of jobs: `all 4 jobs`, `2 of 4 jobs`."""
     if count < total:
         return f"{count} of {total} jobs"
     return {1: "the only job", 2: "both jobs"}.get(total, f"all {total} jobs")
@@ -123,18 +123,18 @@ class Challenge(Model):
 
     @property
     def showing(self) -> int:
-        """Number of the jobs that pass with the real robot, so that they can show something."""
+        """Number of jobs that pass with the unchanged robot, so that they can show something."""
         return sum(job.control == "passes" for job in self.jobs)
 
     @property
     def is_passed(self) -> bool:
-        """Whether each sabotage that can be applied was caught by a job, and some by a requirement."""
+        """Whether each applicable sabotage was caught by a job, and some by a requirement."""
         some = any(each.caught and not each.is_only_broken for each in self.sabotages)
         return some and not any(each.is_open for each in self.sabotages)
 
     @property
     def is_broken(self) -> bool:
-        """Whether what was to be tried broke, so that the table does not say how good the requirements are."""
+        """Whether jobs failed for other reasons, so that the table does not say how good the requirements are."""
         breaks = [job.control in ("breaks", "was not run") for job in self.jobs]
         return all(breaks) or any(each.not_tried and not each.caught for each in self.sabotages)
 

@@ -12,7 +12,7 @@ from .run_record import CaseOutcome
 class CellName(Model):
     """Identity of a simulation job across repeated runs of a specification: step, world, robot, variables and seed.
 
-    It is a cell in the table of jobs and nights.
+    It is a row in the table of jobs on the history page.
     """
 
     step: str = Field(default="", description="The step that made it.")
@@ -25,7 +25,7 @@ class CellName(Model):
 
     @property
     def title(self) -> str:
-        """The job's whole name in words: `drive: world-1 scout, SPEED=2, seed 7`."""
+        """Full name of the job: `drive: world-1 scout, SPEED=2, seed 7`."""
         parts = [f"{self.step}: {self.test}" if self.step else self.test, self.variant]
         if self.seed is not None and "seed=" not in self.variant:
             parts.append(f"seed {self.seed}")
@@ -122,7 +122,7 @@ class Losses(Model):
     def has_losses(self) -> bool:
         """Whether this run checks less than earlier runs did.
 
-        A job of theirs is missing from it or has no verdict, or is judged by fewer requirements or fewer trials.
+        A job of an earlier run is missing or has no verdict, or is judged by fewer requirements or fewer trials.
         """
         return bool(self.gone or self.no_longer_judged or self.asked_less or self.fewer_trials)
 

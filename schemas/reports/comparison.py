@@ -1,4 +1,4 @@
-"""The comparison of two runs: what `robomaker compare -o json` prints."""
+"""Comparison of two runs, as `robomaker compare -o json` prints it."""
 
 from datetime import datetime
 from typing import Any, Literal
@@ -41,7 +41,7 @@ MarginOutcome = Literal["shown", "not shown"]
 
 
 class MarginTest(Model):
-    """Test of whether the pass rate fell by less than a margin that was asked for."""
+    """Test of whether the pass rate fell by less than a requested margin."""
 
     margin: float = Field(description="The fall of the pass rate that would matter, a share from 0 to 1.")
     outcome: MarginOutcome = Field(description="Whether a fall by less than that is shown.")
@@ -77,7 +77,7 @@ class RateChange(Model):
 
 
 class NeededPairs(Model):
-    """Number of trial pairs needed to answer a question about pass rates, by the power of the test that decides it."""
+    """Number of trial pairs needed to answer a question about pass rates, by the power of the deciding test."""
 
     difference: float = Field(
         description="Difference of the pass rates that is to be shown, positive; with a margin, the fall that is to be "
@@ -95,7 +95,7 @@ class NeededPairs(Model):
 
 
 class PlannedPairs(NeededPairs):
-    """Number of pairs that a specification's next two runs need to answer a question, beside those it has."""
+    """Number of pairs that the next two runs of a specification need to answer a question, and the number they have."""
 
     test: Test | Literal["Tango's score", "interval between worlds"] = Field(description="The test that will decide.")
     planned: int | None = optional("Pairs of trials that two runs of the specification have; absent: a run tells.")

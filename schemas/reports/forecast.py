@@ -1,4 +1,4 @@
-"""Forecasts: what a probe measured of a specification, what that says of the whole run, and how wrong it was."""
+"""Forecasts of a run: measurements of a probe (small trial run), forecast values, and their errors."""
 
 from datetime import datetime
 from typing import Literal
@@ -36,7 +36,7 @@ class StepProbe(Model):
 
 
 class Places(Model):
-    """Number of machines, of jobs at once on each, and of processors, that a forecast assumes."""
+    """Numbers of machines, of concurrent jobs on each, and of processors, that a forecast assumes."""
 
     machines: int = Field(ge=1, description="Machines that run jobs of batches.")
     jobs_per_machine: int = Field(ge=1, description="Simulation jobs at once on each of them.")
@@ -108,7 +108,7 @@ class Forecast(Model):
 
 
 class ForecastCheck(Model):
-    """A forecast value beside the value that the run took in fact."""
+    """A forecast value with the actual value of the run."""
 
     made_at: datetime = Field(description="When the forecast was made, UTC.")
     forecast_s: float = Field(ge=0, description="Wall-clock time that was forecast.")
@@ -124,6 +124,6 @@ class ForecastCheck(Model):
 
     @property
     def difference(self) -> str:
-        """The relative error in words: `8 % more`, `as much`."""
+        """Relative error as text: `8 % more`, `as much`."""
         percent = round(100 * self.error)
         return f"{abs(percent)} % {'more' if percent > 0 else 'less'}" if percent else "as much"

@@ -1,4 +1,4 @@
-"""The runs of one specification, night by night, and the nights that did not happen."""
+"""History of a specification's runs (nights), and scheduled runs that did not happen."""
 
 from datetime import datetime
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Progress events of a running pipeline.
 
-Listeners are called from any thread, also several at once; they return quickly and never raise.
+Listeners are called from any thread, also several at a time; they return quickly and never raise.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from ..runs.programs import Wait
 from ..runs.trials import TrialCounts
 
 FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})
-"""States, in lower case, whose parts are done with."""
+"""States, in lower case, of parts that are finished."""
 
 
 @dataclass(frozen=True)
@@ -24,23 +24,24 @@ class StepStarted:
 
 @dataclass(frozen=True)
 class StepProgress:
-    """Progress event: how many worlds of a generation job, or jobs of a batch, are done."""
+    """Progress event: numbers of finished worlds of a generation job, or of finished jobs of a batch."""
 
     step: str
     counts: Mapping[str, int]
     """Numbers of parts by state: `{"completed": 3, "running": 2}`."""
 
     total: int
-    """Number of all parts; parts that `counts` leaves out wait."""
+    """Number of all parts; those that `counts` does not include are waiting."""
 
     newest_failure: str = ""
-    """The latest failure in one line; empty when nothing failed yet."""
+    """Latest failure in one line; empty if there is none."""
 
     waits_for: Wait | None = None
-    """Resource that the next part waits for: one that the machine lacks, or a job worker elsewhere; None: nothing."""
+    """Resource for which the next part waits: one of this machine, or a job worker elsewhere; None: it does not wait.
+    """
 
     trials: TrialCounts | None = None
-    """The trials of all parts; None: there are none."""
+    """Numbers of trials of all parts by verdict; None: there are no trials."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,11 @@ class StepEnded:
 
     step: str
     status: str
-    """The resource's terminal status, or `Completed` for quick operations."""
+    """Final status of the resource, or `Completed` for short operations."""
 
     duration_s: float
     detail: str = ""
-    """The ARN it made, or the error."""
+    """ARN of the created resource, or the error."""
 
 
 @dataclass(frozen=True)
@@ -70,5 +71,5 @@ class ProgressListener(Protocol):
     """Interface of a function that receives progress events of a run; it has to be thread-safe."""
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Takes one event."""
+        """Receives one progress event."""
         ...

@@ -1,4 +1,4 @@
-"""The content of a report, and the same in numbers, which `robomaker report -o json` prints."""
+"""Content of a run's report, and its figures, which `robomaker report -o json` prints."""
 
 from datetime import datetime
 from pathlib import Path
@@ -77,6 +77,9 @@ class ReportedJob(Model):
     video_s: float | None = optional("How long videos of its failure were made.")
     upload_s: float | None = optional("How long its outputs were stored.")
     inputs: JobInputs | None = optional("Inputs that decide its result; absent: not known.")
+    known: str = Field(
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
+    )
     reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
     carried_out_by: JobOwner | None = optional(
         "The process that carried it out last; absent: none has begun, or it is not known."
@@ -101,6 +104,9 @@ class Report(Model):
         description="Answer of a run that was carried out beside an earlier one, in words; empty: it was not.",
     )
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
+    known_notes: list[str] = Field(
+        default=[], description="Known failures that did not occur, or whose day is over, in words."
+    )
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = optional(
@@ -142,6 +148,9 @@ class JobCase(Model):
     arn: str | None = optional("The job's ARN.")
     outcome: CaseOutcome = Field(description="Outcome of the job: FAIL is `failed`, ERROR is `broken`.")
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
+    known: str = Field(
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
+    )
     failure_code: str | None = optional("The service's failure code.")
     time_s: float = Field(description="Wall-clock time.")
     waited_s: dict[Scarce, float] = Field(

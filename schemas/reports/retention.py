@@ -1,4 +1,4 @@
-"""Reports of the commands that look after what is stored: `gc`, `fsck` and `upload --kept`."""
+"""Reports of the commands that maintain stored data: `gc`, `fsck` and `upload --kept`."""
 
 from datetime import datetime, timedelta
 from enum import StrEnum
@@ -106,10 +106,10 @@ class Problem(StrEnum):
     """Kind of problem that `robomaker fsck` finds."""
 
     NOT_PUBLISHED = "not published"
-    """The catalog says that something is stored whole, and no manifest is there."""
+    """The catalog says that outputs are stored completely, but their manifest is missing."""
 
     MISSING = "missing"
-    """An object that is named is not there."""
+    """An object that a manifest or the catalog names is missing."""
 
     WRONG_SIZE = "wrong size"
     """An object has another size than was stored."""
@@ -118,23 +118,23 @@ class Problem(StrEnum):
     """An object has another SHA-256 than was stored."""
 
     UNREADABLE = "unreadable"
-    """It cannot be looked at: no permission, no such bucket, no manifest in what should be one."""
+    """The object cannot be read: no permission, no such bucket, or an invalid manifest."""
 
     ONLY_HERE = "only here"
     """Outputs that could not be stored when their run ended are on this machine only."""
 
     HALF_REMOVED = "half removed"
-    """A removal was interrupted in the midst."""
+    """A deletion was interrupted."""
 
     HALF_UPLOADED = "half uploaded"
-    """Parts of a large file that was never uploaded to its end; they cost space, and no reader sees them."""
+    """Parts of a large file whose upload was never completed; they take space, and are invisible to readers."""
 
     UNKNOWN = "unknown"
-    """Outputs of a job that this catalog does not know."""
+    """Outputs of a job that is not in this catalog."""
 
 
 LOSSES = frozenset({Problem.NOT_PUBLISHED, Problem.MISSING, Problem.WRONG_SIZE, Problem.WRONG_CONTENT})
-"""Problems that only a backup, or doing it again, cures."""
+"""Problems that only a backup, or running the job again, repairs."""
 
 
 class Finding(Model):

@@ -1,4 +1,4 @@
-"""The record of one run of a specification (`run.json` in its run folder), and the order from which it is made."""
+"""Record of one run of a specification (`run.json` in its run folder), and the order by which it can be resumed."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
+from ..runs.known_failures import KnownFailure
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
@@ -18,10 +19,10 @@ from .challenge import Challenge
 from .forecast import ForecastCheck
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
-"""End of a run of a specification as a whole."""
+"""States of a finished run as a whole."""
 
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
-"""The outcome of one job."""
+"""Outcomes of one job."""
 
 
 class SourceCommit(Model):
@@ -40,10 +41,10 @@ class UsedApplication(Model):
 
 
 class JobInputs(Model):
-    """Inputs that decide a simulation job's result, as far as known; reports compare nights by them.
+    """Inputs that decide a simulation job's result, as far as known; reports compare runs by them.
 
-    It is kept in records, and asks less than `ReuseInputs`, by which results are taken over: two jobs of one name and
-    request are the same job on two nights, whatever robot, versions and places of outputs they have.
+    They are stored in records, and are less strict than `ReuseInputs`, by which results are reused: two jobs with the
+    same name and request are the same job in two runs, even with other robots, versions and output locations.
     """
 
     seed: int | None = optional("Its seed; absent: it never became a job.")
@@ -71,17 +72,17 @@ EXIT_CODES: dict[RunState, int] = {
     "canceled": CANCELED,
     "timed out": TIMED_OUT,
 }
-"""Exit codes of the command line, by how the run ended; see `exit_code_of` for runs with `--against`."""
+"""Exit code of the command line by the state of a run; see `exit_code_of` for runs with `--against`."""
 
 
 def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
     """Returns the exit code of a run.
 
-    One that came to its end beside an earlier run has the code of the answer: that is what was asked.
+    A run that was compared with an earlier run until its end has the exit code of the comparison's answer.
 
     Args:
-        state: how the run ended.
-        against: the answer; None: it was not carried out beside an earlier run.
+        state: State of the finished run.
+        against: Answer of the comparison; None: the run was not compared.
     """
     is_whole = state in ("succeeded", "failed")
     return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]
@@ -132,6 +133,9 @@ class JobRecord(Model):
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
+    known: str = Field(
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
+    )
     remarks: list[str] = Field(
         default=[],
         description="Requested outputs that could not be produced, such as a video; the run continued without them.",
@@ -191,6 +195,12 @@ class RunRecord(Model):
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
     source: SourceCommit | None = optional("Git commit of the folder of the specification; absent: it was in none.")
+    known: list[KnownFailure] = Field(
+        default=[], description="Known failures of the specification, which do not make the run red."
+    )
+    known_notes: list[str] = Field(
+        default=[], description="Known failures that did not occur, or whose day is over, in words."
+    )
     report_path: Path | None = optional("The HTML report; absent when it could not be written.")
     rerun_of: RerunOf | None = optional("Run that it has run again; absent: it is no rerun.")
     forecast: ForecastCheck | None = optional(

@@ -1,4 +1,4 @@
-"""End of a run as a whole, judged by its steps and jobs, and in words for messages of a line or two."""
+"""State of a finished run, decided from its steps and jobs, and texts about it in a line or two."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
@@ -6,13 +6,14 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
+from ..runs.known_failures import idle_failures, known_failure
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words
 from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
-"""State of a run by the status of a step or job; after one of these no later step starts."""
+"""State of a run by the status of a failed step or job, after which no further step starts."""
 
 # Later steps use the worlds there are, but the run is not what was ordered.
 _STATES: dict[str, RunState] = {**BAD_ENDS, "PartialFailed": "broken"}
@@ -26,7 +27,7 @@ _OTHER_ENDS: dict[CaseOutcome, str] = {
 }
 _MOST_NAMED = 3
 _MOST_OF_REASON = 160
-"""Characters of each reason."""
+"""Maximum number of characters of each reason."""
 
 
 class FlowResult(Model):
@@ -55,10 +56,10 @@ def result_of(record: RunRecord) -> FlowResult:
 
 
 def meaning_of(record: RunRecord) -> str:
-    """Says in words why a run has its exit code.
+    """Describes why a run has its exit code.
 
-    One that came to its end beside an earlier run has its answer, and a challenge has its headline: `failed` says there
-    nothing about the code, or about the robot.
+    For a run that was compared with an earlier one this is the answer, and for a challenge its headline, as the state
+    `failed` would say nothing about the robot.
     """
     is_whole = record.state in ("succeeded", "failed")
     if record.against is not None and is_whole:
@@ -69,6 +70,35 @@ def meaning_of(record: RunRecord) -> str:
     return record.challenge.headline if is_whole else f"{meaning}: {record.challenge.headline}"
 
 
+def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRecord], list[str]]:
+    """Marks jobs whose failure is known.
+
+    Only a FAIL can be known: of an ERROR nothing was judged. The jobs of a challenge fail on purpose.
+
+    Args:
+        record: the run, with its known failures.
+        jobs: its jobs.
+
+    Returns:
+        The jobs, and a sentence for each known failure that did not occur or whose day is over.
+    """
+    if not record.known or record.challenge is not None:
+        return list(jobs), []
+    day = record.started_at.date()
+    judged = {index: _missed(job) for index, job in enumerate(jobs) if _outcome_of(job) in ("passed", "failed")}
+    names = [job.test or job.label for job in jobs]
+    known = {index: known_failure(names[index], missed, record.known, day) for index, missed in judged.items()}
+    marked = [
+        job.model_copy(update={"known": str(found) if (found := known.get(index)) else ""})
+        for index, job in enumerate(jobs)
+    ]
+    return marked, idle_failures([(names[index], missed) for index, missed in judged.items()], record.known, day)
+
+
+def _missed(job: JobRecord) -> list[str]:
+    return [item.name for item in job.requirements if item.counts and not item.satisfied]
+
+
 def is_bad(status: str) -> bool:
     """Whether a status of a step or job means that it did not succeed."""
     return status in _STATES
@@ -77,7 +107,7 @@ def is_bad(status: str) -> bool:
 def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
     """Classifies a simulation job as passed, failed, broken or canceled.
 
-    The status goes first: a verdict counts only when the job ended by itself.
+    The status takes precedence: a verdict counts only if the job ended by itself.
     """
     if status in ("Canceled", "Terminated", "Terminating"):
         return "canceled"
@@ -97,7 +127,7 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
     Args:
         statuses: statuses of the run's steps.
         jobs: simulation jobs of the run.
-        is_whole: whether all its steps were seen to.
+        is_whole: Whether all steps of the run were completed.
     """
     states: set[RunState] = {_STATES.get(status, "succeeded") for status in statuses}
     if not is_whole:
@@ -106,7 +136,7 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
         outcome = _outcome_of(job)
         if job.failure_code == "BatchTimedOut":
             states.add("timed out")
-        elif outcome in ("broken", "failed"):
+        elif outcome in ("broken", "failed") and not job.known:
             states.add(outcome)
     worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
     # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
@@ -141,10 +171,10 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
     """Summarises a run as text: its state, how many verdicts pass, the worst failures, and a command to inspect them.
 
     Args:
-        state: how the run ended.
+        state: State of the finished run.
         jobs: simulation jobs of the run.
-        troubles: what else went wrong, in words, the worst first.
-        look: the command; empty: none.
+        troubles: Other problems as text, the worst first.
+        look: Command line to inspect the failures; empty: none.
     """
     words = ": ".join(filter(None, (state, counts_in_words(jobs))))
     bad = [*(_line(trouble) for trouble in troubles), *(_job_in_words(job) for job in _bad(jobs))]
@@ -160,12 +190,15 @@ def counts_in_words(jobs: Sequence[JobRecord]) -> str:
     passed = counts.get("passed", 0)
     judged = passed + counts.get("failed", 0)
     told = [f"{passed} of {judged} verdicts pass"] if judged else []
+    if known := sum(bool(job.known) for job in jobs):
+        told.append(f"{known} {'failure' if known == 1 else 'failures'} known")
     told += [f"{counts[outcome]} {words}" for outcome, words in _OTHER_ENDS.items() if counts.get(outcome)]
     return ", ".join(told)
 
 
 def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:
-    found = [job for job in jobs if _outcome_of(job) in ("broken", "failed")]
+    """Returns the jobs that broke, then those that failed for a reason that is not known."""
+    found = [job for job in jobs if _outcome_of(job) in ("broken", "failed") and not job.known]
     return sorted(found, key=lambda job: _outcome_of(job) != "broken")
 
 

@@ -1,4 +1,4 @@
-"""Variants: the settings in which the requests of one run's jobs differ, short enough for a table."""
+"""Variants: settings in which the requests of one run's jobs differ, as short texts for a table."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from ..wire.errors import InvalidParameterException
 
 _Path: TypeAlias = tuple[str, ...]
 MAX_SHOWN = 3
-"""Settings named for a job; of more, those whose values the fewest jobs have."""
+"""Maximum number of settings in a job's text; those with the rarest values are shown."""
 
 _MAX_CHARACTERS = 24
 # Worlds have a column of their own; tokens and dates differ always and say nothing.
@@ -38,13 +38,13 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _named(settings: Mapping[_Path, str], counts: Mapping[tuple[_Path, str], int]) -> str:
-    """The settings of one request that set it apart most, in the request's order."""
+    """Selects the settings of a request that few other requests have, and formats them in the request's order."""
     rarest = sorted(settings, key=lambda name: counts[name, settings[name]])[:MAX_SHOWN]
     return ", ".join(f"{_label(name)}={value}" for name, value in settings.items() if name in rarest)
 
 
 def _settings(value: object, path: _Path = ()) -> Iterator[tuple[_Path, str]]:
-    """The scalars of a request with their paths; an application's place in its list is named by its kind."""
+    """Yields the scalars of a request with their paths; applications in lists are named by their role."""
     if isinstance(value, Mapping):
         for key, item in cast("Mapping[str, object]", value).items():
             if key not in _LEFT_OUT:
@@ -59,7 +59,7 @@ def _settings(value: object, path: _Path = ()) -> Iterator[tuple[_Path, str]]:
 
 
 def _label(path: _Path) -> str:
-    """The last part of a path that is a name and no place in a list."""
+    """Returns the last part of a path that is a name and not a list index."""
     return next((part for part in reversed(path) if not part.isdigit()), path[-1])
 
 

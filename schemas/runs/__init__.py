@@ -1,1 +1,1 @@
-"""Runs as data: the plan, results, programs, variables, requirements, trials, provenance and manifest."""
+"""Runs as data: plan, results, programs, variables, requirements, trials, provenance and manifest."""

@@ -1,4 +1,4 @@
-"""Axes of trials: what differs from trial to trial besides the seed, by name."""
+"""Axes of trials: named quantities, besides the seed, that vary from trial to trial."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from .axis_kinds.kind import Axis, AxisValue, NumberAxis, Value
 
 MAX_AXES = 20
 AS_BUILT = "as built"
-"""Words for an axis, or for all of them, that a cell does not name."""
+"""Text for an axis, or all axes, for which a cell has no value."""
 AXIS_KINDS: Mapping[str, type[Axis]] = classes_of(Axis, axis_kinds.__name__, "axes", Axis.names)
 """Kinds of axes by name."""
 
@@ -31,15 +31,16 @@ _OF_THE_JOB = (
     *("PYTHONHASHSEED", "MUJOCO_GL"),
     *("ROBOMAKER_OUTPUT_DIR", "ROBOMAKER_DATA_DIR", "ROBOMAKER_WORLD_DIR", "ROBOMAKER_JOB_ROOT"),
 )
-"""Variables that say something about the whole job."""
+"""Names of launch variables that configure the whole job, so that axes cannot vary them."""
 _VARIABLE = re.compile("[A-Z_][A-Z0-9_]*")
 _NUMBER = re.compile("[a-z][a-z0-9_]*")
 
 
 def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
-    """Refuses names that axes of such kinds cannot have, and two axes that would change the same.
+    """Raises an error for invalid axis names, and for two axes that change the same quantity.
 
-    Names of variables and of numbers differ by their letters: a column of a table of several jobs has one type.
+    Axes of variables and of numbers have names of different forms, so that a column in a table of several jobs has one
+    type.
     """
     raise_all(_wrong_names(axes))
     return axes
@@ -79,7 +80,7 @@ TrialAxes = Annotated[
     AfterValidator(_well_named),
 ]
 CellValues = Annotated[dict[AxisName, AxisValue], ShapeName("CellValues"), Field(max_length=MAX_AXES)]
-"""Values of axes by name."""
+"""Values of axes, by axis name."""
 CellList = Annotated[list[CellValues], ShapeName("CellList"), Field(min_length=1, max_length=1000)]
 
 
@@ -91,14 +92,14 @@ class AxisSetting(Model):
 
 
 def number_kind(kind: str) -> type[NumberAxis]:
-    """Returns the kind of axis with a name, whose values are numbers."""
+    """Returns the class of a numeric kind of axis, by name."""
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found
 
 
 def subject_of(kind: str) -> str:
-    """Returns words for what a kind of axis changes; kinds with the same words exclude each other in a job."""
+    """Returns words for the quantity that a kind of axis changes; a job can have only one kind with the same words."""
     found = AXIS_KINDS[kind]
     return (found.subject if issubclass(found, NumberAxis) else "") or kind
 

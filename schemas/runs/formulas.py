@@ -1,8 +1,8 @@
-"""Formulas of signal temporal logic, as text: read, and put in words where they cannot be.
+"""Parser of signal temporal logic formulas, and their output as text.
 
-`always (clearance < 0.5 -> speed < 0.3)`: comparisons of numbers, joined by `not`, `and`, `or`, `->`, and by `always`,
-`eventually` and `until`, which may have bounds in seconds, `eventually[0, 3]`. From what binds most tightly to
-what binds least: arithmetic, comparisons, `not` with `always` and `eventually`, `until`, `and`, `or`, `->`.
+Example: `always (clearance < 0.5 -> speed < 0.3)`. Formulas are comparisons of numbers, joined by `not`, `and`, `or`,
+`->`, and by `always`, `eventually` and `until`, which may have bounds in seconds, `eventually[0, 3]`. Precedence from
+high to low: arithmetic, comparisons, `not` with `always` and `eventually`, `until`, `and`, `or`, `->`.
 """
 
 import re
@@ -13,7 +13,7 @@ from typing import TypeAlias
 from ..wire.request_problems import nearest
 
 MAX_DEPTH = 30
-"""Greatest depth of nested formulas: reading and judging them takes the stack."""
+"""Maximum depth of nested formulas, since parsing and judging use the stack."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,2})?)|(?P<name>[a-zA-Z_]\w*)"
@@ -22,11 +22,11 @@ _TOKEN = re.compile(
 _WORDS = ("not", "and", "or", "always", "eventually", "until", "abs")
 _COMPARISONS = ("<", "<=", ">", ">=")
 _OTHERS = {"=": "<= or >=", "==": "abs(a - b) < 0.1", "!=": "abs(a - b) > 0.1", "&": "and", "|": "or", "!": "not"}
-"""Signs of other languages, with what to write here. Two measured numbers are never equal."""
+"""Operators of other languages, each with its replacement here. Two measured numbers are never equal."""
 _OTHERS["/"] = "* 0.5 for / 2"
 
 Bounds: TypeAlias = tuple[float, float]
-"""First and last moment that count, in seconds from now, both included."""
+"""Begin and end of a time interval in seconds from now, both included."""
 
 
 class FormulaError(ValueError):
@@ -106,7 +106,7 @@ def signals_of(node: _Node) -> Iterator[str]:
 
 
 def bounds_of(formula: Formula) -> Iterator[Bounds]:
-    """Yields all time bounds in a formula."""
+    """Yields all time bounds in a temporal logic formula."""
     if isinstance(formula, Comparison):
         return
     if isinstance(formula, Temporal) and formula.bounds is not None:
@@ -116,7 +116,7 @@ def bounds_of(formula: Formula) -> Iterator[Bounds]:
 
 
 def in_words(node: _Node) -> str:
-    """Formats a formula as text, with all brackets."""
+    """Formats a temporal logic formula as text, with all brackets."""
     if isinstance(node, Number):
         return node.value if isinstance(node.value, str) else f"{node.value:g}"
     if isinstance(node, Comparison):
@@ -131,14 +131,14 @@ def in_words(node: _Node) -> str:
 
 @dataclass
 class _Reader:
-    """Reads a formula by recursive descent; each place in the text is looked at once."""
+    """Recursive-descent parser of a formula, which reads each token once."""
 
     text: str
     signals: Collection[str]
     depth: int = 0
     at: int = 0
     tokens: list[tuple[str, str, int]] = field(default_factory=list[tuple[str, str, int]])
-    """Kind, text and column."""
+    """Kind, text and column of each token."""
 
     def read(self) -> Formula:
         place = 0
@@ -164,7 +164,7 @@ class _Reader:
         return FormulaError(f"column {column + 1}, {found}: {what}; {remedy}")
 
     def take(self, *texts: str) -> str | None:
-        """The next token, if it is one of these."""
+        """Returns the next token and advances if it is one of the given texts; else `None`."""
         kind, text, _ = self.tokens[self.at]
         if kind != "end" and text in texts:
             self.at += 1

@@ -221,7 +221,7 @@ class Collision(Model):
 
 
 _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the recording"}
-"""Entries of `extra` that say why there is something missing, and what."""
+"""Entries of `extra` with the reason for a missing output, each with a description of the output."""
 
 
 class RunResult(Model):
@@ -283,7 +283,7 @@ class RunResult(Model):
 
     @property
     def runs_free(self) -> bool:
-        """Whether time did not wait for each answer of the robot application, so that the next run may do otherwise."""
+        """Whether simulated time did not wait for each answer of the robot program, so that a rerun may differ."""
         match self.extra:
             case {"ros": {"time": time, **figures}}:
                 return time != "lockstep" or bool(figures.get("unanswered"))

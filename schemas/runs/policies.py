@@ -1,4 +1,4 @@
-"""The policy of a job: a Python callable or an ONNX file that maps observations to actions."""
+"""Policy of a job: a Python callable or an ONNX file that maps observations to actions."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -15,16 +15,16 @@ from .recording_sources import RECORDED_RUN, is_recorded_run
 from .trials import Trials
 
 POLICY_VARIABLE = "ROBOMAKER_POLICY"
-"""A launch variable with the same text as the member `policy`, for clients that do not know the member."""
+"""Name of the launch variable with the same text as the member `policy`, for clients that do not know the member."""
 
 POLICY_FACTORY = "prefect_robomaker.tasks.runtime.policies.policy_agent.make_agent"
-"""Dotted path of the factory of agents that follow a policy."""
+"""Dotted path of the factory function of agents that follow a policy."""
 
 _MODULE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _ONNX, _PYTHON = ".onnx", ".py"
 _RIGHT = "package.module:function, file.py:function or a file such as policies/walk.onnx"
 _STARTS = ("command", "launchFile", "packageName")
-"""Members of a launch configuration that start something else than a policy."""
+"""Members of a launch configuration that start something other than a policy."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class PolicyReference:
 
     text: str
     file: str | None
-    """ONNX or Python file: relative to the robot application, or an absolute path of the job; None: a module."""
+    """Path of an ONNX or Python file, relative to the robot application or absolute in the job; None: a module."""
 
     module: str | None
-    """Dotted module of a callable; None: it is in a file."""
+    """Dotted name of the callable's module; None: the callable is in a file."""
 
     attribute: str | None
-    """Dotted name of the callable in the module or Python file; None: it is an ONNX file."""
+    """Dotted name of the callable in the module or Python file; None: an ONNX file."""
 
     @property
     def is_onnx(self) -> bool:
@@ -94,7 +94,7 @@ class PolicyRequest(JobRequest, Protocol):
 
     @property
     def policy(self) -> str | None:
-        """Text that names the policy; `None` for none."""
+        """Text of a job request that names the robot's policy; `None` for none."""
         ...
 
     @property
@@ -115,10 +115,10 @@ def policy_in(request: Mapping[str, Any]) -> str | None:
 
 
 def wrong_policy(request: PolicyRequest) -> Iterator[str]:
-    """Finds what is wrong with a request's policy.
+    """Yields problems of a request's policy.
 
-    It is none, there are two or one for each trial, its file has no application to be in, or a program drives the robot
-    as well.
+    The text names no policy, there are two policies or one per trial, its file has no application to be in, or a
+    program also drives the robot.
     """
     if request.trials is not None and POLICY_VARIABLE in (request.trials.axes or {}):
         yield f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them"
@@ -142,7 +142,7 @@ def wrong_policy(request: PolicyRequest) -> Iterator[str]:
 
 
 def _given(request: PolicyRequest) -> dict[str, str]:
-    """Finds a request's policy: by the path where it is given, which may be in several places."""
+    """Returns a request's policies by the path at which each is given; there may be several."""
     given = {"policy": request.policy} if request.policy is not None else {}
     for place, launch in launches(request):
         if (found := (launch.environmentVariables or {}).get(POLICY_VARIABLE)) is not None:
@@ -151,7 +151,7 @@ def _given(request: PolicyRequest) -> dict[str, str]:
 
 
 def _driven_otherwise(request: PolicyRequest, where: str) -> Iterator[str]:
-    """Finds launch configurations with which a policy would be left out, or have nothing to step."""
+    """Yields launch configurations with which a policy would be ignored, or have no environment to act in."""
     for index, config in enumerate(request.robotApplications or ()):
         member = next((member for member in _STARTS if getattr(config.launchConfig, member)), None)
         if member is not None:

@@ -1,4 +1,4 @@
-"""Programs of a simulation run, what confines them, what they wait for, and why they stop."""
+"""Programs of a simulation run, their sandbox, the resources they wait for, and reasons to stop them."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -15,12 +15,13 @@ ProgramKind = Literal["application", "tool"]
 FailureBehavior = Literal["Fail", "Continue"]
 SandboxMode = Literal["auto", "require", "off"]
 BoxLevel = Literal["box", "landlock", "none"]
-"""`box`: namespaces of its own; `landlock`: rules of the kernel for files; `none`: nothing."""
+"""Sandbox level: `box` is namespaces of its own, `landlock` is Landlock rules for files, `none` is no sandbox."""
 BoxNetwork = Literal["full", "local", "none"]
-"""`full`: the machine's; `none`: one of its own, in which only processes of the run are; `local`: the same, with the
-service's own servers on this machine."""
+"""Network of a sandbox: `full` is the machine's, `none` is a network with only processes of the run, `local` also has
+the service's own servers on this machine.
+"""
 DISK_BYTES = 128 * 10**9
-"""The disk that a job of the service had."""
+"""Disk size of a job in AWS RoboMaker, in bytes."""
 
 
 class ProgramPlan(Model):
@@ -55,7 +56,7 @@ class ToolEnds(Model):
     last_end: str = Field(description="How it ended the last time, in words: `exited with code 1`.")
 
     def __str__(self) -> str:
-        """All of it in words, without whose tool it is: `ended 14 times, and last exited with code 1`."""
+        """Describes exits and restarts, without the tool's name: `ended 14 times, and last exited with code 1`."""
         return self.last_end if self.ends == 1 else f"ended {self.ends} times, and last {self.last_end}"
 
 
@@ -105,23 +106,23 @@ Scarce = Literal["slots", "memory", "disk"]
 """Resource of the machine that a job waits for."""
 
 WAITS_FOR: Mapping[Scarce, str] = {"slots": "a slot", "memory": "memory", "disk": "disk"}
-"""The same in words, after `waits for`."""
+"""Descriptions of scarce resources, for texts after `waits for`."""
 
 Wait = Scarce | Literal["worker"]
 """Resource that the jobs of a run wait for: one of this machine, or a job worker elsewhere."""
 
 IN_WORDS: Mapping[Wait, str] = {**WAITS_FOR, "worker": "a job worker"}
-"""All of these in words, after `waits for`."""
+"""Descriptions of all resources, for texts after `waits for`."""
 
 NOTICED_S = 1.0
-"""Shorter waits are not recorded, in seconds."""
+"""Minimum wait in seconds that is recorded."""
 
 
 def noticed(waited_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
     """Returns the waits for scarce resources that were long enough to be recorded, in seconds by resource.
 
     Args:
-        waited_s: how long, by what was waited for, in seconds.
+        waited_s: Seconds of waiting by resource.
     """
     return {scarce: round(time_s, 1) for scarce, time_s in waited_s.items() if time_s >= NOTICED_S}
 
@@ -130,7 +131,7 @@ class StopReason(StrEnum):
     """Reason why a simulation job has to stop. Reasons that concern a batch are failure codes of its jobs."""
 
     CANCELED = "Canceled"
-    """It was cancelled itself, or another worker has taken it over."""
+    """The job itself was cancelled, or another worker has taken it over."""
 
     BATCH_CANCELED = "BatchCanceled"
     BATCH_TIMED_OUT = "BatchTimedOut"
@@ -143,7 +144,7 @@ STOPPING: Mapping[str, StopReason] = {
 """Reason why the jobs of a batch have to stop, by the batch's status."""
 
 STOP_EVENTS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
-"""The event of the batch, by the reason; the keys are the failure codes of its jobs."""
+"""Event of the batch by the reason; the keys are the failure codes of its jobs."""
 
 
 class RunStop(StrEnum):

@@ -1,4 +1,4 @@
-"""Documents beside a run's outputs: `manifest.json`, `provenance.json` and `failure-state.json`."""
+"""Documents stored with a run's outputs: `manifest.json`, `provenance.json` and `failure-state.json`."""
 
 from typing import Annotated, Literal
 
@@ -100,7 +100,7 @@ class Provenance(Model):
 
 
 def _inside(path: str) -> str:
-    """Refuses paths that could lead out of the folder they are fetched into."""
+    """Raises an error for paths that could lead out of the folder into which they are downloaded."""
     if "\0" in path or any(part in ("", ".", "..") for part in path.split("/")):
         raise ValueError(f"{path!r} has to be a relative path without empty, '.' and '..' components")
     return path

@@ -1,4 +1,4 @@
-"""Topics of a recording that requirements are measured by, in a file of requirements or `ROBOMAKER_SOURCES`."""
+"""Topics of a recording by which requirements are measured, in a requirements file or `ROBOMAKER_SOURCES`."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -13,10 +13,10 @@ from ..wire.request_problems import parsed_member
 from .ros import FrameName, TopicName
 
 SOURCES_VARIABLE = "ROBOMAKER_SOURCES"
-"""A launch variable: `RecordingSources` as JSON."""
+"""Name of the launch variable with `RecordingSources` as JSON."""
 
 RECORDED_RUN = "recorded-run"
-"""The simulation application that plays a recording, so that it is judged."""
+"""Name of the simulation application that replays a recording, so that it can be judged."""
 
 
 class RecordingSources(Model):
@@ -99,7 +99,7 @@ def parse_sources(data: object, what: str) -> RecordingSources:
 
 
 def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> RecordingSources:
-    """Reads the topics by which a recording is judged from a launch variable; the usual topics without it.
+    """Reads the topics by which a recording is judged from a launch variable; without it, the default topics.
 
     Args:
         variables: Variables of a launch configuration.
@@ -116,12 +116,12 @@ def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> R
 
 
 def is_recorded_run(application: str) -> bool:
-    """Whether a name or an ARN is that of the simulation application that plays a recording."""
+    """Returns whether a name or an ARN is that of the simulation application that replays recordings."""
     return application == RECORDED_RUN or f"/{RECORDED_RUN}/" in application
 
 
 def wrong_sources(request: JobRequest) -> Iterator[str]:
-    """Finds what is wrong with recording topics in a request's launch variables, and robots that would not be run."""
+    """Yields problems of recording topics in a request's launch variables, and robots that would not be run."""
     for index, config in enumerate(request.simulationApplications or ()):
         if is_recorded_run(config.application) and request.robotApplications:
             yield (

@@ -1,7 +1,7 @@
-"""Requirements of a simulation run, as data: what the robot has to do, or must not do, for the verdict PASS.
+"""Requirements of a simulation run: what the robot has to do, or must not do, for the verdict PASS.
 
-A job's request has them as its member `requirements` or, for SDKs that do not know that member, as JSON in
-the launch variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of its own.
+A job's request has them in its member `requirements` or, for SDKs that do not know that member, as JSON in the launch
+variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of its own.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ from .requirement_kinds.kind import RequirementKind
 from .trials import trials_of
 
 MAX_REQUIREMENTS = 50
-"""Most requirements that a run may have."""
+"""Maximum number of requirements of a run."""
 
 
 REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = classes_of(
@@ -45,7 +45,7 @@ def _agreeing(requirements: list[RequirementKind]) -> list[RequirementKind]:
 
 
 def _disagreements(requirements: list[RequirementKind]) -> Iterator[str]:
-    """Finds names that are there twice, and goals that do not stand below the one they come after."""
+    """Yields problems of names that occur twice, and of goals listed above the goal that they follow."""
     try:
         unique_names("requirements")(requirements)
     except ValueError as error:
@@ -63,7 +63,7 @@ JobRequirements: TypeAlias = Annotated[
     Field(max_length=MAX_REQUIREMENTS),
     AfterValidator(_agreeing),
 ]
-"""The requirements of a run: names differ, and a goal stands below the one it comes after."""
+"""Requirements of a run; names are unique, and a goal is listed below the one that it follows."""
 
 
 class _Holder(Model):
@@ -96,11 +96,11 @@ REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
 
 _STARTS_ON_ORIGIN = "indoor-navigation"
-"""The simulation application whose robots start on the origin."""
+"""Name of the simulation application whose robots start at the origin."""
 
 _BEGINNING = "ROBOMAKER_"
 _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
-"""Likeness of two names from which on one is taken for the other: behind the beginning, and of all of it."""
+"""Minimum similarity of two names to suggest one for the other: without their common prefix, and as a whole."""
 
 
 def requirements_of(request: JobRequest) -> list[JobRequirement]:
@@ -123,17 +123,17 @@ def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
 
 
 def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]]:
-    """The path of the member that holds a request's requirements, and these."""
+    """Returns a request's requirements, with the path of the member that has them."""
     place, requirements = given_once(request, "requirements", REQUIREMENTS_VARIABLE, parse_requirements)
     return place, requirements or []
 
 
 def wrong_requirements(request: JobRequest) -> Iterator[str]:
-    """Finds requirements of a request that can never be judged, as far as the request alone shows it.
+    """Yields requirements of a request that can never be judged, as far as the request alone shows it.
 
-    The launch variable is misspelt or cannot be understood, a room is asked for where there is no world, a goal is
-    where the robot starts, topics are asked for in trials, or all applications are programs, none of whose topics are
-    recorded, so that there is nothing to judge.
+    The launch variable is misspelt or invalid, a room is requested without a world, a goal is at the robot's start,
+    topics are requested in trials, or all applications are programs without recorded topics, so that nothing can be
+    judged.
     """
     for place, name in _misspelt(request):
         yield f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
@@ -165,7 +165,7 @@ def _has_trials(request: JobRequest) -> bool:
 
 
 def _judged_by_topics(place: str, requirements: Sequence[JobRequirement]) -> Iterator[str]:
-    """Finds requirements that are judged by recordings, where trials have none."""
+    """Yields problems of requirements that are judged by recordings, in trials, which have none."""
     for index, asked in enumerate(requirements):
         if asked.by_topics:
             yield (
@@ -175,7 +175,7 @@ def _judged_by_topics(place: str, requirements: Sequence[JobRequirement]) -> Ite
 
 
 def _without_world(place: str, requirements: Sequence[JobRequirement]) -> Iterator[str]:
-    """Finds requirements that need a world, where there is none."""
+    """Yields problems of requirements that need a world, in a request without a world."""
     for index, asked in enumerate(requirements):
         if (room := asked.asked_room) is not None:
             said, remedy = f"{place}[{index}].room is {room!r}", f", or {asked.without_world}"
@@ -187,12 +187,12 @@ def _without_world(place: str, requirements: Sequence[JobRequirement]) -> Iterat
 
 
 def misspelt_requirements(variables: Iterable[str]) -> list[str]:
-    """Returns the names of launch variables that look like a misspelling of the one for requirements."""
+    """Returns the names of launch variables that look like a misspelling of `ROBOMAKER_REQUIREMENTS`."""
     return [name for name in variables if name != REQUIREMENTS_VARIABLE and _is_meant(name)]
 
 
 def doubtful_requirements(variables: Iterable[str]) -> list[str]:
-    """Returns the names of other launch variables that begin like the one for requirements."""
+    """Returns the names of other launch variables that begin like `ROBOMAKER_REQUIREMENTS`."""
     return [
         name
         for name in variables
@@ -201,7 +201,7 @@ def doubtful_requirements(variables: Iterable[str]) -> list[str]:
 
 
 def starts_on_origin(order: Mapping[str, Any]) -> bool:
-    """Whether a simulation job's robot starts at the origin of its world, as far as the request says it."""
+    """Returns whether a simulation job's robot starts at the origin of its world, as far as the request says it."""
     configs = order.get("simulationApplications")
     first = configs[0] if is_list(configs) and configs else None
     return is_mapping(first) and first.get("application") == _STARTS_ON_ORIGIN
@@ -211,8 +211,8 @@ def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str 
     """Explains which goal names a room that the world does not have; `None` if all rooms exist.
 
     Args:
-        asked: see `rooms_asked`.
-        rooms: names of the world's rooms.
+        asked: Rooms with their paths, from `rooms_asked`.
+        rooms: Names of the world's rooms.
     """
     for path, room in asked:
         if room not in rooms:
@@ -234,18 +234,18 @@ def _starts_on_origin(request: JobRequest) -> bool:
 
 
 def _has_only_programs(request: JobRequest) -> bool:
-    """Whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
+    """Returns whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
     configs = request.simulationApplications or request.robotApplications or ()
     return bool(configs) and all(is_program(config.launchConfig) for config in configs)
 
 
 def _records_topics(request: JobRequest) -> bool:
-    """Whether all topics of ROS are recorded, from which a job of programs is judged."""
+    """Returns whether all ROS topics are recorded, by which a job of programs can be judged."""
     return bool(getattr(getattr(request, "loggingConfig", None), "recordAllRosTopics", None))
 
 
 def _misspelt(request: JobRequest) -> Iterator[tuple[str, str]]:
-    """The paths of members with a variable that is nearly called like the launch variable, each with its name."""
+    """Yields variables whose names are nearly that of the launch variable, each with its path in the request."""
     for place, launch in launches(request):
         for name in misspelt_requirements(launch.environmentVariables or {}):
             yield f"{place}.environmentVariables", name

@@ -1,11 +1,11 @@
-"""Robustness of formulas of signal temporal logic over a run, by rtamt: how far the run is from another answer.
+"""Robustness of signal temporal logic formulas over a run, by rtamt: the margin by which a formula holds.
 
-A run ends, and formulas may ask for what comes later: `eventually[0, 3]` at its last second. So there are two numbers,
-the least and the most that the robustness could be whatever came after the end. They are one where the run says it all.
-Operators without bounds ask for what happens until the end, so nothing later counts for them.
+A run ends, but formulas may depend on later times: `eventually[0, 3]` at its last second. So there are two numbers: the
+minimum and the maximum of the robustness over everything that could follow the end. They are equal if the run decides
+the formula. Operators without bounds end with the run, so nothing later counts for them.
 
-rtamt computes both: the samples are continued beyond the end as far as the formula looks, with the worst for the one
-and the best for the other. Each comparison is a signal of its own for it, once for each side that is good.
+rtamt computes both: the samples are extended beyond the end as far as the formula needs, with the worst values for one
+and the best for the other. Each comparison becomes a signal for it, once for each direction that is good.
 """
 
 import importlib
@@ -18,12 +18,12 @@ from typing import Any
 from .formulas import Arithmetic, Comparison, Formula, Join, Number, Temporal, in_words, signals_of
 
 _FAR = 1e300
-"""Robustness of what is certain: more than any signal has."""
+"""Robustness of something certain, larger than that of any signal."""
 _STRICT = 1e-12
-"""Robustness of a comparison whose sides are equal: `<` is not met then, `<=` is; 0 would be both."""
+"""Robustness of a comparison whose sides are equal: `<` is then violated and `<=` satisfied; 0 would be ambiguous."""
 
 _SMALLER = 16
-"""Values that stand for all that are smaller: comparisons of products and `abs` may change twice."""
+"""Number of test values for all smaller values of a signal, as comparisons of products and `abs` may change twice."""
 
 Samples = Mapping[str, Sequence[float]]
 
@@ -33,22 +33,22 @@ class Robustness:
     """Lower and upper bound of a formula's robustness, the margin by which a run satisfies it."""
 
     least: float
-    """Robustness with the worst that could have come after the end; above 0 the formula holds in any case."""
+    """Robustness with the worst continuation after the end; above 0 the formula holds in any case."""
     most: float
-    """Robustness with the best that could have come; below 0 the formula is violated in any case."""
+    """Robustness with the best continuation after the end; below 0 the formula is violated in any case."""
     violated_at: int | None = None
-    """Number of the first sample at which it is known to be violated; None: it is not, or only its end says so."""
+    """Index of the first sample at which a violation is certain; None: there is none, or only the end shows it."""
     idle: tuple[Formula, ...] = ()
-    """Conditions, left of `->`, that never held, so that what is right of them was not put to the test."""
+    """Conditions, left of `->`, that never held, so that their consequences were not tested."""
 
 
 def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustness:
     """Computes the robustness of a temporal logic formula: the margin by which samples satisfy it.
 
     Args:
-        formula: The formula; its bounds are multiples of the period.
-        samples: Values of its signals, all of one length, from the beginning of the run to its end.
-        period_s: Time from one sample to the next, in seconds.
+        formula: Formula whose time bounds are multiples of the period.
+        samples: Values of its signals over the whole run, all of one length.
+        period_s: Seconds between two samples.
 
     Raises:
         ImportError: rtamt is not installed.
@@ -61,7 +61,7 @@ def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustnes
 
 
 def differs_below(formula: Formula, samples: Samples, signal: str, bound: float) -> Comparison | None:
-    """Finds a comparison that a smaller value of a signal, from 0 up to a bound, would change at any sample.
+    """Finds a comparison that would change at any sample if a signal were smaller, from 0 to a bound.
 
     Args:
         formula: The formula.
@@ -95,7 +95,7 @@ def horizon(formula: Formula, period_s: float) -> int:
 
 
 def _first_violation(formula: Formula, samples: Samples, period_s: float) -> int | None:
-    """Number of the first sample from which on something is wrong that has to hold always."""
+    """Returns the index of the first sample at which a condition that always has to hold is violated."""
     if isinstance(formula, Join) and formula.word == "and":
         found = [_first_violation(part, samples, period_s) for part in formula.parts]
         return min((each for each in found if each is not None), default=None)
@@ -120,7 +120,7 @@ def _ever_holds(formula: Formula, samples: Samples, period_s: float) -> bool:
 
 
 def _at_all_times(formula: Formula, samples: Samples, period_s: float, *, is_worst: bool) -> list[float]:
-    """Robustness at each sample, by rtamt."""
+    """Computes the robustness at each sample, by rtamt."""
     with warnings.catch_warnings():  # its parser's runtime of 2017 uses what Python has deprecated since
         warnings.simplefilter("ignore")
         rtamt: Any = importlib.import_module("rtamt")
@@ -138,7 +138,7 @@ def _at_all_times(formula: Formula, samples: Samples, period_s: float, *, is_wor
 
 @dataclass
 class _Text:
-    """The text that rtamt reads, and the signals in it."""
+    """Text of a formula for rtamt, and the signals in it."""
 
     samples: Samples
     length: int
@@ -148,11 +148,11 @@ class _Text:
     signals: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
 
     def of(self, formula: Formula, *, is_good: bool) -> str:
-        """Text of a formula.
+        """Returns the text of a formula.
 
         Args:
-            formula: The formula.
-            is_good: Whether the whole is the more robust the more robust this part is; `not` turns it round.
+            formula: Formula, or part of one.
+            is_good: Whether more robustness of this part makes the whole more robust; `not` reverses that.
         """
         if isinstance(formula, Comparison):
             return self._signal(_values(formula, self.samples, self.length), self._unknown(is_good=is_good))
@@ -187,7 +187,7 @@ class _Text:
         return f"(({parts[0]} until ({is_during} and {parts[1]})) or {is_later})"
 
     def _unknown(self, *, is_good: bool) -> float:
-        """Robustness of a part beyond the end."""
+        """Returns the robustness of a part beyond the end of the run."""
         return -_FAR if self.is_worst == is_good else _FAR
 
     def _signal(self, values: Sequence[float], beyond: float) -> str:
@@ -205,7 +205,7 @@ def _balanced(word: str, parts: Sequence[str]) -> str:
 
 
 def _values(comparison: Comparison, samples: Samples, length: int) -> list[float]:
-    """Robustness of a comparison at each sample."""
+    """Computes the robustness of a comparison at each sample."""
     left, right = (_numbers(side, samples, length) for side in (comparison.left, comparison.right))
     is_below = comparison.sign in ("<", "<=")
     equal = -_STRICT if comparison.sign in ("<", ">") else _STRICT

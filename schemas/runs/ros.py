@@ -1,4 +1,4 @@
-"""Options of the ROS bridge, in the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
+"""Options of the ROS bridge, from the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
@@ -12,7 +12,7 @@ from ..wire.json_values import load_strict
 from ..wire.request_problems import parsed_member
 
 ROS_VARIABLE = "ROBOMAKER_ROS"
-"""A launch variable: `1`, `2` or `off`, or options of the bridge as JSON."""
+"""Name of the launch variable with `1`, `2` or `off`, or options of the bridge as JSON."""
 
 KnownTopic = Literal[
     "/camera/camera_info",
@@ -34,7 +34,7 @@ KnownTopic = Literal[
     "/tf",
     "/tf_static",
 ]
-"""Topics that the bridge publishes, and `/cmd_vel`, which it reads."""
+"""Topics that the bridge publishes, and `/cmd_vel`, to which it subscribes."""
 
 TopicName = Annotated[str, Field(pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")]
 FrameName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_./-]+$")]
@@ -113,7 +113,7 @@ class RosOptions(Model):
 
     @model_serializer(mode="wrap")
     def _given(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Serialises only the options that were given: another process may read the rest from `robot.yaml`."""
+        """Serialises only the options that were given, as another process may read the others from `robot.yaml`."""
         return {name: value for name, value in whole(self).items() if name in self.model_fields_set}
 
     @model_validator(mode="after")
@@ -127,7 +127,7 @@ class RosOptions(Model):
 
 
 NOT_OF_ROBOTS = ("suite", "peers", "interface")
-"""Options that are needed before a robot's `robot.yaml` is read."""
+"""Options that are needed before a robot's `robot.yaml` is read, so that the file cannot have them."""
 
 
 class RosPlan(Model):
@@ -146,7 +146,7 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
     """Parses the value of the launch variable `ROBOMAKER_ROS`, the options of the ROS bridge.
 
     Args:
-        text: The value.
+        text: Value of the variable.
         place: Path of the variable, for errors.
 
     Returns:
@@ -168,7 +168,7 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
 
 
 def wrong_ros(request: JobRequest) -> Iterator[str]:
-    """Finds what is wrong with options of the ROS bridge in the launch variables of a simulation job request."""
+    """Yields problems of ROS bridge options in the launch variables of a simulation job request."""
     for place, launch in launches(request):
         if (text := (launch.environmentVariables or {}).get(ROS_VARIABLE)) is not None:
             try:

@@ -1,7 +1,7 @@
-"""Designs of trials: which combinations of the values of axes a job tries.
+"""Designs of trials: the combinations of axis values (cells) that a job tries.
 
-A combination is a cell. A grid has all cells but those that are excluded; other designs have as many points as they are
-asked for. Included cells come after all others.
+A grid has all combinations except excluded ones; other designs have a requested number of points. Explicitly included
+cells come after all others.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TrialDesign = Annotated[Literal["grid", "random", "latin-hypercube", "sobol"], ShapeName("TrialDesign")]
-"""Ways to choose cells: all, by chance, by chance with every part of each axis covered, or evenly spread."""
+"""Ways to choose cells: all combinations, random, random with every part of each axis covered, or evenly spread."""
 
 Cell = Mapping[str, Value]
-"""Values of axes by name; an axis that is not in it is as it was built."""
+"""Values of axes by name; axes that are missing keep their default value."""
 
 _STREAM = 0x61786573  # "axes" in ASCII
-"""Sets the generator of designs apart from those of trials, which have the job's seed too."""
+"""Constant in the seed of designs, so that they differ from the random numbers of trials with the same seed."""
 
 
 def wrong_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], place: str) -> Iterator[str]:
-    """Finds why no cell of a grid has an excluded combination: it names no axis, or a value that its axis has not.
+    """Yields reasons why an excluded combination matches no cell of a grid: unknown axis, or unknown value.
 
     Args:
-        axes: The axes of the grid.
-        excluded: Values by name of the axis.
+        axes: Axes of the grid.
+        excluded: Values by axis name.
         place: Path of the combination in the request, with which each problem begins.
     """
     if not excluded:
@@ -42,18 +42,18 @@ def wrong_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], plac
 
 
 def grid_size(axes: Mapping[str, Axis]) -> int:
-    """Returns how many cells a grid has, excluded ones among them; 1 without axes."""
+    """Returns the number of cells of a grid, including excluded ones; 1 without axes."""
     return prod(len(axis.listed or ()) for axis in axes.values())
 
 
 def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]) -> Sequence[int]:
     """Returns the numbers of the cells of a grid that are not excluded.
 
-    The axis that is named last changes from each cell to the next.
+    The last axis changes from each cell to the next.
 
     Args:
-        axes: The axes, each of which lists its values.
-        excluded: Combinations, of all axes or some; a cell that has the values of one of them is left out.
+        axes: Axes, each of which lists its values.
+        excluded: Combinations of values of all axes or some; a cell with all values of one of them is left out.
     """
     if not excluded:
         return range(grid_size(axes))
@@ -68,7 +68,7 @@ def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]
 
 
 def grid_cell(axes: dict[str, Axis], number: int) -> dict[str, Value]:
-    """Returns a cell of a grid by its number among all of them."""
+    """Returns a cell (combination of axis values) of a grid by its number."""
     chosen: dict[str, Value] = {}
     for name, axis in reversed(axes.items()):
         listed = axis.listed or ()
@@ -78,14 +78,14 @@ def grid_cell(axes: dict[str, Axis], number: int) -> dict[str, Value]:
 
 
 def point(axes: Mapping[str, Axis], design: str, points: int, seed: int, number: int) -> dict[str, Value]:
-    """Returns a point of a design that draws them.
+    """Returns a point of a design that samples its points.
 
     Args:
         axes: The axes.
         design: `random`, `latin-hypercube` or `sobol`.
-        points: How many points there are.
-        seed: The job's seed, on which all of them depend.
-        number: The point's number, from 0.
+        points: Number of points.
+        seed: Seed of the job, which determines all points.
+        number: Number of the point, from 0.
     """
     shares = _shares(design, points, len(axes), seed)[number].tolist()
     return {name: axis.at(share) for (name, axis), share in zip(axes.items(), shares, strict=True)}
@@ -93,7 +93,7 @@ def point(axes: Mapping[str, Axis], design: str, points: int, seed: int, number:
 
 @lru_cache(maxsize=4)  # a job asks for one, point by point
 def _shares(design: str, points: int, axes: int, seed: int) -> "NDArray[Any]":
-    """Points of a unit cube, shape (points, axes)."""
+    """Returns points in the unit cube, shape (points, axes)."""
     import numpy as np
 
     rng = np.random.default_rng([_STREAM, seed])

@@ -1,7 +1,7 @@
-"""Results of a job's trials: a row for each, and their summary.
+"""Results of a job's trials: a row for each, and a summary.
 
-The rows are `trials.parquet` among the job's outputs; the summary is in `extra.trials` of its `result.json`. A trial
-that was recorded has a folder of outputs of its own, like a job: `trials/000012`.
+The rows are stored as `trials.parquet` in the job's outputs, the summary in `extra.trials` of its `result.json`. A
+recorded trial has an output folder of its own, like a job: `trials/000012`.
 """
 
 from pathlib import PurePosixPath
@@ -19,11 +19,11 @@ from .trials import Trial
 TRIALS_FILE = "trials.parquet"
 TRIALS_FOLDER = "trials"
 SUMMARY_NAME = "trials"
-"""Name of the summary in a result's `extra`."""
+"""Name of the trials summary in a result's `extra`."""
 MAX_FAILING = 100
-"""Limit on the number of trials that a summary names as not passed."""
+"""Maximum number of trials that a summary names as not passed."""
 MAX_CELLS = 200
-"""Largest number of cells of a grid, and of parts of an axis, that a summary counts."""
+"""Maximum number of cells of a grid, and of parts of an axis, that a summary counts."""
 
 
 class TrialRow(Model):
@@ -99,7 +99,7 @@ class TrialCounts(Model):
 
     @property
     def total(self) -> int:
-        """Number of all trials."""
+        """Number of all trials of a job."""
         return self.passed + self.failed + self.errors + self.unjudged
 
 
@@ -146,8 +146,8 @@ def plan_of_trial(plan: RunPlan, trial: Trial) -> RunPlan:
     """Makes the run plan of a single trial from its job's plan, with the trial's seed and the values of its axes.
 
     Args:
-        plan: The job's.
-        trial: One of its trials.
+        plan: Plan of the job.
+        trial: One of the job's trials.
     """
     changes: dict[str, object] = {"seed": trial.seed, "trials": None, "trial": trial.number}
     axes = (plan.trials.axes if plan.trials else None) or {}

@@ -1,8 +1,8 @@
-"""Trials: many episodes in one job, each with a seed of its own and a value of each axis.
+"""Trials: many episodes in one job, each with its own seed and axis values.
 
-A job's request orders them as its member `trials` or, for SDKs that do not know that member, as JSON in the launch
-variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each cell, a combination of values of the axes, gets the same
-seeds, the job's own and those after it; seeds change from trial to trial, then the cell.
+A job's request has them in its member `trials` or, for SDKs that do not know that member, as JSON in the launch
+variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each cell (combination of axis values) gets the same seeds: the
+job's seed and those after it. The seed changes from trial to trial, then the cell.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,11 +24,11 @@ from .axis_kinds.kind import Axis, Value
 from .trial_designs import Cell, TrialDesign, grid_cell, grid_size, kept_cells, point, wrong_excluded
 
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
-"""The launch variable."""
+"""Name of the launch variable with trials as JSON."""
 MAX_TRIALS = 1_000_000
-"""Limit on the number of trials of a job."""
+"""Maximum number of trials of a job."""
 MAX_RECORDED = 1000
-"""Limit on the number of trials of a job that are recorded, each in a folder of its own."""
+"""Maximum number of recorded trials of a job, each with an output folder of its own."""
 
 TrialCount = Annotated[int, ShapeName("TrialCount"), Field(ge=1, le=MAX_TRIALS)]
 TrialNumber = Annotated[int, ShapeName("TrialNumber"), Field(ge=0, lt=MAX_TRIALS)]
@@ -76,7 +76,7 @@ class Trials(Shape):
         return self
 
     def _wrong_design(self) -> Iterator[str]:
-        """Finds what a design needs and lacks, or has and cannot use."""
+        """Yields problems of a design: missing members, and members that it does not use."""
         if not self._axes:
             named = [name for name in ("include", "exclude") if getattr(self, name)]
             yield from (f"{name}: its cells are of axes, and there are none; give axes" for name in named)
@@ -98,7 +98,7 @@ class Trials(Shape):
             yield f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own"
 
     def _wrong_cells(self) -> Iterator[str]:
-        """Finds cells that name what is not there, or are there twice, and grids that are too large."""
+        """Yields problems of cells with unknown axes or values or that occur twice, and of too large grids."""
         if grid_size(self._axes) > MAX_TRIALS and self.design == "grid":
             cells = grid_size(self._axes)
             yield f"axes: a grid of them has {cells} cells; a job has at most {MAX_TRIALS} trials"
@@ -117,7 +117,7 @@ class Trials(Shape):
             yield from wrong or (wrong_excluded(self._axes, parsed, f"exclude[{number}]") if are_listed else ())
 
     def _wrong_count(self) -> Iterator[str]:
-        """Finds grids without a cell or with one twice, and wrong numbers of trials, where all else is right."""
+        """Yields problems of grids without cells or with duplicate cells, and of wrong numbers of trials."""
         if self.exclude and not self._kept and not self.include:
             yield "exclude: it leaves no cell; exclude fewer, or include some"
             return
@@ -134,23 +134,23 @@ class Trials(Shape):
                 yield f"record[{place}]: there is no trial {number}; the trials are 0 to {self.count - 1}"
 
     def _has_cell(self, cell: Cell) -> bool:
-        """Whether a grid has a cell of its own that is the same."""
+        """Returns whether a grid of axis values contains a given cell."""
         listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self._axes.items())
         return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
 
     @property
     def cells(self) -> int:
-        """Number of cells, that is of combinations of values of the axes; 1 without axes."""
+        """Number of cells (combinations of axis values); 1 without axes."""
         return self._drawn + len(self.include or ())
 
     @property
     def count(self) -> int:
-        """Number of trials: cells times seeds."""
+        """Number of trials of the job: cells times seeds."""
         return self.seeds * self.cells
 
     @property
     def first_values(self) -> dict[str, Any]:
-        """The axes of a grid, as plain values, with nothing but the values of its first cell."""
+        """Axes of a grid as plain values, each with only the value of the first cell."""
         first = grid_cell(self._axes, self._kept[0] if self._kept else 0)
         return {name: {**axis.to_wire(), "values": [first[name]]} for name, axis in self._axes.items()}
 
@@ -158,8 +158,8 @@ class Trials(Shape):
         """Returns the trial of a given number, with its seed and the values of its axes.
 
         Args:
-            number: Its number, from 0.
-            first_seed: The job's seed.
+            number: Number of the trial, from 0.
+            first_seed: Seed of the job.
 
         Raises:
             IndexError: There is no such trial.
@@ -171,7 +171,7 @@ class Trials(Shape):
         return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cell(place, first_seed))
 
     def _cell(self, place: int, seed: int) -> Cell:
-        """The cell of a given number, from 0."""
+        """Returns a cell (combination of axis values) by its number, from 0."""
         if place >= self._drawn:
             return self._included[place - self._drawn]
         if self.design == "grid":
@@ -184,7 +184,7 @@ class Trials(Shape):
 
     @property
     def _drawn(self) -> int:
-        """Number of cells besides those that are included."""
+        """Number of cells without the explicitly included ones."""
         return len(self._kept) if self.points is None else self.points
 
     @cached_property
@@ -201,7 +201,7 @@ class Trials(Shape):
         return [self._parsed(cell, "")[0] for cell in self.include or ()]
 
     def _parsed(self, cell: Mapping[str, str], place: str) -> tuple[Cell, list[str]]:
-        """The values that a cell of the request means, and what is wrong with others, each after its path."""
+        """Converts the values of a cell in the request, and returns the problems of invalid ones with their paths."""
         parsed: dict[str, Value] = {}
         wrong: list[str] = []
         for name, text in cell.items():
@@ -231,11 +231,11 @@ class Trial:
     number: int
     seed: int
     axes: Cell = field(default_factory=dict[str, Value])
-    """Values of axes by name; one that is not there is as built."""
+    """Values of axes by name; axes that are missing keep their default value."""
 
     @property
     def variables(self) -> dict[str, str]:
-        """Environment variables of its own, besides those of all trials."""
+        """Environment variables of this trial, in addition to those of all trials."""
         return {name: value for name, value in self.axes.items() if isinstance(value, str)}
 
     def __str__(self) -> str:
@@ -244,7 +244,7 @@ class Trial:
 
 
 def number_axes(trials: Trials) -> dict[str, str]:
-    """Returns the kinds of the axes whose values are numbers, by name of the axis."""
+    """Returns the kind of each numeric axis, by axis name."""
     return {name: axis.kind for name, axis in (trials.axes or {}).items() if axis.is_number}
 
 
@@ -265,7 +265,7 @@ def planned_trials(request: Mapping[str, Any]) -> int:
     """Counts the trials that a raw request orders, 0 for a single episode; fast, as batches have many requests.
 
     Args:
-        request: checked or not; what cannot be understood counts as no trials.
+        request: Request, checked or not; invalid trials count as none.
     """
     for given in (request.get("trials"), *_texts(request)):
         with suppress(ValidationError, InvalidParameterException):
@@ -277,7 +277,7 @@ def planned_trials(request: Mapping[str, Any]) -> int:
 
 
 def _texts(request: Mapping[str, Any]) -> Iterator[str]:
-    """The values of the launch variable in a request that may be anything."""
+    """Yields the values of the launch variable in an unchecked request."""
     for member in ("simulationApplications", "robotApplications"):
         configs = request.get(member)
         for config in configs if is_list(configs) else []:
@@ -289,10 +289,10 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
 
 
 def wrong_trials(request: JobRequest) -> Iterator[str]:
-    """Finds what is wrong with a request's launch variable for trials, and programs, which no trials can have.
+    """Yields problems of a request's launch variable for trials, and of programs, which cannot have trials.
 
     Args:
-        request: the request, whose member `trials` is right.
+        request: Request whose member `trials` is valid.
     """
     try:
         trials = trials_of(request)

@@ -1,4 +1,4 @@
-"""Variables of launch configurations: those that set how a job runs, and those that are secrets."""
+"""Variables of launch configurations: those that configure how a job runs, and those that are secrets."""
 
 import json
 import math
@@ -12,22 +12,22 @@ from .programs import ProgramPlan
 from .trials import TRIALS_VARIABLE, Trials
 
 HIDDEN = "(secret)"
-"""Text in place of a secret; with a number where values have to differ, those of an axis of trials."""
+"""Text that replaces a secret; followed by a number if different values have to stay distinguishable."""
 
 ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
-"""Environment variable in which SDKs find the address of the service."""
+"""Name of the environment variable in which SDKs find the URL of the service."""
 
 OF_JOB = "/of-job/"
-"""Paths of the endpoint that begin so are a job's own: its id and its key follow, and then the path of an operation."""
+"""Prefix of endpoint paths for calls of a job: its id and its key follow, then the path of an operation."""
 
 REFUSED = "/aws"
-"""Path of the endpoint below which services of AWS that are not served here are refused."""
+"""Prefix of endpoint paths at which calls to AWS services that are not provided here are refused."""
 
 CALL_AWS = "ROBOMAKER_JOBS_CALL_AWS"
-"""Setting that lets jobs call these services."""
+"""Name of the setting that lets jobs call AWS services."""
 
 SECRETS_VARIABLE = "ROBOMAKER_SECRETS"
-"""A launch variable: the names of other variables that are secrets, with commas between them."""
+"""Name of the launch variable with the comma-separated names of other variables that are secrets."""
 
 _NAMES = re.compile(
     r"(^|_)(SECRET|SECRETS|PASSWORD|PASSWD|PASSPHRASE|PWD|TOKEN|CREDENTIALS?|AUTHORIZATION"
@@ -38,7 +38,7 @@ _NO_SECRETS = frozenset({"PWD", "OLDPWD", SECRETS_VARIABLE})
 _VARIABLES = "environmentVariables"
 _TRIALS, _AXES = "trials", "axes"
 _CELLS = ("include", "exclude")
-"""Members of trials that have values by name of the axis."""
+"""Members of trials that contain axis values by name."""
 _LOGIN_IN_URL = re.compile(r"(?<=://)[^/\s:@]*:[^/\s@]+(?=@)")
 
 
@@ -107,8 +107,8 @@ def without_secrets(plan: RunPlan) -> RunPlan:
 def hide_secrets(document: Any) -> Any:
     """Returns JSON data, such as a request, with `(secret)` in place of the secrets inside.
 
-    These are among its variables and the axes of its trials. A variable that is a secret in one launch
-    configuration is one in all of them. Without any it is `document` itself.
+    Secrets are values of launch variables and axes of trials. A variable that is secret in one launch configuration is
+    secret in all of them. Without secrets the result is `document` itself.
     """
     axes = set(_axes_in(document))
     names = secret_names({}, axes)
@@ -118,7 +118,7 @@ def hide_secrets(document: Any) -> Any:
 
 
 def _axes_in(value: Any) -> Iterator[str]:
-    """The names of the axes of all trials that are variables."""
+    """Yields the names of the axes of all trials that are environment variables."""
     if is_mapping(value):
         for name, inner in value.items():
             if name == _TRIALS and is_mapping(inner):
@@ -134,7 +134,7 @@ def _axes_in(value: Any) -> Iterator[str]:
 
 
 def _read(text: Any) -> Any:
-    """The trials that a launch variable's text says, as a request has them; its text if it says something else."""
+    """Parses the trials in a launch variable's text; returns the text if it is no such JSON."""
     try:
         return {_TRIALS: json.loads(text)}
     except (TypeError, ValueError, RecursionError):
@@ -142,7 +142,7 @@ def _read(text: Any) -> Any:
 
 
 def _variables_in(value: Any) -> Iterator[Mapping[str, Any]]:
-    """The variables of all launch configurations."""
+    """Yields the variables of all launch configurations."""
     if is_mapping(value):
         for name, inner in value.items():
             if name == _VARIABLES and is_mapping(inner):
@@ -178,7 +178,7 @@ def _hidden_variables(variables: Mapping[str, Any], names: set[str]) -> dict[str
 
 
 def _hidden_trials(trials: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
-    """Trials without the values of some axes; different values of one stay different, so that they can be read."""
+    """Replaces the values of secret axes in trials; different values get different replacements."""
     cells = [cell for member in _CELLS if is_list(found := trials.get(member)) for cell in found if is_mapping(cell)]
     axes: Mapping[str, Any] = trials[_AXES] if is_mapping(trials.get(_AXES)) else {}
     hidden: dict[str, dict[str, str]] = {}

@@ -1,4 +1,4 @@
-"""Result of replaying a run: `robomaker verify`."""
+"""Result of repeating a run and comparing its states (`robomaker verify`)."""
 
 from pathlib import Path
 from typing import Literal
@@ -16,14 +16,14 @@ ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
     "recorded actions": "; with the recorded actions, the robot's program was not run",
     "program": "; the robot's program was run again",
 }
-"""Way in which the robot was repeated in a rerun, at the end of a sentence."""
+"""Descriptions of how the robot was repeated in a rerun, for the end of a sentence."""
 
 EXIT_CODES: dict[Answer, int] = {
     "bit-identical": OK,
     "diverged": VERDICT_FAILED,
     "not comparable": BROKE,
 }
-"""Exit codes of the command line, by the answer."""
+"""Exit codes of `robomaker verify`, by answer."""
 
 
 class Divergence(Model):

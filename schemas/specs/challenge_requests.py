@@ -1,6 +1,7 @@
-"""Requests of a challenge: a few of a specification's simulation jobs, each once as it is and once with each sabotage.
+"""Requests of a challenge: some jobs of a specification, each once unchanged and once with each sabotage.
 
-All jobs of a step are one batch, so that a job that cannot be sabotaged stops no other. What each job is, its tags say.
+All jobs of a step are one batch, so that a job that cannot be sabotaged does not stop the others. Tags say which job
+and sabotage each one is.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,9 +23,9 @@ from .sabotages import Sabotage, challenged_trials
 from .text import ListNode, MappingNode, Node, child, plain
 
 SABOTAGE_TAG = "sabotage"
-"""Tag of a job that says its sabotage; absent: its robot is as it is."""
+"""Tag of a job with the name of its sabotage; absent: the robot is unchanged."""
 JOB_TAG = "challenged-job"
-"""Tag of a job that says which job of the challenge it is, from 1; jobs with the same number are compared."""
+"""Tag of a job with its number in the challenge, from 1; jobs with the same number are compared."""
 _REQUESTS = "createSimulationJobRequests"
 _TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
 _APPLICATIONS = ("simulationApplications", "robotApplications")
@@ -35,7 +36,7 @@ def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
 
     Args:
         spec: The specification.
-        jobs: How many jobs are challenged, at most; of more steps than that the first ones are.
+        jobs: Maximum number of challenged jobs; if there are more steps, the first ones are used.
 
     Raises:
         SpecError: It runs no simulation jobs, or programs in them, changes what is there already, or uses what
@@ -55,26 +56,26 @@ def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
 
 @dataclass
 class ChallengeCut:
-    """Makes the requests of a challenge of those of a specification, step after step."""
+    """Function object that replaces each request of a specification by that of a challenge, step after step."""
 
     sabotages: Sequence[Sabotage]
     jobs: int
-    """Limit on the jobs that are still to be challenged."""
+    """Number of jobs that may still be challenged."""
     steps: int
     """Number of simulation steps that are still to come."""
     worlds: int | None
-    """Worlds of each generation job, at most; None: all, as requests may name any of them."""
+    """Maximum number of worlds of each generation job; None: all, as requests may name any of them."""
     _number: int = field(default=0, init=False)
-    """Number of jobs that are challenged so far."""
+    """Number of jobs challenged so far."""
 
     @classmethod
     def of(cls, spec: CheckedSpec, sabotages: Sequence[Sabotage], jobs: int) -> "ChallengeCut":
         """Prepares the cut of a specification.
 
         Args:
-            spec: The specification, from `challenged_spec`.
+            spec: Specification from `challenged_spec`.
             sabotages: The sabotages.
-            jobs: How many jobs are challenged, at most.
+            jobs: Maximum number of challenged jobs.
         """
         requests = [child(step.input, _REQUESTS) for step in spec.steps.values() if step.operation == BATCH]
         counts = all(node is not None and for_each_of(node) for node in requests)
@@ -84,8 +85,8 @@ class ChallengeCut:
         """Returns the request that the challenge carries out in place of a step's.
 
         Args:
-            operation: The step's operation.
-            request: Its request, references resolved.
+            operation: Operation of the step.
+            request: Request of the step, with references resolved.
         """
         members = {name: value for name, value in request.items() if name != _TOKEN}
         if operation == GENERATION and self.worlds is not None:
@@ -106,12 +107,12 @@ class ChallengeCut:
 
 
 def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> dict[str, Any]:
-    """Returns the request of one arm: a job with a sabotage, or as it is.
+    """Returns the request of a job with a sabotage, or of the unchanged job (control arm).
 
     Args:
-        job: The job's request, references resolved.
-        sabotage: The sabotage; None: of the control arm.
-        number: The job's number in the challenge.
+        job: Request of the job, with references resolved.
+        sabotage: Sabotage to apply; None: the job is of the control arm.
+        number: Number of the job in the challenge.
     """
     checked = SimulationJobRequest.model_validate({name: value for name, value in job.items() if name != _TOKEN})
     applications = {role: [without_trials(each) for each in job[role]] for role in _APPLICATIONS if job.get(role)}
@@ -125,7 +126,7 @@ def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> di
 
 
 def _with_needed(spec: CheckedSpec, names: Sequence[str]) -> set[str]:
-    """The named steps, and all that have to end before them."""
+    """Returns the named steps, and all steps that have to end before them."""
     found: set[str] = set()
     left = list(names)
     while left:
@@ -150,7 +151,7 @@ def _check_unused(spec: CheckedSpec, kept: set[str], simulating: Sequence[str]) 
 
 
 def _check_factories(steps: Iterable[CheckedStep]) -> None:
-    """Refuses steps whose jobs launch programs, as far as the specification says it; else the jobs' requests are."""
+    """Raises an error for steps whose jobs launch programs, as far as the specification shows it."""
     problems = [
         Problem(
             step.place,
@@ -165,7 +166,7 @@ def _check_factories(steps: Iterable[CheckedStep]) -> None:
 
 
 def _launches_in(value: object) -> Iterator[LaunchConfig]:
-    """Launch configurations anywhere in an input, with nothing but what says whether they launch a program."""
+    """Yields launch configurations anywhere in an input, reduced to the members that decide about programs."""
     if is_list(value):
         for item in value:
             yield from _launches_in(item)
@@ -179,7 +180,7 @@ def _launches_in(value: object) -> Iterator[LaunchConfig]:
 
 
 def _names_in(node: Node) -> set[str]:
-    """Names of the steps and variables that references use anywhere in an input."""
+    """Returns the names of the steps and variables that references use anywhere in an input."""
     if isinstance(node, MappingNode):
         return {name for each in node.entries.values() for name in _names_in(each)}
     if isinstance(node, ListNode):
@@ -191,7 +192,7 @@ def _names_in(node: Node) -> set[str]:
 
 
 def _as_batch(step: CheckedStep) -> CheckedStep:
-    """A step that runs a single job as one that runs a batch of it."""
+    """Converts a step with a single job to one with a batch of that job."""
     if step.operation != JOB or not isinstance(step.input, MappingNode):
         return step
     job = replace(step.input, entries={name: node for name, node in step.input.entries.items() if name != _TOKEN})
@@ -201,7 +202,7 @@ def _as_batch(step: CheckedStep) -> CheckedStep:
 
 
 def _longer(policy: object, times: int) -> dict[str, Any]:
-    """A batch's policy with so many times its time limit, if it has one."""
+    """Returns a batch's policy with its time limit, if any, multiplied by a number."""
     limit_s = policy.get("timeoutInSeconds") if is_mapping(policy) else None
     if not is_mapping(policy) or not isinstance(limit_s, int):
         return {}

@@ -1,4 +1,4 @@
-"""Reads a specification and finds everything wrong with it before anything runs."""
+"""Parses a specification and finds all of its problems before anything runs."""
 
 import re
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS, operation_shape
+from ..runs.known_failures import KnownFailure
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
@@ -34,9 +35,8 @@ from .sabotages import Sabotage, read_sabotages
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9
-"""Likeness of names of operations from which on the input is checked as that of the other one: many differ by a word.
-"""
-_HEAD = ("version", "name", "description", PARAMETERS)
+"""Similarity of operation names from which the input is checked as that of the similar operation."""
+_HEAD = ("version", "name", "description", "known", PARAMETERS)
 
 
 def load_spec(
@@ -56,11 +56,11 @@ def load_spec(
 
     Args:
         text: the file's content, YAML or JSON.
-        filename: what the problems' places say.
-        parameters: values of its parameters by name: plain ones, `AsText`, or nodes of the file they are from. The
-            others have their defaults.
-        is_complete: whether each parameter has to have a value. One that is not complete cannot run.
-        most_worlds: worlds that one generation job may make; `None`: that is not checked.
+        filename: File name for the places of problems.
+        parameters: Parameter values by name: plain ones, `AsText`, or nodes of the file from which they are. The others
+            have their defaults.
+        is_complete: Whether each parameter has to have a value. An incomplete specification cannot run.
+        most_worlds: Maximum number of worlds of one generation job; `None`: not checked.
 
     Raises:
         SpecError: with everything that is wrong.
@@ -81,7 +81,7 @@ def load_spec(
 
 
 def declared_parameters(text: str) -> dict[str, Parameter]:
-    """Returns the parameters that a specification declares, for a form; none where they cannot be read.
+    """Returns the parameters that a specification declares, for a form; none if they cannot be read.
 
     Args:
         text: the specification, YAML or JSON, which may have problems.
@@ -99,7 +99,7 @@ def _declared(found: Node | None) -> dict[str, Parameter]:
 
 
 def _declared_well(found: Node | None) -> dict[str, Parameter]:
-    """The parameters whose declarations can be read."""
+    """Returns the parameters with readable declarations."""
     declared: dict[str, Parameter] = {}
     for name, node in found.entries.items() if isinstance(found, MappingNode) else ():
         with suppress(ValidationError):
@@ -112,7 +112,7 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
 
     Args:
         text: the request, YAML or JSON.
-        filename: what the problems' places say.
+        filename: File name for the places of problems.
         operation: the operation's name.
 
     Returns:
@@ -139,7 +139,7 @@ class _Given:
 
 
 def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, given: _Given) -> CheckedSpec:
-    """Checks a request without anything around it."""
+    """Checks a request that is given without operation and input around it."""
     step = MappingNode(request.place, {"operation": operation, "input": request}, request.key_places)
     return _load_single({}, step, text, filename, ("input",), given)
 
@@ -147,7 +147,7 @@ def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, 
 def _load_single(
     head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location, given: _Given
 ) -> CheckedSpec:
-    """Checks a step without a pipeline around it, by putting one around it that the user does not see."""
+    """Checks a single step, by putting a pipeline around it that is invisible to the user."""
     stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
     name = re.sub(r"\W|^(?=\d)", "_", stem)[:63]
     entries: dict[str, Node] = {
@@ -161,7 +161,7 @@ def _load_single(
 
 
 class _Check:
-    """One specification under check."""
+    """Check of one specification: parses it, collects its problems, and returns it if there are none."""
 
     def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str, given: _Given) -> None:
         self._respelling = respelt(root, Spec)
@@ -212,10 +212,16 @@ class _Check:
             missing=self._settled.missing,
             notes=notes,
             sabotages=sabotages,
+            known=self._known(),
         )
 
+    def _known(self) -> tuple[KnownFailure, ...]:
+        """The known failures of a document that has no problems."""
+        found = self._root.entries.get("known")
+        return tuple(map(KnownFailure.model_validate, plain(found))) if found is not None else ()
+
     def _sabotages(self) -> tuple[Sabotage, ...]:
-        """The specification's own sabotages; what is no mapping, the document's check has told."""
+        """Returns the specification's own sabotages; entries that are no mappings were reported before."""
         found = self._root.entries.get("sabotages")
         if not isinstance(found, MappingNode) or not found.entries:
             return ()
@@ -258,7 +264,7 @@ class _Check:
         return path_text(self._shown(location))
 
     def _shown(self, location: Location) -> Location:
-        """A location as the user sees it."""
+        """Converts a location to the one that the user sees."""
         written = self._respelling.path(location)
         return written[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else written
 
@@ -315,7 +321,7 @@ class _Check:
         )
 
     def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:
-        """The steps that a step names itself."""
+        """Returns the steps that a step names in its member `needs`."""
         named: Any = plain(node.entries["needs"]) if "needs" in node.entries else ()
         found: set[str] = set()
         for position, each in enumerate(named if is_list(named) else []):
@@ -329,7 +335,7 @@ class _Check:
         return found
 
     def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
-        """The steps, each after those it needs, otherwise as in the file."""
+        """Returns the steps, each after those it needs, otherwise in file order."""
         graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
         for circle in circles(graph):
             message = (
@@ -350,7 +356,7 @@ def _said_operation(step: Node) -> str | None:
 
 
 def _operation(step: Node) -> str | None:
-    """The operation that a step names, or nearly names; `None`: it cannot be told."""
+    """Returns the operation that a step names, or nearly names; `None` if it cannot be determined."""
     said = _said_operation(step)
     return None if said is None else said if said in STEPS else closest(said, STEPS, _SURELY_MEANT)
 
@@ -361,7 +367,7 @@ def _scalar(step: Node, key: str) -> Any:
 
 
 def _if_exists(step: MappingNode) -> IfExists:
-    """The value of a step's `ifExists`; `fail` where it says something that does not exist."""
+    """Returns the value of a step's `ifExists`; `fail` if it is invalid."""
     said = _scalar(step, "ifExists")
     return said if said in get_args(IfExists) else "fail"
 

@@ -1,7 +1,7 @@
-"""Puts the values of a specification's parameters in the place of their references, before anything is checked.
+"""Replaces references to a specification's parameters by their values, before anything is checked.
 
-What reads the steps afterwards sees plain values at the places of their use. A text that also refers to steps or
-variables stays as it is: its parameters are in scope where it is resolved.
+Later code sees plain values in the steps. A text that also refers to steps or variables is left unchanged: its
+parameters are replaced when it is resolved.
 """
 
 import re
@@ -21,7 +21,7 @@ from .text import ListNode, MappingNode, Node, ScalarNode, child
 _OPENING = "${{"
 _VARIABLES = "environmentVariables"
 _LOGIN = re.compile(r"://[^/\s]*\$\{\{[^}]*\}\}[^/\s]*@")
-"""A reference before the `@` of a URL."""
+"""Pattern of a reference before the `@` of a URL, where a login would be."""
 
 
 def fold_parameters(
@@ -31,8 +31,8 @@ def fold_parameters(
 
     Args:
         root: the specification.
-        kinds: the type of its parameters.
-        values: their values; a reference to a parameter without one stays.
+        kinds: Types of its parameters.
+        values: Values of the parameters; a reference to a parameter without a value is kept.
 
     Returns:
         The specification with values, and what is wrong with references that could not be evaluated. What is wrong
@@ -53,13 +53,13 @@ def fold_parameters(
 
 
 def is_folded(node: Node) -> bool:
-    """Whether a scalar has its value from a parameter, by a reference that stands in its place in the file."""
+    """Returns whether a scalar's value comes from a parameter, whose reference is at its place in the file."""
     return isinstance(node, ScalarNode) and _OPENING in node.source and node.value != node.source
 
 
 @dataclass
 class _Fold:
-    """The folding of one specification, whose expressions share one limit of work."""
+    """Replacement of references in one specification; its expressions share one limit of work."""
 
     kinds: Record
     values: Mapping[str, ParameterValue]
@@ -67,7 +67,7 @@ class _Fold:
     _interpreter: Interpreter = field(default_factory=Interpreter)
 
     def node(self, node: Node, location: Location) -> Node:
-        """Folds a node with everything in it."""
+        """Replaces references in a node and all nodes below it."""
         if isinstance(node, MappingNode):
             self._refuse_secrets(node, location)
             entries = {key: self.node(value, (*location, key)) for key, value in node.entries.items()}
@@ -78,7 +78,7 @@ class _Fold:
         return self._scalar(node, location)
 
     def _refuse_secrets(self, node: MappingNode, location: Location) -> None:
-        """Refuses parameters in secret variables, and in axes of trials that are such."""
+        """Raises an error for parameters in secret variables, and in axes of trials with such names."""
         if location[-1:] not in ((_VARIABLES,), ("axes",)):
             return
         marked = node.entries.get(SECRETS_VARIABLE)
@@ -122,7 +122,7 @@ def _uses_parameters(node: Node) -> bool:
 
 
 def _node_of(value: Any, place: Place, source: str) -> Node:
-    """A value as the file would have it: nothing in it is a reference."""
+    """Converts a value to a node of the file, in which nothing is a reference."""
     if is_object(value):
         entries = {key: _node_of(each, place, source) for key, each in value.items()}
         return MappingNode(place, entries, dict.fromkeys(entries, place))

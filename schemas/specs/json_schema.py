@@ -1,7 +1,7 @@
-"""The JSON Schema of specifications, for editors and for checking without this program.
+"""JSON Schema of specifications, for editors and for checks without this program.
 
-`python -m prefect_robomaker.schemas.specs.json_schema` writes `pipeline.schema.json` beside this module.
-It says less than `check.py`: it knows nothing of what references give.
+`python -m prefect_robomaker.schemas.specs.json_schema` writes `pipeline.schema.json` beside this module. It checks less
+than `check.py`, as it does not know the values of references.
 """
 
 import json
@@ -54,7 +54,7 @@ def spec_schema() -> dict[str, Any]:
 
 
 def _step(schema: dict[str, Any]) -> dict[str, Any]:
-    """A step whose `input` is its operation's request."""
+    """Returns the schema of a step whose `input` is its operation's request."""
     schema["properties"]["operation"]["enum"] = sorted(STEPS)
     rules: list[dict[str, Any]] = [
         {
@@ -73,7 +73,7 @@ def _step(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _single() -> dict[str, Any]:
-    """A file with one operation: with `input`, or with the request's members themselves."""
+    """Returns the schema of a file with one operation: with `input`, or with the request's members themselves."""
     return {
         "type": "object",
         "required": ["operation"],
@@ -82,13 +82,13 @@ def _single() -> dict[str, Any]:
 
 
 def _with_references(schema: dict[str, Any]) -> dict[str, Any]:
-    """A schema of a structure whose members may be written as references or, if lists, with `forEach`."""
+    """Allows references in a structure's members, and `forEach` in lists."""
     properties = {name: _flexible(each) for name, each in schema.get("properties", {}).items()}
     return {**schema, "properties": properties} if properties else schema
 
 
 def _flexible(schema: dict[str, Any]) -> dict[str, Any]:
-    """The same value, or a reference to one."""
+    """Returns the schema of a value or a reference to one."""
     described = {key: schema[key] for key in ("description", "title", "deprecated") if key in schema}
     kept = {key: value for key, value in schema.items() if key not in (*described, "anyOf", "default")}
     alternatives = [each for each in schema.get("anyOf", [kept]) if each != {"type": "null"}]
@@ -96,7 +96,7 @@ def _flexible(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _forms(schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """The ways to write a list or a mapping whose entries may be references; anything else is as it is."""
+    """Returns the schemas of a list or mapping with references; other schemas are unchanged."""
     if schema.get("type") == "array":
         items = _flexible(schema.get("items", {}))
         return [{**schema, "items": items}, _for_each(items)]
@@ -130,7 +130,7 @@ def _for_each(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:
-    """Lets a template body be written out, and says what it holds."""
+    """Allows a template body as a mapping, and describes its content."""
     for operation in STEPS.values():
         properties = definitions[operation.request.__name__].get("properties", {})
         if "templateBody" in properties:

@@ -24,6 +24,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..operations.registry import STEPS
+from ..runs.known_failures import KnownFailure
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
@@ -41,7 +42,9 @@ SpecName = Annotated[str, text(1, 100, _SPEC_NAME)]
 IfExists = Literal["fail", "reuse", "update"]
 
 MAX_STEPS = 1000
-"""Steps of a specification; each is a flow run. Many jobs are a batch's requests, or a campaign's, in one step."""
+"""Maximum number of steps of a specification, since each is a flow run. Many jobs are a batch's requests, or a
+campaign's, in one step.
+"""
 
 FOR_EACH = "forEach"
 FOR_EACH_KEYS = (FOR_EACH, "as", "value")
@@ -49,7 +52,7 @@ INDEX = "index"
 DEFAULT_VARIABLE = "item"
 
 REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
-"""Operations that `ifExists: reuse` and `ifExists: update` are for."""
+"""Operations that allow `ifExists: reuse` and `ifExists: update`."""
 
 
 class Step(Model):
@@ -88,6 +91,12 @@ class Spec(Model):
         description="Sabotages that `robomaker challenge` tries besides its own, by name: values of axes, "
         "`slippery: {robot_friction: 0.2}`. Runs do without them.",
     )
+    known: list[KnownFailure] = Field(
+        default=[],
+        max_length=100,
+        description="Failures that are known: these jobs are run and judged, and shown apart, but do not make a run "
+        "red until a day.",
+    )
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
     )
@@ -100,10 +109,10 @@ class CheckedStep:
     name: str
     operation: str
     input: Node
-    """The request, references unresolved; `resolving.resolve_input` resolves them."""
+    """Request with unresolved references; `resolving.resolve_input` resolves them."""
 
     needs: tuple[str, ...]
-    """Every step that has to end before: those it names and those it refers to, in file order."""
+    """Names of all steps that have to end before: those it names and those it refers to, in file order."""
 
     if_exists: IfExists
     location: Location
@@ -113,7 +122,7 @@ class CheckedStep:
     """Place in the file where the input begins: at its key."""
 
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
-    """The specification's parameters, where a reference in the input needs them beside outputs of steps."""
+    """Parameters of the specification that references in the input need in addition to outputs of steps."""
 
 
 @dataclass(frozen=True)
@@ -124,30 +133,33 @@ class CheckedSpec:
     description: str
     filename: str
     text: str
-    """The file's content."""
+    """Content of the file."""
 
     steps: Mapping[str, CheckedStep]
     """Steps by name, in file order."""
 
     order: tuple[str, ...]
-    """Names of the steps; each comes after those it needs."""
+    """Names of the steps in execution order, each after those it needs."""
 
     declared: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
-    """Its parameters, as the file declares them."""
+    """Parameters as the file declares them."""
 
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
     """Values of the parameters, defaults included."""
 
     missing: tuple[str, ...] = ()
-    """Parameters without a value, which a run needs."""
+    """Names of parameters without a value, which a run needs."""
 
     notes: tuple[Problem, ...] = ()
     """Possible mistakes: names that only the catalog may know."""
     sabotages: tuple[Sabotage, ...] = ()
-    """Sabotages of its own, which `robomaker challenge` tries."""
+    """Sabotages of the specification, which `robomaker challenge` tries."""
+
+    known: tuple[KnownFailure, ...] = ()
+    """Failures that do not make a run red."""
 
     seed: int | None = None
-    """The seed in place of those in the file; `None`: those count."""
+    """Seed that replaces those in the file; `None`: those in the file are used."""
 
     @property
     def text_for_others(self) -> str:
@@ -167,9 +179,9 @@ def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
     """Finds the line and column in the specification file that a problem of a request is about.
 
     Args:
-        problem: what is wrong.
+        problem: Problem of the request.
         node: the request as written.
-        outermost: where the request as a whole begins.
+        outermost: Place where the whole request begins.
     """
     written = as_written(node, problem.location)
     if problem.about_key:
@@ -185,12 +197,12 @@ def for_each_of(node: Node) -> MappingNode | None:
 
 
 def is_step_name(name: str) -> bool:
-    """Whether a name is allowed for a step or a variable of a specification."""
+    """Returns whether a name is allowed for a step or a variable of a specification."""
     return re.fullmatch(_NAME, name) is not None
 
 
 def is_spec_name(name: str) -> bool:
-    """Whether a name is allowed for a specification."""
+    """Returns whether a name is allowed for a specification."""
     return re.fullmatch(_SPEC_NAME, name) is not None
 
 
@@ -226,7 +238,7 @@ def _with_entry(node: Node, key: str, value: Node) -> Node:
 def as_written(node: Node, location: Location) -> Location:
     """Maps a location in the resolved request to the location in the file.
 
-    Entries that one `forEach` made share one origin.
+    All items that one `forEach` made have the same location in the file.
     """
     written: list[str | int] = []
     following: Node | None = node

@@ -1,4 +1,4 @@
-"""Values of a specification's parameters as text: for people, and as words of a command line that give them again."""
+"""Formatting of parameter values: for people, and as command line options."""
 
 import json
 import shlex
@@ -9,12 +9,12 @@ ParameterValue: TypeAlias = str | int | float | bool
 
 
 def set_options(values: Mapping[str, ParameterValue]) -> list[str]:
-    """Returns the words of a command line that give parameters their values: `["--set", "worlds=20"]`."""
+    """Returns command line options that set parameters: `["--set", "worlds=20"]`."""
     return [word for name, value in values.items() for word in ("--set", f"{name}={value_in_words(value)}")]
 
 
 def param_options(values: Mapping[str, ParameterValue]) -> list[str]:
-    """Returns the same for `prefect deployment run`, which reads values as JSON."""
+    """Returns options of `prefect deployment run` that set parameters; their values are JSON."""
     return [f"--param={name}={value_in_words(value, as_json=True)}" for name, value in values.items()]
 
 
@@ -23,7 +23,7 @@ def value_in_words(value: ParameterValue, *, as_json: bool = False) -> str:
 
     Args:
         value: the value.
-        as_json: whether a text that JSON would read as something else, such as `20`, gets quotes.
+        as_json: Whether a text that JSON would read as another type, such as `20`, gets quotes.
     """
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -1,4 +1,4 @@
-"""Parameters of a specification: how they are declared, which values they may have, and the values that a run has.
+"""Parameters of a specification: their declarations, allowed values, and the values of a run.
 
 ```yaml
 parameters:
@@ -7,7 +7,7 @@ parameters:
   arm: {enum: [a, b]}
 ```
 
-The words are those of JSON Schema. `folding.fold_parameters` puts the values in the place of their references.
+Declarations use the keywords of JSON Schema. `folding.fold_parameters` replaces references by the values.
 """
 
 import keyword
@@ -34,19 +34,22 @@ from .text import ListNode, MappingNode, ScalarNode, plain
 ValueType = Literal["string", "integer", "number", "boolean"]
 
 MAX_PARAMETERS = 100
-"""Fields of a form that a person fills in; Prefect keeps a deployment's parameters in 512 kB."""
+"""Maximum number of parameters: people fill them in as a form, and Prefect stores a deployment's parameters in 512 kB.
+"""
 
 MAX_CHARACTERS = 2000
-"""Characters of a text: an ARN, a key or a sentence. A long one in thousands of places would fill the memory."""
+"""Maximum number of characters of a text value, such as an ARN or a sentence. A long one in thousands of places would
+fill the memory.
+"""
 
 OWN_NAMES = ("spec", "text", "origin", "reuse", "continues", PARAMETERS)
-"""Parameters of the flow `RunPipeline`; in a deployment those of the specification stand beside them."""
+"""Names of the parameters of the flow `RunPipeline`; in a deployment a specification's parameters are next to them."""
 
 # pragma: allowlist nextline secret
 NO_SECRETS = "values of parameters are in records, reports and Prefect, so write it where it is used"
 
 _NOT_OF_FLOWS = ("_", "model_", "wait_for", "return_state")
-"""Beginnings of names that pydantic's models of a flow's parameters, or calls of flows, have for themselves."""
+"""Prefixes of names that pydantic or Prefect reserve for themselves in a flow's parameters."""
 
 _KINDS: Mapping[ValueType, Kind] = {"string": TEXT, "integer": WHOLE_NUMBER, "number": NUMBER, "boolean": BOOLEAN}
 _WANTED: Mapping[ValueType, str] = {
@@ -59,7 +62,7 @@ _FOR_TYPES: Mapping[str, tuple[ValueType, ...]] = {
     **dict.fromkeys(("minimum", "maximum"), ("integer", "number")),
     "pattern": ("string",),
 }
-"""Members that are of use to some types only."""
+"""Members of a declaration that apply only to some types, with those types."""
 
 _NODES = (ScalarNode, ListNode, MappingNode)
 _INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
@@ -85,7 +88,7 @@ class Parameter(Model):
 
     @property
     def value_type(self) -> ValueType:
-        """The type of the parameter's values, where need be that of its choices or its default."""
+        """Type of the parameter's values, derived from its choices or default if not given."""
         if self.type is not None:
             return self.type
         known = self.enum or ([] if self.default is None else [self.default])
@@ -96,12 +99,12 @@ class Parameter(Model):
 
     @property
     def kind(self) -> Kind:
-        """The type of the parameter's values, as references know it."""
+        """Type of the parameter's values in the type system of references."""
         return _KINDS[self.value_type]
 
     @property
     def choices(self) -> list[str]:
-        """The allowed values as text; empty where not all are listed."""
+        """Allowed values as text; empty if they are not listed."""
         choices = ["true", "false"] if self.value_type == "boolean" else []
         return [value_in_words(each) for each in self.enum] if self.enum else choices
 
@@ -114,7 +117,7 @@ class Parameter(Model):
 
 @dataclass(frozen=True)
 class AsText:
-    """The value of a parameter as a command line or a form has it; the parameter's type says how it is read."""
+    """Value of a parameter as text from a command line or a form; the parameter's type decides how it is parsed."""
 
     text: str
 
@@ -124,27 +127,27 @@ class ValueProblem:
     """A problem of the declaration or the value of a parameter."""
 
     location: Location
-    """Keys of the specification that lead to it: `("parameters", "worlds")`."""
+    """Keys of the specification that lead to the problem: `("parameters", "worlds")`."""
 
     message: str
     about_key: bool = False
     place: Place | None = None
-    """Place in another file, where the value was given; `None`: the location in the specification is what is known."""
+    """Place in another file, where the value was given; `None`: `location` is the place."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """The parameters' values of a run, with what is wrong with them."""
+    """Parameter values of a run, and their problems."""
 
     values: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
     missing: tuple[str, ...] = ()
-    """Parameters that have neither a value nor a default."""
+    """Names of parameters that have neither a value nor a default."""
 
     problems: tuple[ValueProblem, ...] = ()
 
 
 def declaration_problems(name: str, declared: Parameter) -> Iterator[ValueProblem]:
-    """Finds what the model of a parameter's declaration cannot: members that do not go together.
+    """Yields problems of a parameter's declaration beyond its schema: contradicting members.
 
     Args:
         name: the parameter's name.
@@ -165,7 +168,7 @@ def declaration_problems(name: str, declared: Parameter) -> Iterator[ValueProble
 
 
 def _unfit_members(declared: Parameter) -> Iterator[tuple[Location, str]]:
-    """Members that the type has no use for, or that nothing can satisfy."""
+    """Yields members that do not apply to the type, or that no value can satisfy."""
     kind = declared.value_type
     for name, types in _FOR_TYPES.items():
         if getattr(declared, name) is not None and kind not in types:
@@ -177,7 +180,7 @@ def _unfit_members(declared: Parameter) -> Iterator[tuple[Location, str]]:
 
 
 def _wrong_values(declared: Parameter) -> Iterator[tuple[Location, str]]:
-    """Choices, and a default, that are not allowed themselves."""
+    """Yields choices, and a default, that are not allowed values themselves."""
     choices, without_choices = declared.enum or [], declared.model_copy(update={"enum": None})
     for index, value in enumerate(choices):
         if wrong := why_wrong(value, without_choices):
@@ -191,13 +194,13 @@ def _wrong_values(declared: Parameter) -> Iterator[tuple[Location, str]]:
 def settle(
     declared: Mapping[str, Parameter], given: Mapping[str, Any], *, is_complete: bool, others: Iterable[str] = ()
 ) -> Settled:
-    """Determines the value of each parameter: the one that was given, else the default.
+    """Determines the value of each parameter: the given one, else the default.
 
     Args:
-        declared: the parameters, whose declarations have no problems.
-        given: values by name: plain ones, `AsText`, or nodes of the file that they are from.
-        is_complete: whether each parameter needs a value; otherwise those without are told as missing.
-        others: names of parameters that are declared wrongly, of which messages know.
+        declared: Parameters with valid declarations.
+        given: Values by name: plain ones, `AsText`, or nodes of the file from which they are.
+        is_complete: Whether each parameter needs a value; otherwise those without are listed as missing.
+        others: Names of parameters with invalid declarations, for messages.
     """
     known = (*declared, *others)
     problems = [_unknown(name, value, known) for name, value in given.items() if name not in declared]
@@ -223,7 +226,7 @@ def settle(
 
 
 def why_wrong(value: Any, declared: Parameter) -> str:
-    """Says why a value is not allowed for a parameter: `is 200; it may be at most 100`; empty if it is allowed."""
+    """Describes why a value is not allowed for a parameter: `is 200; it may be at most 100`; empty if it is allowed."""
     if wanted := _wanted(value, declared):
         return f"is {_shown(value)}{wanted if wanted.startswith(';') else f'; {wanted}'}"
     return ""
@@ -234,7 +237,7 @@ def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, K
 
     Args:
         declared: the parameters.
-        others: types of those that are declared wrongly.
+        others: Types of parameters with invalid declarations.
     """
     return Record({**{name: each.kind for name, each in declared.items()}, **(others or {})}, "there is no parameter")
 
@@ -250,7 +253,7 @@ def _place_of(given: Any) -> Place | None:
 
 
 def _converted(given: Any, declared: Parameter) -> Any:
-    """A value in its parameter's type where it can be read so; otherwise as it is."""
+    """Converts a value to its parameter's type if possible; otherwise returns it unchanged."""
     if isinstance(given, AsText):
         return _read(given.text, declared.value_type)
     value = plain(given) if isinstance(given, _NODES) else given
@@ -270,7 +273,7 @@ def _read(text: str, kind: ValueType) -> ParameterValue:
 
 
 def _wanted(value: Any, declared: Parameter) -> str:
-    """Says what a value would have to be; empty if it is right."""
+    """Describes which values would be allowed; empty if the value is."""
     kind = declared.value_type
     if not _is_of_type(value, kind):
         is_other = kind == "string" and isinstance(value, int | float)

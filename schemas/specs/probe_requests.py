@@ -1,6 +1,6 @@
-"""Requests of a probe: those of a specification, cut down to a few worlds, jobs and trials, with the same seeds.
+"""Requests of a probe: a specification's requests reduced to a few worlds, jobs and trials, with the same seeds.
 
-How many jobs the whole request has, and how many trials each of them, says `jobs_in`.
+`jobs_in` returns the numbers of jobs and trials of the whole request.
 """
 
 import hashlib
@@ -40,11 +40,11 @@ class ProbeSize:
     """Limits of a probe, a small trial run of a specification: worlds, jobs and trials."""
 
     worlds: int
-    """Worlds of each generation job, at most."""
+    """Maximum number of worlds of each generation job."""
     jobs: int
-    """Jobs of each batch, at most."""
+    """Maximum number of jobs of each batch."""
     trials: int
-    """Trials of each job, at most."""
+    """Maximum number of trials of each job."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class JobAmount:
     """Amount of work in one simulation job: its trials and its time limit in seconds."""
 
     trials: int
-    """1 for a job without trials."""
+    """Number of trials; 1 for a job without trials."""
     limit_s: float
-    """Its `maxJobDurationInSeconds`."""
+    """Time limit in seconds (`maxJobDurationInSeconds`)."""
     kind: str = ""
-    """See `kind_of`."""
+    """Key of jobs that take equally long; see `kind_of`."""
 
 
 def check_probed(spec: CheckedSpec, what: str = "a probe") -> None:
@@ -64,7 +64,7 @@ def check_probed(spec: CheckedSpec, what: str = "a probe") -> None:
 
     Args:
         spec: the specification.
-        what: words for what would do so.
+        what: Words for the command that would change existing resources.
 
     Raises:
         SpecError: a step is of an operation that a probe must not call.
@@ -102,7 +102,7 @@ def kind_of(job: Mapping[str, Any]) -> str:
     World, seed, trials and tags have no effect on it.
 
     Args:
-        job: its request, or the members of it that are stored.
+        job: Request of the job, or its stored members.
     """
     wire = _checked(job).to_wire()
     applications = [
@@ -118,9 +118,9 @@ def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str
     """Reduces a request to the size of a probe: fewer worlds, jobs and trials.
 
     Args:
-        operation: the step's operation.
-        request: its request, references resolved.
-        size: what is left of it, at most.
+        operation: Operation of the step.
+        request: Request of the step, with references resolved.
+        size: Maximum size of the result.
 
     Returns:
         The request of the probe, without a token: the whole request may use that later.
@@ -148,8 +148,8 @@ def of_each_kind(kinds: Sequence[str], most: int) -> list[int]:
     """Picks at most `most` jobs, by index: one of each kind if possible, the others from all over the list.
 
     Args:
-        kinds: the kind of each job.
-        most: how many.
+        kinds: Kind of each job.
+        most: Maximum number of jobs.
     """
     firsts = spread([kinds.index(kind) for kind in dict.fromkeys(kinds)], most)
     others = [index for index in spread(range(len(kinds)), most) if index not in firsts]
@@ -157,7 +157,7 @@ def of_each_kind(kinds: Sequence[str], most: int) -> list[int]:
 
 
 def _cut_worlds(request: Mapping[str, Any], most: int) -> dict[str, int]:
-    """A world count with the same number of interiors for each floor plan, as seeds depend on it, if it may be."""
+    """Reduces a world count, if possible with the same number of interiors per floor plan, on which seeds depend."""
     floorplans, interiors = _world_count(request)
     interiors = min(interiors, most)
     floorplans = min(floorplans, max(1, most // interiors))
@@ -165,7 +165,7 @@ def _cut_worlds(request: Mapping[str, Any], most: int) -> dict[str, int]:
 
 
 def _world_count(request: Mapping[str, Any]) -> tuple[int, int]:
-    """Floor plans, and interiors of each."""
+    """Returns the numbers of floor plans and of interiors per floor plan."""
     count = request.get("worldCount")
     members = count if is_object(count) else {}
     return members.get("floorplanCount") or 1, members.get("interiorCountPerFloorplan") or 1
@@ -196,9 +196,9 @@ def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
 
 
 def cut_trials(trials: Trials, most: int) -> Trials:
-    """Reduces trials to at most `most`: where there are too many cells, to the first one of a grid or to fewer points.
+    """Reduces trials to at most `most`: with too many cells, to the first cell of a grid, or to fewer points.
 
-    As many of them are recorded as of the whole, in proportion.
+    The share of recorded trials stays the same.
     """
     fewer: dict[str, Any] = {}
     cells = trials.cells

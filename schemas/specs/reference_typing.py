@@ -1,4 +1,4 @@
-"""Kinds of values: of members, and of JMESPath expressions, which are refused where they cannot work."""
+"""Type system of references: types of members and of JMESPath expressions, to reject invalid ones before a run."""
 
 import types
 from collections.abc import Callable, Mapping
@@ -67,7 +67,7 @@ class Record:
 
     members: Mapping[str, "Kind"]
     lacks: str = "this mapping has no member"
-    """Beginning of the sentence about a member that is not there."""
+    """Beginning of the error text about a missing member."""
 
     def __str__(self) -> str:
         return "a mapping"
@@ -96,7 +96,7 @@ def without_none(annotation: Any) -> Any:
 
 
 def kind_of(annotation: Any) -> Kind:
-    """Converts a model member's type annotation to the type of an expression."""
+    """Converts the type annotation of a model member to the type of an expression."""
     annotation = without_none(annotation)
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Literal:
@@ -132,7 +132,7 @@ def members_of(kind: Kind) -> Mapping[str, Kind] | None:
 
 
 def fits(source: Kind, target: Kind) -> bool:
-    """Whether a value of type `source` is acceptable where `target` is required; `True` when unknown."""
+    """Returns whether a value of type `source` is acceptable where `target` is required; `True` if unknown."""
     if isinstance(source, Anything) or isinstance(target, Anything) or source == target:
         return True
     if isinstance(source, Scalar) or isinstance(target, Scalar):
@@ -160,11 +160,11 @@ def infer(tree: Mapping[str, Any], scope: Kind) -> Kind:
     """Determines the type of a JMESPath expression's value without evaluating it.
 
     Args:
-        tree: a parsed expression, `jmespath.compile(…).parsed`.
-        scope: the kind of value it is evaluated over.
+        tree: Parsed expression, `jmespath.compile(…).parsed`.
+        scope: Type of the value on which it is evaluated.
 
     Raises:
-        ReferenceMistake: a member that is not there, an index into something that is no list, ….
+        ReferenceMistake: The expression cannot work: unknown member, index into something that is no list, ….
     """
     return _RULES[tree["type"]](tree, scope)
 

@@ -21,10 +21,12 @@ from ..wire.request_problems import nearest, some
 from .reference_typing import TEXT, Anything, Kind, Record, ReferenceMistake, Scalar, infer
 
 MAX_WORK = 1_000_000
-"""Steps and values that an expression may take and make: a second or two, a hundred times what any here needs."""
+"""Maximum number of evaluation steps and values of an expression: a second or two, a hundred times what normal ones
+need.
+"""
 
 PARAMETERS = "parameters"
-"""Member of a specification that declares its parameters; references reach their values by the same name."""
+"""Name of a specification's member that declares parameters, and by which references reach their values."""
 
 _CHARACTERS = 64  # of text that count as one value
 
@@ -37,26 +39,26 @@ def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any], interprete
     """Evaluates a JMESPath expression with a limit on the work, for expressions from untrusted files.
 
     Args:
-        tree: the parsed expression, `jmespath.compile(…).parsed`.
-        scope: what it is evaluated in.
-        interpreter: bounds the work of several expressions together; `None`: that of this one.
+        tree: Parsed expression, `jmespath.compile(…).parsed`.
+        scope: Value on which it is evaluated.
+        interpreter: Interpreter that limits several expressions together; `None`: a new one.
 
     Raises:
-        JMESPathError: it cannot be evaluated.
-        TooMuchWorkError: it would take more than `MAX_WORK`.
+        JMESPathError: The expression cannot be evaluated.
+        TooMuchWorkError: It would need more than `MAX_WORK` steps.
     """
     return (interpreter or Interpreter()).visit(tree, scope)
 
 
 class Interpreter(TreeInterpreter):  # pyright: ignore[reportUntypedBaseClass] - jmespath has no types
-    """Evaluates JMESPath expressions, `MAX_WORK` steps and values in all."""
+    """JMESPath interpreter with a limit of `MAX_WORK` evaluation steps and values in total."""
 
     def __init__(self) -> None:
         super().__init__()
         self._left = MAX_WORK
 
     def visit(self, node: Any, *args: Any, **kwargs: Any) -> Any:
-        """Evaluates a node of an expression."""
+        """Evaluates a node of a JMESPath expression, and counts it as work."""
         self._spend(1)
         value: Any = super().visit(node, *args, **kwargs)
         # Only these make values that were not there before; a list of one value twice counts it twice.
@@ -115,11 +117,11 @@ class Reference:
         """Evaluates the reference, given the values of the steps and variables.
 
         Args:
-            scope: those values.
-            interpreter: bounds the work of several references together; `None`: that of this one.
+            scope: Values of the steps and variables.
+            interpreter: Interpreter that limits several references together; `None`: a new one.
 
         Raises:
-            ReferenceMistake: there is nothing, or it cannot be evaluated.
+            ReferenceMistake: The expression has no value, or cannot be evaluated.
         """
         try:
             found = bounded_search(self.tree, scope, interpreter)
@@ -140,7 +142,7 @@ class Template:
 
     @property
     def references(self) -> tuple[Reference, ...]:
-        """The references in the text, in order."""
+        """The `${{ }}` references in the text, in order."""
         return tuple(part for part in self.parts if isinstance(part, Reference))
 
     @property
@@ -166,8 +168,8 @@ class Template:
         """Replaces the references by their values; a text that is one single reference keeps its value's type.
 
         Args:
-            scope: the values of the steps and variables.
-            interpreter: bounds the work of several texts together; `None`: that of each reference.
+            scope: Values of the steps and variables.
+            interpreter: Interpreter that limits several texts together; `None`: a new one for each reference.
 
         Raises:
             ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
@@ -202,13 +204,13 @@ def parse_template(text: str) -> Template:
 
 
 def _joined(parts: list[str | Reference]) -> Iterator[str | Reference]:
-    """Drops empty texts; a text of nothing keeps one."""
+    """Removes empty parts; an empty text keeps one."""
     kept = [part for part in parts if part != ""]
     yield from kept or [""]
 
 
 def _reference(text: str, start: int) -> tuple[Reference, int]:
-    """Reads a reference up to its `}}`: the first one that leaves a whole expression, since `}}` may be part of it."""
+    """Parses a reference up to its `}}`: the first one that completes an expression, as `}}` may be part of it."""
     mistake: JMESPathError | None = None
     end = text.find("}}", start)
     while 0 <= end <= start + MAX_EXPRESSION_CHARACTERS:
@@ -234,7 +236,7 @@ def _first_line(error: JMESPathError) -> str:
 
 
 def _names(tree: Mapping[str, Any], *, outermost: bool) -> Iterator[str]:
-    """Fields that are looked up in the outermost scope: all but those after a dot, a pipe or a projection."""
+    """Yields the fields that are looked up in the outermost scope: not those after a dot, a pipe or a projection."""
     if outermost and tree["type"] in ("field", "current"):
         yield tree.get("value", "@")
     inner = tree["type"] in _NARROWING

@@ -1,7 +1,7 @@
-"""Goals of a specification's jobs that cannot be reached or cannot be missed, as far as the file itself says it.
+"""Problems of goals that can never be reached or never be missed, as far as the specification shows it.
 
-It does where the world comes from a template whose body is written out: its rooms are those of its worlds, and often it
-is known in which of them robots start.
+This is possible if the world comes from a template whose body is in the file: the rooms are known, and often the room
+in which robots start.
 """
 
 import json
@@ -21,13 +21,13 @@ from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_p
 
 _REQUESTS = "createSimulationJobRequests"
 _FARTHEST_M = 1e9
-"""Numbers beyond this are no places, and are told so elsewhere."""
+"""Absolute coordinate beyond which a number is no position, and is reported elsewhere."""
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
 
 
 @dataclass(frozen=True)
 class _Request:
-    """The request for a job, as it is written."""
+    """Request of a job, as written in the file."""
 
     node: MappingNode
     location: Location
@@ -37,18 +37,18 @@ class _Request:
 
 @dataclass(frozen=True)
 class _Rooms:
-    """The rooms of each world of a template."""
+    """Rooms of each world of a template."""
 
     names: Sequence[str]
     start: str | None = None
-    """The room in which robots start; `None`: that is not known."""
+    """Name of the room in which robots start; `None`: unknown."""
 
 
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
-    """Finds goals in rooms that no world of the template has, or in the room where robots start.
+    """Yields problems of goals in rooms that no world of the template has, or in the room where robots start.
 
     Args:
-        steps: the steps, whose inputs may have other problems.
+        steps: Steps, whose inputs may have other problems.
     """
     for step in steps.values():
         for request in _requests(step):
@@ -67,7 +67,7 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
 def start_room(rooms: Sequence[TemplateRoom]) -> str | None:
     """Returns the room in which robots start in every world of a template; `None` if that depends on the floor plan.
 
-    A plan has its origin in its largest living room or hallway; a living room is always wide enough for it.
+    The origin of a floor plan is in its largest living room or hallway; a living room is always wide enough.
     """
     public = [room for room in rooms if room.Type in ("Living", "Hallway")]
     if len(rooms) == 1 or (len(public) == 1 and public[0].Type == "Living"):
@@ -90,7 +90,7 @@ def _requests(step: CheckedStep) -> Iterator[_Request]:
 
 
 def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
-    """The rooms that goals name, each after its location in the request."""
+    """Yields the rooms that goals name, each with its location in the request."""
     requirements = child(request.node, "requirements")
     for index, item in enumerate(requirements.items if isinstance(requirements, ListNode) else []):
         room = child(item, "room")
@@ -99,7 +99,7 @@ def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
 
 
 def _is_sound(request: _Request) -> bool:
-    """Whether names and numbers of a request's requirements are such; others are told as what they are."""
+    """Returns whether all names and numbers in a request's requirements are valid; others are reported elsewhere."""
     requirements = child(request.node, "requirements")
     items = requirements.items if isinstance(requirements, ListNode) else ()
     names = (child(item, member) for item in items for member in ("name", "after"))
@@ -114,7 +114,7 @@ def _number(node: ScalarNode) -> float:
 
 
 def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
-    """Problems of goals in the room that the robot starts in."""
+    """Returns problems of goals in the room in which the robot starts, by location."""
     requirements = child(request.node, "requirements")
     if requirements is None or not starts_on_origin(plain(request.node)):
         return {}
@@ -123,7 +123,7 @@ def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
 
 
 def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> _Rooms | None:
-    """The rooms of the world that a request names; `None` if the file does not say."""
+    """Returns the rooms of the world that a request names; `None` if they cannot be determined from the file."""
     world = _below(request.node, _WORLD)
     name = _referred(world) or ""
     if name in request.sources:
@@ -153,7 +153,7 @@ def _rooms_of_body(body: Node | None) -> _Rooms | None:
 
 
 def _rooms_as_written(body: Node) -> _Rooms | None:
-    """The rooms of a body that has other problems; `None` if they are not all named."""
+    """Returns the rooms of a template body with other problems; `None` if not all of them are named."""
     rooms = _below(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
     names = [child(room, "Name") for room in rooms.items] if isinstance(rooms, ListNode) else []
     if not names or not all(isinstance(name, ScalarNode) and isinstance(name.value, str) for name in names):
@@ -162,7 +162,7 @@ def _rooms_as_written(body: Node) -> _Rooms | None:
 
 
 def _referred(node: Node | None) -> str | None:
-    """The one step or variable that a text refers to."""
+    """Returns the single step or variable to which a text refers; `None` otherwise."""
     if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
         return None
     try:
@@ -187,7 +187,7 @@ def check_world_counts(spec: CheckedSpec, most: int) -> None:
 
     Args:
         spec: the specification.
-        most: worlds that one job may make, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
+        most: Maximum number of worlds of one job, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
 
     Raises:
         SpecError: a job asks for more.
@@ -200,8 +200,8 @@ def world_count_problems(steps: Mapping[str, CheckedStep], most: int) -> Iterato
     """Finds generation steps that ask for more worlds than allowed, as far as known before the run.
 
     Args:
-        steps: the steps, whose inputs may have other problems.
-        most: worlds that one job may make.
+        steps: Steps, whose inputs may have other problems.
+        most: Maximum number of worlds of one job.
     """
     for step in steps.values():
         if problem := _problem(step, most):

@@ -1,4 +1,4 @@
-"""Sabotages: what a challenge does to a robot to see whether requirements catch it; values of axes under a name."""
+"""Sabotages: named axis values with which a challenge impairs a robot, to see whether requirements catch it."""
 
 import json
 import re
@@ -17,10 +17,10 @@ from ..wire.request_problems import RequestProblem, nearest, problems_of
 from .text import Node, key_place, plain, value_place
 
 MAX_SABOTAGES = 50
-"""Largest number of sabotages of a file: each is run with every job."""
+"""Maximum number of sabotages in a file: each is run with every job."""
 
 _NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9 _.\-/+=:]{0,59}")
-"""Names are tags of jobs, which have these characters; 60 of them fit into a line of a table."""
+"""Pattern of names, which become tags of jobs; 60 characters fit into a line of a table."""
 _VARIABLE = re.compile("[A-Z_][A-Z0-9_]*")
 
 
@@ -34,7 +34,7 @@ class Sabotage(Model):
 
     @property
     def trial_axes(self) -> dict[str, dict[str, Any]]:
-        """The axes as a request has them, each with its one value."""
+        """Axes of the sabotage in the form of a request, each with one value."""
         return {
             name: {"kind": name if name in AXIS_KINDS else "variable", "values": [value]}
             for name, value in self.axes.items()
@@ -51,17 +51,17 @@ BUILT_IN = (
     Sabotage(name="a motor at half gain", axes={"first_motor_gain": 0.5}),
     Sabotage(name="noise ten times as large", axes={"lidar_noise_factor": 10.0}),
 )
-"""Sabotages of every challenge."""
+"""Sabotages that every challenge has."""
 
 
 def distinct(sabotages: Sequence[Sabotage]) -> list[Sabotage]:
-    """Returns some sabotages as they are.
+    """Returns sabotages unchanged after checking that their names are unique.
 
     Args:
-        sabotages: Those of all sources.
+        sabotages: Sabotages from all sources.
 
     Raises:
-        ConfigurationError: Two have one name.
+        ConfigurationError: Two have the same name.
     """
     names = [each.name for each in sabotages]
     if twice := sorted({name for name in names if names.count(name) > 1}):
@@ -74,13 +74,13 @@ class _Holder(Model):
 
 
 def read_sabotages(data: object) -> tuple[list[Sabotage], list[RequestProblem]]:
-    """Returns the sabotages that values describe, and everything that is wrong with the others.
+    """Parses sabotages from plain values, and returns the problems of invalid ones.
 
     Args:
-        data: Names with values of axes: `{slippery: {robot_friction: 0.2}}`.
+        data: Axis values by name of the sabotage: `{slippery: {robot_friction: 0.2}}`.
 
     Returns:
-        The sabotages that are right, and the problems, located inside the data.
+        Valid sabotages, and problems located inside the data.
     """
     if not is_mapping(data) or not data:
         words = "sabotages are names with values of axes, such as slippery: {robot_friction: 0.2}"
@@ -98,13 +98,13 @@ def read_sabotages(data: object) -> tuple[list[Sabotage], list[RequestProblem]]:
 
 
 def parse_sabotages(node: Node) -> list[Sabotage]:
-    """Returns the sabotages of a file of its own.
+    """Parses the sabotages of a separate file.
 
     Args:
-        node: The file, parsed.
+        node: Parsed file.
 
     Raises:
-        SpecError: With everything that is wrong, each at its place.
+        SpecError: The file has problems; all are listed with their places.
     """
     found, problems = read_sabotages(plain(node))
     if problems:
@@ -142,7 +142,7 @@ def _axes_problems(name: str, axes: object) -> list[RequestProblem]:
 
 
 def _axis_problems(name: str, axis: str, value: object) -> list[RequestProblem]:
-    """The problems of one axis of a sabotage."""
+    """Returns the problems of one axis of a sabotage."""
     where = (name, axis)
     if axis not in _NUMBERS and not _VARIABLE.fullmatch(axis):
         hint = nearest(axis, _NUMBERS) or f"; there are {', '.join(_NUMBERS)} and environment variables"
@@ -157,7 +157,7 @@ def _axis_problems(name: str, axis: str, value: object) -> list[RequestProblem]:
 
 
 def _refusals(sabotage: Sabotage) -> list[str]:
-    """Reasons why a request could not have the axes of a sabotage."""
+    """Returns reasons why a request could not have the axes of a sabotage."""
     try:
         _Holder.model_validate({"axes": sabotage.trial_axes})
     except ValidationError as error:
@@ -173,14 +173,14 @@ _NUMBERS = tuple(name for name, kind in AXIS_KINDS.items() if kind.is_number)
 
 
 def challenged_trials(trials: Trials | None, seed: int, sabotage: Sabotage | None) -> dict[str, Any]:
-    """Returns the trials of a job that a challenge runs: a single one, the job's first, sabotaged or not.
+    """Returns the trials of a challenged job: a single one, the job's first, with or without a sabotage.
 
-    An axis of the job that changes what the sabotage changes gives way to it.
+    An axis of the job that changes the same quantity as the sabotage is removed.
 
     Args:
-        trials: Those that the job's request orders; None: it is one episode.
-        seed: The job's seed.
-        sabotage: The sabotage; None: the robot is as it is, in the control arm.
+        trials: Trials in the job's request; None: a single episode.
+        seed: Seed of the job.
+        sabotage: Sabotage to apply; None: the job is of the control arm, with an unchanged robot.
     """
     kinds: dict[str, str] = {name: axis.kind for name, axis in (trials.axes or {}).items()} if trials else {}
     first: Mapping[str, Value] = trials.trial(0, seed).axes if trials else {}
@@ -198,5 +198,5 @@ def challenged_trials(trials: Trials | None, seed: int, sabotage: Sabotage | Non
 
 
 def _subject(name: str, kind: str) -> str:
-    """Words for what an axis changes; each variable changes something else."""
+    """Returns words for the quantity that an axis changes; each variable is a quantity of its own."""
     return subject_of(kind) if AXIS_KINDS[kind].is_number else name

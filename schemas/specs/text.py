@@ -1,9 +1,9 @@
-"""YAML text to a tree of nodes that know their places.
+"""Parser from YAML text to a tree of nodes with their places (line and column).
 
-The scalars are those of YAML 1.2's core schema, so `no` is text and `010` is ten; JSON is YAML and
-is read as well. Refused, with the place: duplicate keys, keys that are not text, tags, several
-documents, numbers that JSON does not have, and texts that are too large or nested too deeply.
-Anchors and aliases work; the number of nodes that aliases may add up to is bounded.
+Scalars are those of YAML 1.2's core schema, so `no` is text and `010` is ten; JSON is valid YAML, too. These are
+errors, with their place: duplicate keys, keys that are not text, tags, several documents, numbers that JSON does not
+have, and texts that are too large or nested too deeply. Anchors and aliases work; the total number of nodes from
+aliases is limited.
 """
 
 import math
@@ -35,14 +35,14 @@ _WORDS: dict[str, bool | None] = {
 
 
 class _Mark(Protocol):
-    """Members that are read of a place in the text; ruamel's classes do not say the types of their attributes."""
+    """Used attributes of a position in the text; ruamel's classes have no attribute types."""
 
     line: int
     column: int
 
 
 class _Event(Protocol):
-    """Members that are read of an event that begins a node."""
+    """Used attributes of a parser event that begins a node."""
 
     anchor: str | None
     start_mark: _Mark
@@ -54,7 +54,7 @@ class _ScalarEvent(_Event, Protocol):
 
 
 class _Mistake(Protocol):
-    """Members that are read of a `MarkedYAMLError`."""
+    """Used attributes of ruamel's `MarkedYAMLError`."""
 
     context: str | None
     context_mark: _Mark | None
@@ -73,7 +73,7 @@ class ScalarNode:
     place: Place
     value: str | int | float | bool | None
     source: str
-    """The characters it was written with, without quotes."""
+    """Original characters, without quotes."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def parse(text: str, filename: str) -> Node:
 
     Args:
         text: the document.
-        filename: what places say.
+        filename: File name for places.
 
     Raises:
         SpecError: the text cannot be read; reading stops at the first problem.
@@ -171,7 +171,7 @@ def parse(text: str, filename: str) -> Node:
 
 
 class _Reader:
-    """Builds nodes from the parser's events."""
+    """Builder of nodes from the YAML parser's events."""
 
     def __init__(self, filename: str, events: Iterator[object]) -> None:
         self._filename = filename
@@ -211,7 +211,7 @@ class _Reader:
         return node
 
     def _children(self) -> Iterator[_Event]:
-        """The events that begin the children of a collection, up to its end."""
+        """Yields the events that begin the children of a collection, up to its end."""
         while _is_node(event := next(self._events)):
             yield event
 
@@ -251,7 +251,7 @@ class _Reader:
         return ScalarNode(self._place(event), value, text)
 
     def _text(self, event: _ScalarEvent) -> str:
-        """The characters of a scalar; the two escapes that JSON writes for one beyond U+FFFF become that one."""
+        """Returns the text of a scalar, with JSON's surrogate escape pairs combined to one character."""
         try:
             return event.value.encode("utf-16", "surrogatepass").decode("utf-16")
         except UnicodeDecodeError:

@@ -1,10 +1,10 @@
-"""The body of a world template, versions 1 and 2: what a user wishes a world to be.
+"""Body of a world template, versions 1 and 2: a user's wishes for a world.
 
-The members' names, defaults and limits are those of the published schema. `parsing` reads bodies, and has the
-rules that the schema leaves to prose.
+Names, defaults and limits of the members are those of the published schema. `parsing` reads bodies, and has the rules
+that the schema does not contain.
 
-The models are those of version 2, which has all that version 1 has; what version 1 lacks is refused in its
-bodies by a rule. Version 2 adds doors, `Target.All` and `OriginalName`, and its default room has another name.
+The models are those of version 2, which includes version 1; a rule rejects newer members in bodies of version 1.
+Version 2 adds doors, `Target.All` and `OriginalName`, and its default room has another name.
 """
 
 import json
@@ -21,13 +21,13 @@ from ..wire.json_values import is_list, is_object
 from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
 
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
-"""Pydantic puts these into the locations of errors; error messages leave them out."""
+"""Tags that pydantic adds to the locations of errors; error messages leave them out."""
 
 MOST_ROOMS = 12
-"""Rooms of a template: twice as many as the service took; a search for plans of 12 takes seconds."""
+"""Maximum number of rooms of a template: twice that of AWS; the search for plans of 12 rooms takes seconds."""
 
 MOST_CONNECTIONS = 24
-"""Ways that a template may wish for, two for each room; four at a room is the limit of a room."""
+"""Maximum number of connections in a template, two per room; a room can have four."""
 
 NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
 
@@ -58,14 +58,14 @@ class RoomPairTargetFilter(Model):
 
 
 RoomTarget = Annotated[Annotated[TemplateTargetSet, Tag(OBJECT_TAG)] | All, Discriminator(_form)]
-"""Some rooms, or, in version 2, all."""
+"""Some rooms, or, in version 2, all rooms."""
 
 DoorwayTarget = Annotated[Annotated[RoomPairTargetFilter, Tag(OBJECT_TAG)] | All, Discriminator(_form)]
-"""The doorways between some rooms, or all."""
+"""Doorways between some rooms, or all doorways."""
 
 
 def _percent(value: Any) -> Any:
-    """One line of advice for whatever is neither."""
+    """Raises an error for a value that is neither a percentage nor a word for one."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 100
     if not number and value != "Random":
         raise PydanticCustomError("no_percentage", 'a number from 0 to 100, or "Random", would be right')
@@ -119,7 +119,7 @@ INTERIOR_PATH = "Buildings[0].Floors[0].Interior"
 """JSON path of the interior in a body."""
 
 SERVICE_LEAST_AREA_M2 = 10.0
-"""Smallest area of a room that the service took; smaller ones are an extension."""
+"""Smallest area in m² that AWS allowed for a room; smaller rooms are an extension."""
 
 LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
     "Bathroom": 3.0,
@@ -132,7 +132,9 @@ LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
     "Office": 4.0,
     "Storage": 2.0,
 }
-"""Smallest area of a room of each type: the square of its least width, or a door of 0.9 m and a robot that turns."""
+"""Smallest area in m² of a room by type: the square of its least width, or space for a door of 0.9 m and a turning
+robot.
+"""
 
 SpatialDensity = Literal["Sparse", "Moderate", "Dense"]
 Side = Annotated[float, Field(ge=1, le=4)]
@@ -345,7 +347,7 @@ _ROOM_OF_VERSION_2 = {"Type": "Living", "Name": "My_Living_Room", "OriginalName"
 
 
 def _with_default(value: Any, path: tuple[str | int, ...], default: Any) -> Any:
-    """A copy of a JSON value with `default` at a path where nothing is; a value of another form is left as it is."""
+    """Returns a copy of a JSON value with a default at a path that has no value; other forms are unchanged."""
     if not path:
         return value
     key, rest = path[0], path[1:]
@@ -371,7 +373,7 @@ class WorldTemplateBody(Model):
     @model_validator(mode="before")
     @classmethod
     def _default_room(cls, document: Any) -> Any:
-        """The default room of version 2."""
+        """Validator that adds the default room of version 2 to a body without rooms."""
         second = is_object(document) and document.get("Version") == "2"
         return _with_default(document, _ROOMS, [_ROOM_OF_VERSION_2]) if second else document
 

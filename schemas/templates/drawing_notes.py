@@ -1,4 +1,4 @@
-"""Notes on a drawing of a floor plan: the YAML file beside it, with all that the drawing does not say.
+"""Notes file of a floor plan drawing: YAML with the facts that the drawing does not show.
 
 ```yaml
 scale: 0.01

@@ -1,4 +1,4 @@
-"""Members and values of template bodies that the service did not take: extensions, which a setting refuses."""
+"""Members and values of template bodies that AWS did not allow (extensions), which a setting can forbid."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ from ..worlds.world import SERVICE_ROOM_TYPES
 from .body import FLOORPLAN_PATH, INTERIOR_PATH, SERVICE_LEAST_AREA_M2, WorldTemplateBody
 
 SERVICE_MOST_ROOMS = 6
-"""Most rooms of a template, and most sets of each kind of an interior."""
+"""Maximum number of rooms of a template in AWS, and of sets of each kind in an interior."""
 SERVICE_MOST_CONNECTIONS = 12
 
 
@@ -14,7 +14,7 @@ def body_extensions(body: WorldTemplateBody) -> Iterator[str]:
     """Finds everything in a template body that the service would have refused, one line each: path, value, its limit.
 
     Args:
-        body: a body that `parse_template_body` accepts.
+        body: Body that `parse_template_body` accepts.
     """
     rooms = body.floorplan.Rooms
     if len(rooms) > SERVICE_MOST_ROOMS:

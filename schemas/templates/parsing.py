@@ -1,7 +1,7 @@
-"""Reads the body of a world template, by the rules that its schema leaves to prose.
+"""Parser of world template bodies, with the rules that the schema does not contain.
 
-`parse_template_body` turns JSON text into a `WorldTemplateBody` or says, one line per problem, where
-the text is wrong and what would be right.
+`parse_template_body` converts JSON text to a `WorldTemplateBody`, or reports, one line per problem, where the text is
+wrong and what would be right.
 """
 
 import json
@@ -57,7 +57,7 @@ _LATER = 'only in bodies of version 2; leave it out, or set Version to "2"'
 
 
 def _problems_of_version_1(body: WorldTemplateBody) -> Iterator[str]:
-    """Problems of a body of version 1 that uses members of version 2."""
+    """Yields problems of a body of version 1 that uses members of version 2."""
     for index, room in enumerate(body.floorplan.Rooms):
         if room.OriginalName is not None:
             yield f"{FLOORPLAN_PATH}.Rooms[{index}].OriginalName: {_LATER}"
@@ -70,7 +70,7 @@ def _problems_of_version_1(body: WorldTemplateBody) -> Iterator[str]:
 
 
 def _sets(body: WorldTemplateBody) -> Iterator[tuple[str, Sequence[Any]]]:
-    """The sets for rooms, by where they stand in the interior."""
+    """Yields the sets of an interior that apply to rooms, with their paths."""
     interior = body.interior
     yield "Flooring.MaterialSets", interior.Flooring.MaterialSets
     yield "Walls.MaterialSets", interior.Walls.MaterialSets
@@ -157,7 +157,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
 
 
 def _read(document: Any) -> tuple[WorldTemplateBody | None, list[str]]:
-    """The body that a document is, if it has the form of one, and what is wrong with it."""
+    """Parses a document to a body, and returns its problems."""
     problems = list(_version_problems(document)) or list(_null_problems(document))
     if problems:
         return None, problems
@@ -171,12 +171,12 @@ def _read(document: Any) -> tuple[WorldTemplateBody | None, list[str]]:
 
 
 def body_problems(document: Any) -> list[RequestProblem]:
-    """Finds what is wrong with a world template's body, each problem at its place.
+    """Finds the problems of a world template's body, each with its location.
 
-    Rules are asked where nothing else is wrong, and members where version and nulls are right.
+    Rules are only checked if nothing else is wrong, members only if version and nulls are right.
 
     Args:
-        document: the body as JSON data, without the wrapper that the official samples have around it.
+        document: Body as JSON data, without the wrapper of the official samples.
     """
     try:
         load_strict(json.dumps(document), "templateBody", MAX_BODY_CHARACTERS)
@@ -192,7 +192,7 @@ _PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
 
 
 def _placed(line: str, *, is_rule: bool) -> RequestProblem:
-    """A problem whose text begins with the path of its member."""
+    """Converts a text that begins with the path of a member to a problem at that location."""
     if not (match := _PATH_AND_MESSAGE.fullmatch(line)) or match[1] == "body":
         return RequestProblem((), line, is_rule=is_rule)
     steps = _PATH_STEP.finditer(match[1])
@@ -204,7 +204,7 @@ def unwrapped_text(text: str) -> str:
     """Returns the JSON text of a world template's body, without the wrapper that the official samples have around it.
 
     Args:
-        text: a body that `parse_template_body` accepts.
+        text: Body that `parse_template_body` accepts.
     """
     document = json.loads(text)
     body, prefix = unwrapped(document)
@@ -219,7 +219,7 @@ def unwrapped(document: Any) -> tuple[Any, str]:
 
 
 def _version_problems(document: Any) -> Iterator[str]:
-    """Comes first: members of another version's bodies would only add noise."""
+    """Yields problems of the version, which are reported alone: members of another version would only confuse."""
     if not is_object(document):
         yield f"body: {show(document)}: not a JSON object"
     elif document.get("Version", "1") not in ("1", "2"):
@@ -227,7 +227,7 @@ def _version_problems(document: Any) -> Iterator[str]:
 
 
 def _null_problems(value: Any, path: str = "") -> Iterator[str]:
-    """The published schema knows no null: an absent member is left out."""
+    """Yields problems of null values, which the published schema does not allow: absent members are left out."""
     if is_object(value) or is_list(value):
         entries: Iterable[tuple[str | int, Any]] = value.items() if is_object(value) else enumerate(value)
         for key, item in entries:
@@ -251,7 +251,7 @@ def _untagged(detail: ErrorDetails) -> ErrorDetails:
 
 
 def _explain(detail: ErrorDetails) -> str:
-    """One pydantic error as a line."""
+    """Describes a pydantic error in one line."""
     path = ""
     for key in detail["loc"]:
         path = _join(path, key)
@@ -278,7 +278,7 @@ _RIGHT = {
 
 
 def _advice(detail: ErrorDetails) -> str:
-    """Returns advice which value would be right in place of a wrong one."""
+    """Describes which value would be valid instead of an invalid one."""
     kind, context = detail["type"], dict(detail.get("ctx", {}))
     if kind == "literal_error" and isinstance(detail["input"], str):
         expected = tuple(re.findall("'([^']+)'", context["expected"]))
@@ -301,7 +301,7 @@ def _is_number(value: object) -> bool:
 
 
 def _members_at(location: tuple[int | str, ...]) -> tuple[str, ...]:
-    """Names of the members that the object at `location` may have."""
+    """Returns the names of the members that the object at a location may have."""
     model: Any = WorldTemplateBody
     for key in location:
         if isinstance(key, str):

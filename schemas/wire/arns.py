@@ -1,4 +1,4 @@
-"""ARNs: the names of resources, `arn:<partition>:robomaker:<region>:<account>:<kind>/<id>`.
+"""ARNs (names of resources): `arn:<partition>:robomaker:<region>:<account>:<kind>/<id>`.
 
 | kind | id |
 | --- | --- |
@@ -48,7 +48,7 @@ class ResourceArn:
     account: str
     kind: Kind
     id: str
-    """Everything behind the kind; may hold slashes."""
+    """Part after the kind; it may contain slashes."""
 
     partition: str = "aws"
 
@@ -57,7 +57,7 @@ class ResourceArn:
 
     @property
     def name(self) -> str:
-        """Name of the resource in the ARN: of applications, robots and fleets their own, of others the id."""
+        """Name of the resource: for applications, robots and fleets the one in the ARN, for others the id."""
         return self.id.partition("/")[0] if self.kind in _NAMED else self.id
 
     @classmethod
@@ -65,8 +65,8 @@ class ResourceArn:
         """Parses an ARN into its parts.
 
         Args:
-            arn: the ARN.
-            kinds: allowed kinds of resources; none: all.
+            arn: Text to parse.
+            kinds: Allowed kinds of resources; none given: all.
 
         Raises:
             InvalidParameterException: the text is not an ARN of this service, or is that of another kind of resource.

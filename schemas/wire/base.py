@@ -1,4 +1,4 @@
-"""The base classes of every model: strict, closed, immutable."""
+"""Base classes of all models: strict types, no unknown members, immutable."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field
 
 STORED: Mapping[str, bool] = {"stored": True}
-"""The context that stored requests, and answers that have them, are validated in: an older release has taken them, so
-rules of how members go together, which may be newer, refuse nothing."""
+"""Validation context for stored requests, and for responses that contain them. An older release has accepted them, so
+rules about combinations of members, which may be newer, are not applied.
+"""
 
 
 def optional(description: str) -> Any:
@@ -25,9 +26,8 @@ class Model(BaseModel):
 class Shape(Model):
     """Base class of the structures in the service's requests and responses.
 
-    Attributes carry the service's member names unchanged, so that a request body, the keyword
-    arguments of an SDK call and the parameters of a flow are the same thing. A member that is
-    `None` is absent: it is left out of the message.
+    Attributes have the service's member names unchanged, so that request bodies, keyword arguments of SDK calls and
+    parameters of flows have the same names. A member that is `None` is absent, and is left out of the message.
     """
 
     # Validators are built when first used: half the time to import all shapes, and a call uses few.
@@ -42,14 +42,14 @@ class Shape(Model):
 class ShapeName:
     """Type annotation (with `Annotated`) that gives the service's name of a simple shape, list or map.
 
-    Bounds are given where the service publishes some that we do not enforce: those of lists in answers.
+    Bounds are given where the service publishes some that are not enforced here: those of lists in responses.
     """
 
     name: str
     minimum: int | None = None
     maximum: int | None = None
     wire_type: Literal["long"] | None = None
-    """The wire's type, where Python knows no difference: a whole number of 64 bits."""
+    """Type in the API, if Python has no such type: a 64-bit integer (`long`)."""
 
 
 def choices(enumeration: Any) -> tuple[Any, ...]:

@@ -1,10 +1,10 @@
 """Simple shapes that several operations share: names, ARNs, tags, places in the object store, pages.
 
-Bounds, patterns and enumerations are the service's. Three things differ on purpose:
+Bounds, patterns and enumerations are those of AWS, with three intended differences:
 
 - a pattern has to match the whole value;
-- `.` in a pattern also stands for a line break, since commands and failure reasons have several lines;
-- bounds of a list hold for requests; in answers a list may be empty, or longer.
+- `.` in a pattern also matches a line break, since commands and failure reasons have several lines;
+- bounds of a list apply to requests; in responses a list may be empty, or longer.
 """
 
 import math
@@ -18,7 +18,7 @@ from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, Stri
 from .base import Shape, ShapeName, optional
 
 MAX_DURATION_S = 14 * 24 * 3600
-"""Longest job and longest batch: 14 days."""
+"""Maximum duration of jobs and batches in seconds: 14 days."""
 
 
 class Named(Protocol):
@@ -35,7 +35,7 @@ _Text = TypeVar("_Text", bound=str)
 
 
 def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstraints:
-    """Makes a pydantic constraint for strings: bounds of the length in characters, and a pattern."""
+    """Makes a pydantic constraint for strings: minimum and maximum length in characters, and a pattern."""
     return StringConstraints(
         min_length=minimum, max_length=maximum, pattern=None if pattern is None else f"^(?:{pattern})$"
     )
@@ -50,11 +50,11 @@ def _without_controls(name: str) -> str:
 
 
 NO_CONTROLS = AfterValidator(_without_controls)
-"""Refuses names with control characters, which terminals and pages act on."""
+"""Validator that rejects names with control characters, which terminals and web pages would interpret."""
 
 
 def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:
-    """Makes a pydantic validator that refuses lists with two entries of the same name; `what` names the entries."""
+    """Makes a pydantic validator that rejects lists with two items of the same name; `what` describes the items."""
 
     def check(entries: list[_Named]) -> list[_Named]:
         names = [entry.name for entry in entries]
@@ -66,13 +66,13 @@ def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:
 
 
 def raise_all(problems: Iterable[str]) -> None:
-    """Raises one error with everything that rules found, each on a line of its own, once.
+    """Raises one error with all problems that rules found, one line each, without duplicates.
 
     Args:
-        problems: what is wrong, each after the path of its member if it has one; nothing is raised for none.
+        problems: Texts, each beginning with the path of its member if it has one; without any, no error is raised.
 
     Raises:
-        ValueError: there are problems.
+        ValueError: There are problems.
     """
     if lines := dict.fromkeys(problems):
         raise ValueError("\n".join(lines))
@@ -95,7 +95,7 @@ def without_escapes(text: str) -> str:
 def shorten(reason: str, limit: int = 1024) -> str:
     """Shortens a failure reason to the length limit of the service: keeps the beginning and, if long, the end.
 
-    What programs print for terminals is left out.
+    Terminal escape sequences are removed.
     """
     reason = without_escapes(reason)
     if len(reason) <= limit:
@@ -108,7 +108,7 @@ def shorten(reason: str, limit: int = 1024) -> str:
 # Plain values
 
 Timestamp = Annotated[AwareDatetime, ShapeName("CreatedAt")]
-"""A moment with its time zone; on the wire a number of seconds since 1970."""
+"""Time with its time zone; in the API a number of seconds since 1970."""
 LastStartedAt = Annotated[AwareDatetime, ShapeName("LastStartedAt")]
 LastUpdatedAt = Annotated[AwareDatetime, ShapeName("LastUpdatedAt")]
 FailedAt = Annotated[AwareDatetime, ShapeName("FailedAt")]
@@ -123,7 +123,7 @@ ClientRequestToken = Annotated[str, ShapeName("ClientRequestToken"), text(1, 64,
 JobDuration = Annotated[int, ShapeName("JobDuration", wire_type="long"), Field(ge=1, le=MAX_DURATION_S)]
 Architecture = Annotated[Literal["X86_64", "ARM64", "ARMHF"], ShapeName("Architecture")]
 MAX_SEED = 2**63 - 1
-"""Largest seed: what databases, manifests and other programs hold as a whole number."""
+"""Maximum seed: the largest integer that databases, manifests and other programs can store."""
 Seed = Annotated[int, ShapeName("Seed", wire_type="long"), Field(ge=0, le=MAX_SEED)]
 
 # References
@@ -131,9 +131,9 @@ Seed = Annotated[int, ShapeName("Seed", wire_type="long"), Field(ge=0, le=MAX_SE
 Arn = Annotated[str, ShapeName("Arn"), text(1, 1224, r"arn:.*")]
 Arns = Annotated[list[Arn], ShapeName("Arns"), Field(min_length=1, max_length=100)]
 AnsweredArns = Annotated[list[Arn], ShapeName("Arns", 1, 100)]
-"""ARNs in an answer: as many as there are."""
+"""ARNs in a response, without a limit on their number."""
 ApplicationReference = Annotated[str, ShapeName("ApplicationReference"), text(1, 1224, r"arn:.*|[a-zA-Z0-9_\-]+")]
-"""An application's ARN or, an extension, its bare name."""
+"""ARN of an application or (an extension) its name alone."""
 
 IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:role/.*")]
 
@@ -142,7 +142,7 @@ IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:r
 TagKey = Annotated[str, ShapeName("TagKey"), text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 TagValue = Annotated[str, ShapeName("TagValue"), text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
 MAX_TAGS = 50
-"""Most tags that a resource may have."""
+"""Maximum number of tags of a resource."""
 TagMap = Annotated[
     dict[TagKey, TagValue],
     ShapeName("TagMap"),
@@ -171,7 +171,7 @@ def _none_if_empty(location: object) -> object:
 
 
 OptionalOutputLocation = Annotated[OutputLocation | None, BeforeValidator(_none_if_empty)]
-"""Released clients send `{}` when they mean no location."""
+"""Output location; clients may send `{}` for none."""
 
 # Pages
 
@@ -180,14 +180,14 @@ MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 
 
 class PageRequest(Shape):
-    """Members of a request for one page of a list."""
+    """Base class of requests for one page of a list: token of the page, and its size."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
 
 
 class JobReference(Shape):
-    """Member of a request about one job."""
+    """Base class of requests about one job: has the job's ARN."""
 
     job: Arn = Field(description="ARN of the job.")
 

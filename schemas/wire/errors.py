@@ -1,4 +1,4 @@
-"""Every error this package raises on purpose.
+"""All errors that this package raises on purpose.
 
 ```
 RobomakerError
@@ -180,12 +180,12 @@ class ChecksumMismatchError(StorageError):
 class StorageUnavailableError(StorageError):
     """Raised when the object store does not answer or is overloaded; the same call may succeed later.
 
-    This is the only error of a store that jobs wait for; all others are for good.
+    This is the only error of the object store for which jobs wait; all others are permanent.
     """
 
 
 class StorageFullError(StorageUnavailableError):
-    """Raised when there is no space left to write to; it may succeed after something is removed."""
+    """Raised when there is no space left to write to; a retry may succeed after something was deleted."""
 
 
 class TransferStoppedError(StorageError):
@@ -207,7 +207,7 @@ class AttestationError(RobomakerError):
 class LaunchError(RobomakerError):
     """Raised when an application cannot be started; `failure_code` is the simulation job's failure code.
 
-    It is `InvalidInput` where something in the request has to be changed.
+    The code is `InvalidInput` if something in the request has to be changed.
     """
 
     def __init__(self, message: str, failure_code: str = "InvalidInput") -> None:

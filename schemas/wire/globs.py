@@ -1,4 +1,4 @@
-r"""Globs as upload configurations have them: those of the Go library gobwas/glob, with `/` between folders.
+r"""Globs of upload configurations: the syntax of the Go library gobwas/glob, with `/` between folders.
 
 | in a glob | matches |
 | --- | --- |
@@ -31,7 +31,7 @@ _OPTIONS.log_errors = False
 _OPTIONS.dot_nl = True
 
 Piece = tuple[str, str]
-"""An expression of what a part of a glob matches, and one of the beginnings of that."""
+"""Regular expressions for a part of a glob, and for the beginnings of its matches."""
 
 
 class GlobError(ValueError):
@@ -42,7 +42,7 @@ class Glob:
     """A compiled glob pattern for file paths, as `uploadConfigurations` use it.
 
     Args:
-        text: the glob.
+        text: Glob pattern.
 
     Raises:
         GlobError: the pattern is not a valid glob.
@@ -62,11 +62,11 @@ class Glob:
 
     @property
     def fixed_folder(self) -> str:
-        """The folder that contains all matches: the pattern up to the last `/` before its first wildcard."""
+        """Folder that contains all matches: the pattern up to the last `/` before its first wildcard."""
         return _SPECIAL.split(self.text, maxsplit=1)[0].rpartition("/")[0]
 
     def _parse(self) -> Piece:
-        """Translates the glob from left to right."""
+        """Translates the glob to a regular expression, from left to right."""
         groups: list[list[list[Piece]]] = [[[]]]  # of the glob and each open `{`, the alternatives
         for token in _TOKEN.finditer(_encodable(self.text)):
             character = token["plain"]
@@ -88,7 +88,7 @@ class Glob:
         return _either(groups[0])
 
     def _one(self, token: re.Match[str]) -> str:
-        """The expression of a token that stands for one character."""
+        """Returns the regular expression of a token that matches one character."""
         if token["members"] is not None:
             self._require(token["members"], "has a '[]' without characters")
             return f"[{'^' if token['unwanted'] else ''}{''.join(self._ranges(token['members']))}]"
@@ -119,5 +119,5 @@ def _joined(pieces: list[Piece]) -> Piece:
 
 
 def _encodable(text: str) -> str:
-    """Makes a text that UTF-8 can encode: invalid bytes of a file name become replacement characters."""
+    """Replaces invalid bytes of a file name by replacement characters, so that UTF-8 can encode the text."""
     return _UNENCODABLE.sub("\ufffd", text)

@@ -1,4 +1,4 @@
-"""The parts of a simulation job: applications, launch, tools, uploads, data, network, compute."""
+"""Parts of a simulation job's request: applications, launch, tools, uploads, data sources, network, compute."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -46,11 +46,11 @@ Boolean = Annotated[bool, ShapeName("Boolean")]
 _DEPRECATED: dict[str, bool] = {"deprecated": True}
 ARCHIVE_SUFFIXES = (".zip", ".tar.gz")
 UPLOAD_ROOTS = ("/home/robomaker/", "/var/log")
-"""Folders that the path of an upload configuration begins with."""
+"""Folders in which the path of an upload configuration has to be."""
 KEPT_FOLDERS = ("/home/robomaker", "/opt/robomaker/datasources", "/var/log", "/tmp")  # noqa: S108 - the job's own
 """Folders of a job that no data source may replace."""
 _USED_FOLDERS = ("/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent", "/proc", "/sys", "/dev")
-"""Folders of containers that hold something else."""
+"""Folders of containers that are used for something else."""
 _DATA_SOURCES = "/opt/robomaker/datasources"
 
 OWN_AWS = re.compile(
@@ -58,7 +58,7 @@ OWN_AWS = re.compile(
     r"|PROFILE|DEFAULT_PROFILE|CONFIG_FILE|SHARED_CREDENTIALS_FILE|CA_BUNDLE|DATA_PATH|DEFAULT_OUTPUT|MAX_ATTEMPTS"
     r"|RETRY_MODE|S3_[A-Z0-9_]+|EC2_METADATA_DISABLED|ROLE_ARN|ROLE_SESSION_NAME|WEB_IDENTITY_TOKEN_FILE)"
 )
-"""Variables of SDKs that a request may set, though they begin with AWS: its own values win over the service's."""
+"""Variables of AWS SDKs that a request may set, although they begin with AWS: its values replace the service's."""
 
 
 def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
@@ -319,9 +319,9 @@ class ComputeResponse(Compute):
 
 
 MAX_VARIABLE_CHARACTERS = 1024
-"""Longest value of a launch variable."""
+"""Maximum length of a launch variable's value, in characters."""
 _PROGRAM_SUFFIXES = (".py", ".launch", ".xml")
-"""Launch files that are run as programs; other names are those of factories."""
+"""Suffixes of launch files that are run as programs; other names are factory functions."""
 
 _Given = TypeVar("_Given")
 
@@ -329,7 +329,7 @@ _Given = TypeVar("_Given")
 class JobRequest(Protocol):
     """Interface of a simulation job request, reduced to its applications.
 
-    Their launch variables may hold requirements and trials.
+    Their launch variables may contain requirements and trials.
     """
 
     @property
@@ -354,7 +354,7 @@ def launches(request: JobRequest) -> Iterator[tuple[str, LaunchConfig]]:
 
 
 def is_program(launch: LaunchConfig) -> bool:
-    """Whether an application is started as a program, by a command, as far as the request says it."""
+    """Returns whether an application is started as a program, by a command, as far as the request shows it."""
     return bool(launch.command) or (launch.launchFile or "").endswith(_PROGRAM_SUFFIXES)
 
 
@@ -364,10 +364,10 @@ def given_once(
     """Finds a value that a request gives by a member or by a launch variable, and the path where it was found.
 
     Args:
-        request: the request.
-        member: the member; its path, and no value, come back where neither is given.
-        variable: the launch variable.
-        parse: checks plain values, and says in errors where they are.
+        request: Request of a simulation job.
+        member: Name of the member; it is returned as the path, without a value, if neither is given.
+        variable: Name of the launch variable.
+        parse: Function that parses plain values; its errors name the given path.
 
     Raises:
         InvalidParameterException: the variable's text is not such a value, or there are two that differ.

@@ -1,4 +1,4 @@
-"""JSON from outside: read strictly, and told apart by type."""
+"""Strict parsing of JSON from untrusted sources, and type checks of its values."""
 
 import json
 from collections import Counter
@@ -24,11 +24,12 @@ def is_list(value: object) -> TypeGuard[list[Any]]:
 
 
 MAX_DEPTH = 32
-"""Objects and arrays within each other; twice what any document here needs."""
+"""Maximum nesting depth of objects and arrays; twice what any document here needs."""
 
 MAX_VALUES = 150_000
-"""Values in a document; a batch of 1,000 ordinary requests has some 70,000. With it, any document is read, checked and
-refused within a second of one core."""
+"""Maximum number of values in a document; a batch of 1,000 ordinary requests has about 70,000. With this limit, any
+document is parsed, checked and rejected within a second on one core.
+"""
 
 _MAX_SHOWN_CHARACTERS = 60
 
@@ -37,9 +38,9 @@ def load_strict(text: str, what: str, max_characters: int) -> Any:
     """Parses JSON from an untrusted source, with limits on size, nesting and numbers.
 
     Args:
-        text: the JSON text.
-        what: the parameter's name, for messages.
-        max_characters: longest text accepted.
+        text: JSON text.
+        what: Name of the parameter, for messages.
+        max_characters: Maximum length of the text.
 
     Raises:
         InvalidParameterException: too long, too many values, not JSON, duplicate members, NaN or Infinity, half of a
@@ -83,7 +84,7 @@ def _refuse(constant: str) -> Any:
 
 
 def _is_deep(document: Any) -> bool:
-    """Whether objects and arrays are nested more than `MAX_DEPTH` times."""
+    """Returns whether objects and arrays are nested more than `MAX_DEPTH` times."""
     level = [document]
     for _ in range(MAX_DEPTH):
         level = [

@@ -1,4 +1,4 @@
-"""Description of an operation as data, with deprecated uses; each resource's module lists its own as `OPERATIONS`."""
+"""Description of an operation as data, with its deprecated uses; each resource's module has a list `OPERATIONS`."""
 
 import re
 import sys
@@ -32,7 +32,7 @@ DELETE_APPLICATION_ERRORS: tuple[ErrorClass, ...] = (INVALID, THROTTLED, INTERNA
 CREATE_EXPORT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, MISMATCH, UNAVAILABLE)
 
 READS = ("Describe", "List", "Get", "BatchDescribe")
-"""Beginnings of the names of the operations that change nothing."""
+"""Prefixes of operations that change nothing."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,12 @@ class OperationShape:
     """Description of one operation of the service: request, response, errors and HTTP path."""
 
     request: type[Shape]
-    """Shape of its request, named after it: `DescribeWorldRequest`; `DescribeWorldResponse` is in the same module."""
+    """Class of the request, named after the operation: `DescribeWorldRequest`; `DescribeWorldResponse` is in the same
+    module.
+    """
 
     errors: tuple[ErrorClass, ...]
-    """Errors that it may raise."""
+    """Errors that the operation may raise."""
 
     description: str
     """Description of the operation, in one line."""
@@ -55,13 +57,13 @@ class OperationShape:
     """HTTP method."""
 
     uri: str | None = None
-    """HTTP path, with members in braces, where it is not the operation's name."""
+    """HTTP path, with members in braces, if it differs from the operation's name."""
 
     locations: Mapping[str, Location] = field(default_factory=dict[str, Location])
-    """Members of the request that travel in the path or the query, not in the body."""
+    """Members of the request that are in the path or the query, not in the body."""
 
     deprecated: bool = False
-    """Whether the service's last model marked it so."""
+    """Whether the last API model of AWS marked the operation as deprecated."""
 
     @property
     def name(self) -> str:
@@ -102,10 +104,10 @@ _REFUSED_MEMBERS: Mapping[str, str] = {
     "useDefaultUploadConfigurations": "list what is kept in `uploadConfigurations`",
     "recordAllRosTopics": "record inside the application",
 }
-"""Members that were refused when they asked for something, and what there was instead."""
+"""Members that AWS rejected in its last years if they requested something, each with its replacement."""
 
 _ONLY_NAMES: Mapping[str, str] = {"robotSoftwareSuite": "General", "simulationSoftwareSuite": "SimulationRuntime"}
-"""Software suites, and the only name of each that was left."""
+"""Software suites, each with the only name that AWS accepted in its last years."""
 
 # Their keys, or all that is in them, belong to the caller.
 _FREE_MEMBERS = frozenset({"tags", "worldTags", "environmentVariables", "templateBody"})
@@ -117,8 +119,8 @@ def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[s
     A deprecated member that has no effect, such as an empty list or `false`, is not one of them.
 
     Args:
-        shape: the operation.
-        request: the members of its request.
+        shape: Operation.
+        request: Members of the request.
 
     Returns:
         One text for each deprecated feature, with the path of its member; empty if the request uses none.
@@ -129,7 +131,7 @@ def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[s
 
 
 def _uses(value: object, place: str) -> Iterator[str]:
-    """The uses inside a value, each with its place in the request."""
+    """Yields the deprecated uses inside a value, each with its path in the request."""
     if is_list(value):
         for index, entry in enumerate(value):
             yield from _uses(entry, f"{place}[{index}]")

@@ -1,4 +1,4 @@
-"""Says in plain words what is wrong with a request: member, value, what would be right."""
+"""Descriptions of request problems: member, value, and what would be right."""
 
 import difflib
 import re
@@ -18,14 +18,14 @@ Location = tuple[str | int, ...]
 
 _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that takes two seconds
 LEAST_LIKENESS = 0.6
-"""Likeness of two names from which on one is asked about where the other stands."""
+"""Minimum similarity of two names to suggest one for the other."""
 _TAKEN_FOR = 0.8  # what is this near is read as the other name, and not only asked about
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
 MAX_PROBLEMS = 100
-"""Most problems of a request that are reported: more do not help, and take long to describe."""
+"""Maximum number of reported problems of a request; more do not help, and take long to describe."""
 
 _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
-"""Pattern of one word of a name in camel or snake case."""
+"""Pattern of one word in a name in camel or snake case."""
 
 
 def path_text(location: Location) -> str:
@@ -41,17 +41,17 @@ class RequestProblem:
     """Members and list positions that lead to the value; empty for the request as a whole."""
 
     message: str
-    """The value and what would be right."""
+    """Text with the value and what would be right."""
 
     about_key: bool = False
-    """Whether it is the member's name or the mapping's key that is wrong, not the value."""
+    """Whether the member's name or the mapping's key is wrong, not the value."""
 
     is_rule: bool = False
-    """Whether a rule about several values found it, so that another one of them may be at fault."""
+    """Whether a rule about several values found the problem, so that another of them may be wrong."""
 
     @property
     def path(self) -> str:
-        """The location as text: `simulationApplications[0].launchConfig`."""
+        """Location as text: `simulationApplications[0].launchConfig`."""
         return path_text(self.location)
 
     def __str__(self) -> str:
@@ -68,9 +68,9 @@ def closest(word: str, words: Iterable[str], least_likeness: float = _TAKEN_FOR)
     """Returns the most similar of some words, as which another one may be read; `None` if none is similar enough.
 
     Args:
-        word: the word, which may be misspelt.
-        words: those that it may be.
-        least_likeness: likeness from which on it may be, 0 to 1.
+        word: Word, which may be misspelt.
+        words: Words that it may mean.
+        least_likeness: Minimum similarity, 0 to 1.
     """
     likeness, near = max(((_likeness(word, each), each) for each in words), default=(0.0, ""))
     return near if likeness >= least_likeness else None
@@ -121,10 +121,10 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
     """Validates the plain value of a single request member.
 
     Args:
-        data: the values.
+        data: Value of the member.
         what: name of the source of the value, for error messages.
-        member: the member.
-        model: a model with nothing but this member.
+        member: Name of the member.
+        model: Model that has only this member.
 
     Raises:
         InvalidParameterException: one line per problem: where, what, and what would be right.
@@ -185,10 +185,10 @@ _PATH_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 def _rule_problems(details: ErrorDetails) -> list[RequestProblem]:
-    """The problems that a rule about several values raised an error with.
+    """Returns the problems with which a rule about several values raised an error.
 
-    Each line of its text is one. One that begins with the path of a member that is there is about that member, or about
-    what the text of a launch variable says below it.
+    Each line of its text is one. If a line begins with the path of an existing member, it is about that member, or
+    about the text of a launch variable below it.
     """
     location = details["loc"]
     if location[-1:] == ("[key]",):
@@ -288,7 +288,7 @@ def pattern_in_words(pattern: str) -> str:
 
 
 def _unknown_tag(details: ErrorDetails) -> RequestProblem:
-    """The problem of the member that says which of several models a mapping is."""
+    """Returns the problem of the member that selects one of several models for a mapping."""
     context = details.get("ctx", {})
     tag, member = context.get("tag"), context["discriminator"].strip("'")
     if tag is None:
@@ -299,7 +299,7 @@ def _unknown_tag(details: ErrorDetails) -> RequestProblem:
 
 
 def _without_tags(details: ErrorDetails, model: type[BaseModel]) -> ErrorDetails:
-    """A finding whose location is that in the request: validators put a model's tag in between.
+    """Removes the tags that pydantic adds to an error's location, so that it is a location in the request.
 
     The location with tags, which leads to the right one of several models, is kept in the context.
     """
@@ -322,13 +322,13 @@ def _described(model: type[BaseModel], location: Location) -> str:
 
 
 def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel] | None:
-    """The model whose members are looked up at a location."""
+    """Returns the model whose members are looked up at a location."""
     kind: Any = [*_kinds(model, (*location, ""))][-1]
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
 def _kinds(model: type[BaseModel], location: Location) -> Iterator[Any]:
-    """The kinds that the steps of a location are looked up in: a model, a collection, or a choice of models by tag."""
+    """Yields the types in which the steps of a location are looked up: a model, a collection, or a tagged union."""
     kind: Any = model
     for step in location:
         yield kind
@@ -346,12 +346,12 @@ def _is_choice(kind: Any) -> bool:
 
 
 def _tags(model: type[BaseModel]) -> tuple[Any, ...]:
-    """The values by which a model is told from the others of a choice."""
+    """Returns the tag values that select a model in a union."""
     return get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
 
 
 def _plain(annotation: Any) -> Any:
-    """An annotation without `Annotated` and `None`; a choice between several models stays one."""
+    """Removes `Annotated` and `None` from an annotation; a union of several models stays one."""
     origin = get_origin(annotation)
     if origin is Annotated:
         return _plain(get_args(annotation)[0])

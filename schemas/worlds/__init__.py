@@ -1,1 +1,1 @@
-"""Worlds as data: `world.json`, how worlds are lit, what was proven of them, their description, polygons."""
+"""Worlds as data: `world.json`, lighting, checks, descriptions for other programs, and polygons."""

@@ -1,6 +1,6 @@
-"""Light of a world: the appearances of one and the same world, and its model with another one.
+"""Lighting of a world: named appearances, and replacement of the lighting in a world's MJCF.
 
-An appearance changes lights, the sky and what shines by itself; nothing that moves, collides or weighs.
+An appearance changes lights, sky and luminous materials, but nothing that affects physics.
 """
 
 import re
@@ -10,7 +10,7 @@ from random import Random
 Rgb = tuple[float, float, float]
 
 RANDOM = "random"
-"""Name that chooses an appearance by chance: one of those that differ in light, a little brighter or darker."""
+"""Name that chooses a random appearance: one with other light, slightly brighter or darker."""
 
 DAY = "day"
 
@@ -20,20 +20,20 @@ class Appearance:
     """Lighting of a simulation world: colours of sun, lamps, ambient light and sky, and whether shadows are drawn."""
 
     sun: Rgb
-    """Colour of the sun's light; at night of the moon's."""
+    """Colour of the sunlight, or of the moonlight at night."""
     lamps: Rgb
     ambient: Rgb
-    """Light that comes from everywhere."""
+    """Colour of the ambient light."""
     headlight: float
-    """Light from where the camera is."""
+    """Brightness of the light at the camera."""
     ceiling: float
-    """Brightness of ceilings by themselves, since no light from above reaches them."""
+    """Emission of ceilings, which no light from above reaches."""
     shades: float
-    """The same of lamp shades."""
+    """Emission of lamp shades."""
     sky: Rgb | None
-    """Colour of the sky; absent: the day's, with all that is seen from windows."""
+    """Colour of the sky; absent: the daytime sky, with the view from windows."""
     shadows: bool = True
-    """Whether the sun casts shadows, which takes a renderer longer than all the rest."""
+    """Whether the sun casts shadows, which takes most of the rendering time."""
 
 
 APPEARANCES: dict[str, Appearance] = {
@@ -56,7 +56,7 @@ def appearance_named(name: str, seed: int = 0) -> Appearance:
 
     Args:
         name: one of `APPEARANCES`, or `random`.
-        seed: what `random` draws from; equal seeds give equal light.
+        seed: Random seed for `random`; equal seeds give equal light.
 
     Raises:
         ValueError: no lighting has this name; the message lists the names.
@@ -106,7 +106,7 @@ def sky_look(color: Rgb) -> str:
 
 
 def _set(mjcf: str, start: str, **attributes: str) -> str:
-    """Sets attributes of all elements that start like this."""
+    """Sets attributes of all MJCF elements that begin with a text."""
 
     def changed(found: re.Match[str]) -> str:
         element = found.group()

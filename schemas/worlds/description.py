@@ -1,8 +1,8 @@
-"""Content and proofs of a world, for other programs: the content of `world_description.json`.
+"""Description and checks of a world for other programs: the content of `world_description.json`.
 
-DescribeWorld answers with the same members and `contentHash` as `worldDescriptionBody`, and an export holds it beside
-each world. The service's own schema was never published; this one is ours. Lengths are metres, angles radians, areas
-square metres; x points east, y north, z up, and the floor's surface is z = 0.
+DescribeWorld responds with the same members and `contentHash` as `worldDescriptionBody`, and an export has the file
+next to each world. AWS never published its schema; this one is the project's own. Lengths are metres, angles radians,
+areas square metres; x points east, y north, z up, and the floor's surface is z = 0.
 """
 
 from typing import Literal
@@ -13,7 +13,7 @@ from ..wire.base import Model, optional
 from .world import PassageKind, Point, Preference, RoomType, Source, Variation, WorldChecks
 
 DESCRIPTION_FILE = "world_description.json"
-"""Its name in a world bundle and in an export."""
+"""Name of the file in a world bundle and in an export."""
 
 
 class Units(Model):

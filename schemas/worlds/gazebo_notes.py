@@ -1,4 +1,4 @@
-"""Notes on a world in Gazebo's format: the YAML file beside it, with what the world file cannot say.
+"""Notes file of an imported Gazebo world: YAML with the facts that the world file does not contain.
 
 ```yaml
 rooms:
@@ -18,13 +18,13 @@ from ..wire.base import Model
 from .world import Point, RoomType
 
 _LEAST_M2 = 0.01
-"""Area of the least room, in square metres: four cells of a map."""
+"""Minimum area of a room in m²: four cells of a map."""
 _LEVEL_M = 0.01
-"""Distance by which an edge may lean and still count as level or upright."""
+"""Height difference in metres along an edge up to which it counts as level or upright."""
 
 
 def _pair(value: object) -> object:
-    """YAML has lists where the world has pairs."""
+    """Converts a YAML list of two numbers to a pair."""
     if not isinstance(value, list):
         return value
     given: list[object] = value  # pyright: ignore[reportUnknownVariableType] - pydantic checks what is in it
@@ -38,7 +38,7 @@ def _finite(point: Point) -> Point:
 
 
 Spot = Annotated[Point, BeforeValidator(_pair), AfterValidator(_finite)]
-"""A place in the frame of the world file, in metres."""
+"""Position in the frame of the world file, in metres."""
 
 
 def _upright(polygon: list[Point]) -> list[Point]:

@@ -1,4 +1,4 @@
-"""Operations that only steps of specifications have: not among the service's, not on the wire.
+"""Operations that only steps of specifications can use; they are not part of the service's API.
 
 ```yaml
 variations:
@@ -30,7 +30,7 @@ def _finite(numbers: list[float]) -> list[float]:
 
 
 MOST_VARIATIONS = 1000
-"""Largest number of worlds that one step makes: worlds times variations."""
+"""Maximum number of worlds that one step makes: worlds times variations."""
 
 Percent = Annotated[float, Field(ge=0, le=100)]
 Friction = Annotated[float, Field(ge=0, le=10)]
@@ -79,7 +79,7 @@ class VaryWorldsRequest(Shape):
 
 
 class VariedWorld(Shape):
-    """A variation of a world that was made."""
+    """A variation of a world, as the response of `VaryWorlds` reports it."""
 
     arn: Arn = Field(description="ARN of the variation.")
     world: Arn = Field(description="ARN of the world it was made of.")
@@ -104,4 +104,4 @@ STEP_OPERATIONS: Mapping[str, OperationShape] = {
         ),
     )
 }
-"""Every one by name."""
+"""Step operations by name."""

@@ -28,7 +28,7 @@ from ..wire.base import Model, optional
 
 WORLD_FILE = "world.json"
 PREVIEW_FILE = "preview.png"
-"""The picture from above: in bundles once somebody has looked at the world, and in exports."""
+"""Name of the picture from above: in bundles once the world has been viewed, and in exports."""
 
 PassageKind = Literal["Doorway", "Opening"]
 
@@ -77,7 +77,7 @@ class StabilityChecks(Model):
 
 
 Guarantee = Literal["reach", "ways", "overlaps", "rest", "parts", "doors", "map", "lidar", "description", "files"]
-"""Guarantees that name the place where they are broken."""
+"""Guarantees of a world that have a place where they can be broken."""
 
 
 class Fault(Model):
@@ -92,13 +92,13 @@ class Fault(Model):
     def placed(
         cls, guarantee: Guarantee, said: str, place: Sequence[float] | None = None, room: str | None = None
     ) -> "Fault":
-        """Makes a fault at a place (x and y, metres), which is rounded to millimetres."""
+        """Makes a fault at a position (x and y, metres), which is rounded to millimetres."""
         at = None if place is None else (round(float(place[0]), 3) + 0.0, round(float(place[1]), 3) + 0.0)
         return cls(guarantee=guarantee, said=said, room=room, at=at)
 
     @property
     def sentence(self) -> str:
-        """The whole sentence: how the guarantee is broken, and where."""
+        """Full sentence: how the guarantee is broken, and where."""
         place = "" if self.at is None else f", at ({self.at[0]:.2f}, {self.at[1]:.2f}) m"
         return self.said + place + (f" in {self.room}" if self.room and self.at else "")
 
@@ -155,7 +155,7 @@ class WorldChecks(Model):
     )
 
     def absent(self) -> set[str]:
-        """Returns the members that are written only where they are measured."""
+        """Returns the members that are only written if they were measured."""
         return {name for name in ("reachable_m2", "faults", "not_compared") if getattr(self, name) is None}
 
 
@@ -163,17 +163,17 @@ Point = tuple[float, float]
 FurnishedRoomType = Literal[
     "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage"
 ]
-"""Types of rooms that templates and drawings have."""
+"""Types of rooms in templates and drawings."""
 RoomType = Literal[
     "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage", "Area"
 ]
-"""Types of rooms of any world; an `Area` is a room of an imported world, of which no more is known."""
+"""Types of rooms of any world; `Area` is a room of an imported world whose type is unknown."""
 PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
 
 SERVICE_ROOM_TYPES: tuple[FurnishedRoomType, ...] = (
     "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet",
 )  # fmt: skip
-"""Types of rooms that templates of the service had; others are extensions."""
+"""Types of rooms in AWS's templates; the others are extensions."""
 ROOM_TYPES: tuple[FurnishedRoomType, ...] = (*SERVICE_ROOM_TYPES, "Office", "Storage")
 
 FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
@@ -214,7 +214,7 @@ class Room(Model):
 
     @property
     def called(self) -> str:
-        """The name that people read: its `original_name`, in any letters, where it has one."""
+        """Display name of the room: its `original_name`, in any script, if it has one."""
         return self.original_name or self.name
 
     @property
@@ -238,9 +238,9 @@ class Wall(Model):
 class Door(Model):
     """A hinged door in a doorway of a world.
 
-    The hinge's axis stands at `hinge`, on the face of the wall in `room`. In the leaf's own frame, whose
-    x axis starts there and points to the leaf's free edge, the leaf reaches from x = 0 to `leaf_width_m` and
-    is `thickness_m` thick, on the far side from where it swings: y from 0 to `-swing * thickness_m`.
+    The hinge's axis is at `hinge`, on the face of the wall in `room`. The frame of the door leaf has its origin at the
+    hinge and its x axis towards the leaf's free edge: the leaf extends from x = 0 to `leaf_width_m`, and from y = 0 to
+    `-swing * thickness_m`, which is away from the side to which it swings.
     """
 
     id: str = Field(description="Unique in the world, `door-<n>`; name of its body and its joint in the MJCF.")
@@ -331,7 +331,7 @@ class Floorplan(Model):
 
 
 Light = Literal["day", "evening", "night"]
-"""Light of a world's model."""
+"""Lighting of a world's model."""
 DrawingForm = Literal["svg", "dxf", "nav2-map"]
 
 
@@ -451,7 +451,7 @@ def bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
 
 
 def contains(polygon: Sequence[Point], x: float, y: float) -> bool:
-    """Whether a 2D point is inside a simple polygon (even-odd rule), in metres."""
+    """Returns whether a 2D point is inside a simple polygon (even-odd rule), in metres."""
     inside = False
     previous_x, previous_y = polygon[-1]
     for corner_x, corner_y in polygon:

@@ -1,7 +1,7 @@
-"""Comparing two runs: is the second one better, worse, no different as far as can be told, or not to be compared?
+"""Comparison of two runs: whether the second one is better, worse, not different, or not comparable.
 
-The answer is about verdicts of trials; a job without trials is one. Whether a metric that rose is good news only its
-user knows.
+The answer is about verdicts of trials; a job without trials counts as one trial. Whether a higher metric is better is
+for the user to decide.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_t
 from .requirement_changes import RequirementChanges, requirement_changes
 
 _LARGEST = 1e100
-"""Numbers from here on are left out of means: their squares are not finite."""
+"""Absolute value from which numbers are left out of means, as their squares are not finite."""
 
 
 def compare(
@@ -47,12 +47,13 @@ def compare(
     ran, beside the first one, has the answer of its e-values.
 
     Args:
-        before: the first run.
-        after: the second run.
+        before: First run.
+        after: Second run.
         alpha: error probability of the test; the intervals of all metrics together have it too (Bonferroni).
-        difference: difference of pass rates that `needed` is about, a share from 0 to 1; None: the one found.
-        margin: fall of the pass rate that would matter, a share from 0 to 1; with it, a second run that is shown to
-            have fallen by less is "not worse".
+        difference: Difference of pass rates for which `needed` is computed, a share from 0 to 1; None: the observed
+            one.
+        margin: Relevant decrease of the pass rate, a share from 0 to 1; if given, a second run that is shown to have
+            decreased by less is "not worse".
 
     Returns:
         The answer, with what it rests on.
@@ -107,7 +108,7 @@ def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> Judg
 
 
 def _fair(pairing: Pairing, trials: TrialPairs) -> tuple[NDArray[np.bool_], TrialPairs]:
-    """A mask of the pairs of jobs with the same requirements in both runs, and the trials of those."""
+    """Returns a mask of the job pairs with the same requirements in both runs, and those jobs' trial pairs."""
     is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
     return is_fair, trials.only(is_fair[trials.jobs])
 
@@ -117,7 +118,7 @@ def _told(pair: Pair, requirements: RequirementChanges) -> PairedJob:
 
 
 def _judged(trials: TrialPairs, alpha: float) -> JudgedTrials:
-    """Pairs with what passed; all that did not is failed."""
+    """Makes the judged pairs of trials; trials that did not pass count as failed."""
     old, new = trials.outcomes
     return JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(alpha))
 
@@ -142,7 +143,7 @@ def _answer(
     rate: RateChange | None,
     alpha: float,
 ) -> tuple[Answer, str]:
-    """The answer and why it is that."""
+    """Returns the answer of a comparison, and the reason for it."""
     if not pairing.pairs:
         return "not comparable", _why_unpaired(before, after)
     if not len(fair):
@@ -172,7 +173,7 @@ def _answer(
 
 
 def _margin_in_words(test: MarginTest) -> str:
-    """Says what is shown about a margin: that the pass rate fell by less, or that this is open."""
+    """Returns a text on whether it is shown that the pass rate fell by less than the margin."""
     by = f"p = {test.p_value:.2g}, {test.test} test" if test.p_value is not None else test.test
     points = f"{100 * test.margin:.3g} points"
     if test.outcome == "shown":
@@ -181,7 +182,7 @@ def _margin_in_words(test: MarginTest) -> str:
 
 
 def _depends_on_lost(judged: JudgedTrials, fair: TrialPairs, alpha: float, margin: float | None) -> str:
-    """Says that passed trials of the first run which the second one lacks could be the fall that is to be excluded."""
+    """Returns a warning if missing trials that passed in the first run could hide a decrease by the margin."""
     worlds = fair.only(fair.told).lost_passes
     if not (lost := len(worlds)):
         return ""
@@ -208,7 +209,7 @@ def _judged_in_words(judged: JudgedTrials, fair: TrialPairs) -> str:
 
 
 def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
-    """Says where an answer holds, if there are too few worlds to tell of others; jobs without worlds have none."""
+    """Returns a note on where an answer holds, if there are too few worlds to generalise; empty without worlds."""
     if not judged.is_of_few_worlds or not fair.has_worlds:
         return ""
     these = "this world" if judged.world_count == 1 else "these worlds"
@@ -225,7 +226,7 @@ def _tested(rate: RateChange, alpha: float) -> Answer:
 
 
 def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
-    """Metrics or margins of the trials that ended by themselves in both runs; all intervals hold with 1 - alpha."""
+    """Returns changes of metrics or margins of trials that ended by themselves; all intervals hold with 1 - alpha."""
     old, new = trials.outcomes
     ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
     found = {}
@@ -242,7 +243,7 @@ def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
 
 
 def _with_margins(trials: TrialPairs) -> list[str]:
-    """Requirements whose margins have the same unit in both runs, so that they can be compared."""
+    """Returns the requirements whose margins have the same unit in both runs, so that they can be compared."""
     before, after = (margin_units(table) for table in (trials.before, trials.after))
     return [name for name, units in after.items() if len(units) == 1 and before.get(name) == units]
 
@@ -265,7 +266,7 @@ def _metric(
 
 
 def _why_unpaired(before: NightRun, after: NightRun) -> str:
-    """Reason why two runs have no job in common."""
+    """Returns the reason why two runs have no job in common."""
     for run in (before, after):
         if not run.jobs:
             return f"{run.run_id} has no simulation jobs"
@@ -290,7 +291,7 @@ def _worlds(run: NightRun) -> set[str]:
 
 
 def _without_verdicts(before: NightRun, after: NightRun) -> str:
-    """Ends of jobs without a verdict."""
+    """Describes how the jobs without a verdict ended."""
     told = []
     for run in (before, after):
         outcomes = [outcome_of(job) for job in run.jobs]

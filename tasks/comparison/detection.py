@@ -1,4 +1,4 @@
-"""Planned number of trials with which two runs of a specification answer a question."""
+"""Number of trials with which the comparison of two runs of a specification answers a question."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,10 +17,14 @@ from .nights import NightRun
 from .statistics import mcnemar_power
 
 ASSUMED_SHARE = 0.2
-"""Share of pairs that differ, where no earlier runs tell: a fifth is much for a robot that mostly does what it did."""
+"""Assumed share of pairs that differ, without earlier runs: a fifth is much for a robot that mostly repeats its
+results.
+"""
 
 FEWEST_PAIRS = 20
-"""Fewer pairs of earlier runs say little: with 20, a share of 10 % is known as 3 to 30 %."""
+"""Minimum number of pairs of earlier runs from which the share is estimated: with 20, a share of 10 % is known as 3 to
+30 %.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,18 +33,18 @@ class Question:
 
     kind: Literal["difference", "margin"]
     share: float
-    """The difference to be shown, or the fall to be excluded; above 0; a margin is below 1."""
+    """Difference to be shown, or decrease to be excluded, as a share above 0; a margin is below 1."""
 
     alpha: float = 0.05
     """Error probability of the test that will decide."""
 
     discordant: float | None = None
-    """Share of pairs whose verdicts differ, as the user expects it; None: it is taken from earlier runs."""
+    """Expected share of pairs whose verdicts differ; None: it is estimated from earlier runs."""
 
 
 @dataclass(frozen=True)
 class PlannedTrials:
-    """Number of trials of one run of a specification, and of different worlds they drive in."""
+    """Number of trials of one run of a specification, and of the different worlds that they use."""
 
     trials: int
     worlds: int
@@ -48,7 +52,7 @@ class PlannedTrials:
 
 @dataclass(frozen=True)
 class EarlierPairs:
-    """Pairs of two earlier runs of a specification, from which the share of pairs that differ is taken."""
+    """Pairs of trials of two earlier runs, from which the share of differing pairs is estimated."""
 
     judged: JudgedTrials
     runs: tuple[str, str]
@@ -60,11 +64,11 @@ class EarlierPairs:
 
 
 def liveliest_pairs(runs: Sequence[NightRun], alpha: float = 0.05) -> EarlierPairs | None:
-    """Finds the two consecutive runs with the largest share of pairs that differ, so that a plan is not too hopeful.
+    """Finds the two consecutive runs with the largest share of pairs that differ, for a cautious plan.
 
     Args:
-        runs: runs of one specification, the earliest first.
-        alpha: error probability of the test.
+        runs: Runs of one specification, the earliest first.
+        alpha: Error probability of the test.
 
     Returns:
         Their pairs; None: no two runs have 20 pairs in common, or no pair differed yet.
@@ -75,12 +79,12 @@ def liveliest_pairs(runs: Sequence[NightRun], alpha: float = 0.05) -> EarlierPai
 
 
 def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: EarlierPairs | None) -> PlannedPairs:
-    """Computes how many pairs of trials the test that will decide needs, and whether the specification has them.
+    """Computes how many pairs of trials the test needs, and whether the specification has them.
 
     Args:
-        question: what is asked.
-        planned: the trials of one run; None: only a run can tell.
-        earlier: pairs of earlier runs; None: there are none.
+        question: Question that the test answers.
+        planned: Number of trials of one run; None: it is only known after a run.
+        earlier: Pairs of earlier runs; None: there are none.
     """
     share, assumed = _discordant(question, earlier)
     is_margin = question.kind == "margin"
@@ -118,7 +122,7 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
 
 
 def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float, list[str]]:
-    """The share of pairs that differ, and where it comes from."""
+    """Returns the share of differing pairs, and its source."""
     if question.discordant is not None:
         return question.discordant, []
     if earlier is None:
@@ -132,7 +136,7 @@ def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float
 
 
 def _smallest(pairs: int, question: Question, discordant: float) -> float | None:
-    """The smallest difference or margin, in whole tenths of a point, that so many pairs answer."""
+    """Returns the smallest difference or margin, in tenths of a percentage point, that the pairs can show."""
 
     def power(share: float) -> float:
         if question.kind == "margin":

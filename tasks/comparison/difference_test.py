@@ -1,4 +1,4 @@
-"""The test that decides whether two runs differ: it knows that trials of one world are alike."""
+"""Test that decides whether two runs differ; it allows for similar trials within a world."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +23,7 @@ from .statistics import (
 )
 
 POWER = 0.8
-"""The probability with which the pairs that are said to be needed would show the difference."""
+"""Probability with which the computed number of pairs would show the difference (power of the test)."""
 
 _USUAL_DIFFERENCE = 0.1
 _SEED = 20  # of simulated comparisons: the same runs get the same answer
@@ -34,13 +34,13 @@ class JudgedTrials:
     """Pairs of trials that were judged in both of two compared runs, as arrays with one entry for each pair."""
 
     before: NDArray[np.bool_]
-    """Whether it passed in the first run."""
+    """Mask of the trials that passed in the first run."""
     after: NDArray[np.bool_]
-    """Whether it passed in the second run."""
+    """Mask of the trials that passed in the second run."""
     worlds: NDArray[np.int64]
-    """Number of its world."""
+    """Number of each pair's world."""
     fewest_worlds: int = FEWEST_WORLDS
-    """The number of worlds from which on whole worlds are flipped."""
+    """Number of worlds from which the test flips the signs of whole worlds."""
 
     def __len__(self) -> int:
         return len(self.before)
@@ -86,9 +86,9 @@ def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None)
     """Computes both pass rates, their difference with its confidence interval, and the p-value.
 
     Args:
-        trials: at least one pair.
+        trials: Judged pairs, at least one.
         alpha: 1 minus the confidence level of the interval.
-        margin: the fall of the pass rate that would matter, a share; None: none was asked for.
+        margin: Relevant decrease of the pass rate, a share; None: no margin is tested.
     """
     counts = [int((trials.before == old)[trials.after == new].sum()) for old in (True, False) for new in (True, False)]
     both, worse, better, neither = counts
@@ -117,7 +117,7 @@ def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None)
 def _margin_test(
     trials: JudgedTrials, worse: int, better: int, margin: float, alpha: float, between_worlds: Interval | None
 ) -> MarginTest:
-    """The test of a margin; where worlds are flipped, the interval between them decides, since trials are alike."""
+    """Tests a margin; if whole worlds are flipped, the interval between worlds decides, since trials are similar."""
     if between_worlds is not None:
         worlds = trials.world_count
         error = (between_worlds.value - between_worlds.low) / float(stdtrit(worlds - 1, 1 - alpha / 2))
@@ -135,11 +135,11 @@ def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin
     """Computes how many pairs of trials would be needed to answer a question about pass rates.
 
     Args:
-        trials: at least one pair.
+        trials: Judged pairs, at least one.
         alpha: error probability of the test that decides.
-        asked: the difference that was asked for, above 0; None: none was.
-        margin: the fall of the pass rate that is to be excluded, where nothing changed; None: the question is whether
-            there is a difference.
+        asked: Requested difference above 0; None: none was requested.
+        margin: Decrease of the pass rate to be excluded if nothing changed; None: the question is whether there is a
+            difference.
     """
     change, pairs = trials.change, len(trials)
     found = abs(int(change.sum())) / pairs
@@ -166,14 +166,14 @@ def pairs_for(
     *,
     is_margin: bool,
 ) -> tuple[int, int | None]:
-    """Computes how many pairs the test that decides needs, and in how many worlds.
+    """Computes how many pairs the deciding test needs, and how many worlds.
 
     Args:
-        difference: difference that is to be shown, or the margin that is to be excluded; a share above 0.
+        difference: Difference to be shown, or margin to be excluded; a share above 0.
         discordant: share of pairs that differ.
         alpha: error probability of the test.
-        by_world: sum of the changes in each world and its number of pairs, where whole worlds decide; else None.
-        is_margin: whether it is about a margin.
+        by_world: Sum of the changes in each world and its number of pairs, if whole worlds decide; else None.
+        is_margin: Whether `difference` is a margin.
 
     Returns:
         Pairs, and worlds where these decide.
@@ -194,8 +194,8 @@ def mean_change(trials: JudgedTrials, differences: NDArray[np.float64], alpha: f
     """Computes the mean of paired differences with a confidence interval, by worlds where that test decides.
 
     Args:
-        trials: at least two pairs.
-        differences: of each pair.
+        trials: Judged pairs, at least two.
+        differences: Difference of each pair.
         alpha: 1 minus the confidence level.
     """
     if trials.flips_worlds and differences.min() != differences.max():

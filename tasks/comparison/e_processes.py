@@ -23,18 +23,20 @@ def fewest_worlds(alpha: float) -> int:
 
 
 _CHANCES = np.array([0.65, 0.75, 0.85, 0.95])
-"""Shares of changes in one direction on which the evidence bets, a fourth of the stake on each: from a weak effect to
-one in which nearly all pairs that differ do so in one direction. Of six such lists that were tried it had the earliest
-stops over the settings that `docs/benchmarks.md` names."""
+"""Shares of changes in one direction on which the evidence bets, with a fourth of the stake on each: from a weak effect
+to nearly all differing pairs in one direction. Of six tested lists this one stopped earliest over the settings in
+`docs/benchmarks.md`.
+"""
 _LOG_ODDS = np.log(_CHANCES / (1 - _CHANCES))
 
 _STAKES = np.array([0.1, 0.25, 0.5, 0.75, 0.95])
-"""Shares of the largest stake that a margin allows. The largest itself would lose everything by one pair that got
-worse; small ones gain where many pairs differ in both directions."""
+"""Shares of the largest stake that a margin allows. The largest one itself would lose everything by one pair that got
+worse; small ones gain if many pairs differ in both directions.
+"""
 
 
 def threshold(alpha: float) -> float:
-    """Returns the logarithm of the evidence that an answer takes."""
+    """Returns the logarithm of the evidence from which an answer is given."""
     return math.log(2 / alpha)
 
 
@@ -87,12 +89,12 @@ def mixed(wealth: Numbers) -> Numbers:
 
 
 def best_sign(wealth: Numbers, changes: int, *, are_worlds: bool) -> float:
-    """Returns the logarithm of the evidence that changes are upwards if all that can change still does so.
+    """Returns the logarithm of the evidence that changes are upwards if all remaining ones are.
 
     Args:
-        wealth: that of each bet so far.
-        changes: how many pairs or worlds can still change upwards.
-        are_worlds: whether they are worlds, of which each may as much as double the evidence.
+        wealth: Present evidence of each bet.
+        changes: Number of pairs or worlds that can still change upwards.
+        are_worlds: Whether they are worlds, each of which can at most double the evidence.
     """
     each = math.log(2) if are_worlds else _log_factor(_LOG_ODDS)
     return float(mixed(wealth + changes * each))
@@ -107,12 +109,12 @@ def fewest_pairs(alpha: float) -> int:
 
 
 def best_margin(wealth: Numbers, gains: int, others: int, margin: float) -> float:
-    """Returns the logarithm of the evidence for a margin if nothing that is left gets worse.
+    """Returns the logarithm of the evidence for a margin if no remaining pair or world gets worse.
 
     Args:
-        wealth: that of each bet so far.
-        gains: how many pairs or worlds can still get better.
-        others: how many others there still are.
+        wealth: Present evidence of each bet.
+        gains: Number of pairs or worlds that can still get better.
+        others: Number of other remaining pairs or worlds.
         margin: the fall of the pass rate that would matter.
     """
     stakes = _STAKES / (1 - margin)
@@ -120,5 +122,5 @@ def best_margin(wealth: Numbers, gains: int, others: int, margin: float) -> floa
 
 
 def _log_factor(measured: Numbers) -> Numbers:
-    """The logarithm of 2 / (1 + exp(-x)), which is 0 where x is 0."""
+    """Computes the logarithm of 2 / (1 + exp(-x)), which is 0 for x = 0."""
     return math.log(2) - np.logaddexp(0.0, -measured)

@@ -1,8 +1,8 @@
-"""Deciding between two runs while the second one goes on: the pairs in their order, and when they have decided.
+"""Sequential comparison of a running run with an earlier one: takes pairs in order, and decides as early as possible.
 
-Pairs are looked at in an order that the requests fix, and only as far as no earlier one is missing: jobs that end
-sooner than others, such as those that fail at once, do not get in front. One step is a pair, or where whole worlds are
-flipped all pairs of a world.
+Pairs are taken in an order that the requests determine, and only up to the first missing one, so that jobs that end
+early, such as those that fail at once, do not come first. A step is a pair, or, if whole worlds are flipped, all pairs
+of a world.
 """
 
 import math
@@ -31,14 +31,14 @@ Outcomes = NDArray[np.int8]
 
 @dataclass(frozen=True)
 class PairedTrials:
-    """The trials of a job of the earlier run, with those of the same job in the run that goes on."""
+    """Trials of a job of the earlier run, with those of the same job in the running run."""
 
     world: str
-    """Content of the world that they drive in; empty: none."""
+    """Content hash of the world; empty: none."""
     before: Outcomes
-    """Their outcomes in the earlier run, as codes such as `PASSED`."""
+    """Outcomes in the earlier run, as codes such as `PASSED`."""
     after: Outcomes | None = None
-    """Their outcomes in the later run, `STOPPED` for those that it lacks; None: the job has not ended."""
+    """Outcomes in the later run, with `STOPPED` for missing ones; None: the job has not ended."""
     is_fair: bool = True
     """Whether both runs judge the job by the same requirements."""
 
@@ -46,8 +46,9 @@ class PairedTrials:
         """Returns 1 for each trial that got better, -1 for worse, 0 for none, NaN where that is not judged.
 
         Args:
-            counts_lost: whether what broke, was cancelled or is missing counts as failed; else it is not judged.
-            has_margin: whether that holds for other requirements, too, since they could hide a fall.
+            counts_lost: Whether trials with errors, cancelled or missing ones count as failed; else they are not
+                judged.
+            has_margin: Whether that also holds for other requirements, since they could hide a decrease.
         """
         after = np.full(len(self.before), STOPPED, dtype=np.int8) if self.after is None else self.after
         change = (after == PASSED).astype(np.float64) - (self.before == PASSED)
@@ -63,35 +64,35 @@ class PairedTrials:
 
 @dataclass(frozen=True)
 class Decision:
-    """The answer so far, with the evidence for each answer and the pairs that were looked at."""
+    """Present answer of a comparison, with the evidence for each answer and the number of used pairs."""
 
     answer: Answer | None
-    """None: nothing is decided."""
+    """Answer; None: undecided."""
     pairs: int
-    """Pairs that were looked at until then."""
+    """Number of pairs that were used."""
     judged: int
-    """Pairs of those with a verdict in both runs."""
+    """Number of used pairs with a verdict in both runs."""
     planned: int
-    """All pairs."""
+    """Number of all planned pairs."""
     is_hopeless: bool
-    """Whether the pairs that are left can decide nothing."""
+    """Whether the remaining pairs cannot decide anything."""
     depends_on_lost: bool
-    """Whether an answer holds only if what broke or is missing is left out, or only if it counts as failed."""
+    """Whether the answer changes if trials with errors or missing ones count as failed instead of being left out."""
     e_values: dict[str, float] = field(default_factory=dict)
-    """Largest evidence by answer, the smaller one of both ways to count what broke."""
+    """Largest evidence by answer: the smaller one of both ways to count trials with errors."""
     worlds: int | None = None
-    """Number of worlds that were looked at, where whole worlds are flipped."""
+    """Number of worlds that were used, if whole worlds are flipped."""
 
 
 def decide(trials: Sequence[PairedTrials], asked: Against, lost: Sequence[PairedTrials] = ()) -> Decision:
-    """Decides whether a run is better or worse than an earlier one, as far as it has come.
+    """Decides whether a running run is better or worse than an earlier one, from the pairs that have ended.
 
-    An answer takes the evidence twice: with what broke left out, and with it counted as failed.
+    An answer needs enough evidence in two ways: with trials with errors left out, and counted as failed.
 
     Args:
-        trials: the jobs of both runs, in the order in which they are looked at.
-        asked: error probability and margin.
-        lost: jobs of the earlier run that the later one does not have; with a margin, they could be the fall.
+        trials: Trials of both runs by job, in the order of use.
+        asked: Error probability and margin.
+        lost: Jobs of the earlier run that the later one lacks; with a margin, they could hide the decrease.
     """
     steps, enough = _Steps(trials, asked), threshold(asked.alpha)
     versions = [_Version.of(steps, lost, counts_lost=counts_lost) for counts_lost in (False, True)]
@@ -117,9 +118,9 @@ def decide(trials: Sequence[PairedTrials], asked: Against, lost: Sequence[Paired
 
 
 class _Steps:
-    """Pairs, or worlds with all their pairs, as arrays with one entry for each, in the order of their first trial.
+    """Pairs, or worlds with all their pairs, as arrays in the order of their first trial.
 
-    Which of both they are is known before any trial of the later run has ended.
+    Which of the two is used is decided before any trial of the later run has ended.
     """
 
     def __init__(self, trials: Sequence[PairedTrials], asked: Against) -> None:
@@ -145,7 +146,7 @@ class _Steps:
         self.can_lose = self._summed(before == PASSED) > 0
 
     def changes(self, *, counts_lost: bool) -> tuple[Numbers, Numbers]:
-        """Returns the sum of the changes in each step that has ended, and how many of its pairs are judged."""
+        """Returns the sum of the changes in each ended step, and the number of its judged pairs."""
         has_margin = self.asked.margin is not None
         change = _joined([each.changes(counts_lost=counts_lost, has_margin=has_margin) for each in self._trials])
         known = ~np.isnan(change)
@@ -157,12 +158,12 @@ class _Steps:
 
 @dataclass(frozen=True)
 class _Version:
-    """The evidence with one of both ways to count what broke."""
+    """Evidence with one of the two ways to count trials with errors."""
 
     evidence: dict[Answer, Numbers]
     """Logarithm of the largest evidence for each answer up to each step."""
     best: dict[Answer, float]
-    """Logarithm of the evidence for each answer if everything that is left speaks for it."""
+    """Logarithm of the evidence for each answer if all remaining pairs support it."""
     known: Numbers
     """Number of judged pairs of each step."""
 
@@ -192,7 +193,7 @@ class _Version:
         return cls(evidence, best, known)
 
     def can_reach(self, answer: Answer, enough: float) -> bool:
-        """Whether the evidence for an answer is enough, or can still become so."""
+        """Returns whether the evidence for an answer is enough, or can still become so."""
         return bool((self.evidence[answer] >= enough).any()) or self.best[answer] >= enough
 
 

@@ -1,4 +1,4 @@
-"""Finds the night since which a job fails, and what changed then."""
+"""Finds the run since which a job fails, and which inputs changed then."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from .nights import JUDGED, TOLD, CellTable, NightRun, outcome_of
 from .pairing import Pair, pair_jobs
 
 _STEADY_CHANGES = 3
-"""Changes of a job's result from which on it is unsteady, whatever its inputs were."""
+"""Number of changes of a job's result from which it counts as flaky, whatever its inputs were."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:
 def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
     """Finds the run in which a job's present series of failures began.
 
-    Runs in which it was canceled or had no verdict are passed over.
+    Runs in which the job was cancelled or had no verdict are skipped.
 
     Args:
-        appearances: the job in the runs that have it, oldest first.
+        appearances: Job in each run that has it, oldest first.
 
     Returns:
-        The first run of the failures that last until now; None when it does not fail.
+        The first run of the present failures; None if the job does not fail.
     """
     told = [each for each in appearances if each.outcome in TOLD]
     first = len(told)
@@ -142,14 +142,14 @@ def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
 
 
 def is_unsteady(changes: int, same_inputs: bool) -> bool:
-    """Whether a job is flaky, so that its results cannot be relied on."""
+    """Returns whether a job is flaky, so that its results cannot be relied on."""
     return same_inputs or changes >= _STEADY_CHANGES
 
 
 def _differences(
     what: str, before: Mapping[str, str], after: Mapping[str, str]
 ) -> list[ChangedInput]:  # fmt: skip
-    """Names whose values differ, and names that came or went."""
+    """Returns the names whose values differ, and names that only one of the mappings has."""
     return [
         ChangedInput.model_validate({"what": what, "name": name, "before": before.get(name), "after": after.get(name)})
         for name in sorted(before.keys() | after.keys())

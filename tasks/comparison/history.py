@@ -1,4 +1,4 @@
-"""The runs of one specification: cells through the nights, and what changed since the last run."""
+"""History of a specification's runs: outcomes of its jobs over time, and changes since the last run."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -29,9 +29,9 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
     """Computes the history of a specification over its runs: outcomes by job, requirement and world.
 
     Args:
-        name: its name.
-        runs: its runs, the oldest first; at least one.
-        left_out: how many older runs there are.
+        name: Name of the specification.
+        runs: Runs of the specification, the oldest first; at least one.
+        left_out: Number of older runs that are not included.
     """
     cells = appearances_of(runs)
     # A cell that only one run of long ago has, as of worlds that are other ones every night, tells nothing.
@@ -53,10 +53,10 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
 def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
     """Returns the changes in the newest run of a specification against the runs before it.
 
-    Each of its jobs is compared with the last earlier run that has a result of it.
+    Each job is compared with its result in the last earlier run that has one.
 
     Args:
-        runs: the runs, the oldest first; at least one.
+        runs: Runs of the specification, the oldest first; at least one.
     """
     return _since_last(runs, appearances_of(runs))
 
@@ -104,7 +104,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
 
 
 def _told_before(appearances: Sequence[Appearance]) -> Appearance | None:
-    """The last time that a job was judged or broke, before its last run."""
+    """Returns the last earlier run in which a job had a verdict or an error."""
     return next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
 
 
@@ -113,7 +113,7 @@ def _has_results(run: NightRun) -> bool:
 
 
 def _kind_of_change(before: Outcome | None, now: Outcome) -> str | None:
-    """Under which list of `SinceLastRun` a job stands; None: it passes as before."""
+    """Returns the list of `SinceLastRun` to which a job belongs; None: it passes as before."""
     if before is None:
         return "first_failing" if now.is_failure else None
     if before.is_failure:
@@ -174,7 +174,7 @@ def _urgency(history: CellHistory) -> tuple[bool, bool, float]:
 
 
 def _by_night(nights: Sequence[Mapping[str, rates.Counts]]) -> list[SharesByNight]:
-    """Shares of trials by what they have in common, night by night, the worst first."""
+    """Computes pass rates by a common property of trials, for each run, the worst first."""
     names = dict.fromkeys(name for night in nights for name in night)
     shares = [
         SharesByNight(
@@ -187,13 +187,13 @@ def _by_night(nights: Sequence[Mapping[str, rates.Counts]]) -> list[SharesByNigh
 
 
 def _by_world(run: NightRun, names: Mapping[str, str]) -> dict[str, rates.Counts]:
-    """The trials of a run by the name of their world."""
+    """Counts the trials of a run by the name of their world."""
     found = rates.counts_by(run.results, "world")
     return {names[world]: counts for world, counts in found.items() if world in names}
 
 
 def _names_of_worlds(cells: Sequence[Sequence[Appearance]]) -> dict[str, str]:
-    """Worlds by their content, which are called what their last run calls them."""
+    """Returns the names of worlds by content hash, as in the last run that used them."""
     names: dict[str, str] = {}
     for appearances in cells:
         job = appearances[-1].job
@@ -205,7 +205,7 @@ def _names_of_worlds(cells: Sequence[Sequence[Appearance]]) -> dict[str, str]:
 def _changed_requirements(
     runs: Sequence[NightRun], paired: Sequence[tuple[Appearance, Appearance]]
 ) -> RequirementChanges:
-    """Requirements that jobs miss and met when they ran last; jobs may have run last in different runs."""
+    """Compares requirements that jobs miss now with those that they met in their last run before."""
     by_night: dict[int, list[Pair]] = defaultdict(list)
     for earlier, now in paired:
         by_night[earlier.night].append(Pair(earlier.job, now.job))

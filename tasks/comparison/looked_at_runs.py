@@ -1,6 +1,6 @@
-"""Answers about runs that were looked at while they ran: their e-values decide, and no test of the trials they have.
+"""Answers about runs that were compared while they ran: their e-values decide instead of a fixed-size test.
 
-A test of a fixed number of trials is wrong more often than it says where the trials ended because of what they showed.
+A test for a fixed number of trials has more errors than stated if the trials stopped because of their results.
 """
 
 from ...schemas.reports.against import Against, AgainstAnswer, Answer
@@ -12,9 +12,9 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
     """Converts a decision to the model that records have.
 
     Args:
-        asked: the question.
-        found: the decision.
-        is_over: whether all pairs there will be have been looked at, so that what is open stays open.
+        asked: Question of the comparison.
+        found: Decision of the comparison.
+        is_over: Whether no more pairs will come, so that an undecided question stays undecided.
     """
     answer: Answer = found.answer or "no difference shown"
     pairs = f"{found.pairs} of {_counted(found.planned, 'pair')}"
@@ -47,13 +47,13 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
 def answer_while_running(
     before: NightRun, after: NightRun, alpha: float, margin: float | None
 ) -> tuple[Answer, str] | None:
-    """Returns the answer about two runs of which one was looked at while it ran, and why it is that.
+    """Returns the answer for two runs that were compared while the second one ran, and the reason for it.
 
     Args:
-        before: the first run.
-        after: the second run.
-        alpha: error probability of all answers together; it may differ from the one with which the run was ordered.
-        margin: fall of the pass rate that would matter, a share from 0 to 1; None: any.
+        before: First run.
+        after: Second run.
+        alpha: Error probability of all answers together; it may differ from that of the original comparison.
+        margin: Relevant decrease of the pass rate, a share from 0 to 1; None: any decrease.
 
     Returns:
         None: a test of all trials answers.

@@ -1,7 +1,7 @@
-"""Losses between runs: jobs that are gone, that have no verdict any more, or that have fewer requirements or trials.
+"""Losses between runs: jobs that are missing, have no verdict any more, or have fewer requirements or trials.
 
-Each is told once, in the first run that lacks it. A job that a new one replaces is not gone: a specification that makes
-other worlds every night has other jobs every night.
+Each loss is reported once, in the first run that has it. A job that a new one replaces is not missing: a specification
+that makes new worlds for every run has new jobs in every run.
 """
 
 from collections import defaultdict
@@ -16,10 +16,10 @@ from .failure_starts import Appearance
 from .nights import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 
 LossKind = Literal["gone", "no_longer_judged", "asked_less", "fewer_trials"]
-"""The lists of `Losses`."""
+"""Kinds of losses: the lists of `Losses`."""
 
 _SEEN_TO = ("succeeded", "failed")
-"""States of runs whose steps all came to their end."""
+"""States of runs in which all steps completed."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class FoundLoss:
 
     kind: LossKind
     night: int
-    """The first run that lacks it, from 0 for the oldest."""
+    """Index of the first run that lacks it, from 0 for the oldest."""
     before: Appearance
-    """The job when it still had it."""
+    """The job in the last run that had it."""
     appearances: Sequence[Appearance]
     """The job in all runs that have it."""
     requirements: Sequence[str] = ()
-    """Names of requirements that are not asked any more."""
+    """Names of requirements that are no longer requested."""
     trials: tuple[int, int] | None = None
-    """Trials that were counted before and now, where that are fewer."""
+    """Number of counted trials before and now, if there are fewer."""
 
     def told(self) -> Loss:
         """Converts the loss to the model that reports contain."""
@@ -56,8 +56,8 @@ def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -
     """Finds jobs and requirements that earlier runs had and the last run lacks.
 
     Args:
-        runs: the runs, the oldest first.
-        cells: their jobs, from `appearances_of`.
+        runs: Runs, the oldest first.
+        cells: Jobs of the runs, from `appearances_of`.
     """
     here = [each for each in cells if each[-1].night == len(runs) - 1]
     found = [loss for each in here for loss in (_judged_less(each), _fewer_trials(each)) if loss is not None]
@@ -89,19 +89,19 @@ def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> li
 
 
 def _has_seen_to(run: NightRun, step: str) -> bool:
-    """Whether a run would have a job of a step; one that broke or ended before it says so itself."""
+    """Returns whether a run would have a job of a step; a run that failed before it reports that itself."""
     return (run.state in _SEEN_TO and not run.stopped_early) or any(_step_of(job) == step for job in run.jobs)
 
 
 def _new_jobs(night: int, step: str, run: NightRun, cells: Sequence[Sequence[Appearance]]) -> list[str]:
-    """Names of the jobs of a step that no earlier run has, or of which that is not known."""
+    """Returns the names of a step's jobs that no earlier run has, or of which that is unknown."""
     new = [each[0].job for each in cells if each[0].night == night]
     unknown = [job for job in run.jobs if job.inputs is None]
     return [name_of(job).test for job in (*new, *unknown) if _step_of(job) == step]
 
 
 def _not_replaced(vanished: Sequence[Sequence[Appearance]], new: Sequence[str]) -> list[Sequence[Appearance]]:
-    """The jobs that no new one replaces: none that is called the same, and not as many of other names."""
+    """Returns the missing jobs that no new job replaces: same name, or as many new jobs as missing ones."""
     rest, left = list(new), []
     for each in vanished:
         name = name_of(each[-1].job).test
@@ -113,9 +113,9 @@ def _not_replaced(vanished: Sequence[Sequence[Appearance]], new: Sequence[str]) 
 
 
 def _judged_less(appearances: Sequence[Appearance]) -> FoundLoss | None:
-    """Finds the requirements that the last run of a job judges no more; None if there are none.
+    """Finds requirements by which a job's last run is no longer judged; None if there are none.
 
-    Runs in which it broke without a verdict or was cancelled are passed over.
+    Runs that ended without a verdict or were cancelled are skipped.
     """
     looked_at = [each for each in appearances if _has_verdict(each) or each.outcome is Outcome.UNJUDGED]
     if not looked_at:
@@ -137,7 +137,7 @@ def _no_longer_judged(appearances: Sequence[Appearance], looked_at: Sequence[App
 
 
 def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearance]) -> FoundLoss | None:
-    """The latest run that dropped requirements which no later one asks for again."""
+    """Finds the latest run that dropped requirements which no later run requests again."""
     if looked_at[-1].outcome not in JUDGED:
         return None
     listed_now = _listed(looked_at[-1].job)
@@ -158,7 +158,7 @@ def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearanc
 
 
 def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
-    """Finds the latest run before the last one that counted more trials of a job, and the run that came after it."""
+    """Finds the latest run before the last that counted more trials of a job, and the run after it."""
     counted = [(each, trials) for each in appearances if (trials := _trials(each)) is not None]
     if not counted or counted[-1][0] is not appearances[-1]:
         return None
@@ -171,7 +171,7 @@ def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
 
 
 def _trials(appearance: Appearance) -> int | None:
-    """Number of counted trials of a job; None: it had none, or has no verdict."""
+    """Returns the number of counted trials of a job; None: it has none, or no verdict."""
     has_trials = any(item.name == TRIALS for item in appearance.job.requirements)
     counted = appearance.job.metrics.get(TRIALS) if has_trials and _has_verdict(appearance) else None
     return None if counted is None else int(counted)
@@ -182,14 +182,14 @@ def _has_verdict(appearance: Appearance) -> bool:
 
 
 def _asked(job: JobRecord) -> frozenset[str]:
-    """Names of what a job is judged by; with trials, of what each of them is."""
+    """Returns the names of the requirements by which a job, or each of its trials, is judged."""
     if any(item.counts and item.name == TRIALS for item in job.requirements):
         return _listed(job)
     return _listed(job) & {item.name for item in job.requirements if item.counts}
 
 
 def _listed(job: JobRecord) -> frozenset[str]:
-    """The same, with those that do not count, since goals were reached that end the run."""
+    """Returns the names of a job's requirements, including uncounted ones, since reached goals ended the run."""
     return frozenset(item.name for item in job.requirements if item.kind not in (HEALTH, "off"))
 
 

@@ -1,9 +1,9 @@
-"""The test of "not worse by more than a margin" on pairs, its exact power, and how many pairs or worlds it needs.
+"""Non-inferiority test on pairs ("not worse by more than a margin"), its exact power, and the required numbers.
 
 Tango, "Equivalence test and confidence interval for the difference in proportions for the paired-sample design",
 Statistics in Medicine 17 (1998), has the score test. Its level was computed exactly for 20 to 400 pairs, margins of 5,
-10 and 20 points and all shares of pairs that differ: at most 3.3 % with 20 pairs and 2.9 % from 40 on, where 2.5 % is
-asked for.
+10 and 20 percentage points and all shares of differing pairs: at most 3.3 % with 20 pairs and 2.9 % from 40 on, for a
+nominal level of 2.5 %.
 """
 
 import math
@@ -15,9 +15,12 @@ from scipy.special import gammaln, ndtr, ndtri, stdtrit, xlogy
 from .statistics import changes_of_worlds, first_that_holds
 
 _ENUMERATED_PAIRS = 3000
-"""Pairs up to which power is summed over all tables, 0.3 s; above, the normal distribution is right within a point."""
+"""Number of pairs up to which power is summed over all tables (0.3 s); above, the normal approximation is accurate to a
+point.
+"""
 _DRAWS = 2000
-"""Simulated comparisons for each number of worlds: the power is right within 2 points (two standard errors)."""
+"""Number of simulated comparisons for each number of worlds: the power is accurate to 2 points (two standard errors).
+"""
 _SIMULATED_WORLDS = 2000
 
 
@@ -28,7 +31,7 @@ def score(pairs: int, worse: NDArray[np.float64], better: NDArray[np.float64], m
         pairs: number of pairs.
         worse: numbers of pairs that passed before and not after, any shape.
         better: numbers of pairs that passed after and not before, of the same shape.
-        margin: the fall of the pass rate that would matter, above 0 and below 1.
+        margin: Relevant decrease of the pass rate, above 0 and below 1.
 
     Returns:
         Scores of that shape, standard normal where the pass rate fell by exactly the margin.
@@ -53,12 +56,12 @@ def margin_p_value(pairs: int, worse: int, better: int, margin: float) -> float:
 
 
 def margin_power(pairs: int, discordant: float, margin: float, alpha: float) -> float:
-    """Computes the power of the margin test where the pass rates are in truth equal.
+    """Computes the power of the margin test if the true pass rates are equal.
 
     Args:
         pairs: number of pairs.
         discordant: share of pairs whose verdicts differ, half of them in each direction; from 0 to 1.
-        margin: the fall of the pass rate that would matter.
+        margin: Relevant decrease of the pass rate.
         alpha: two-sided error probability; the test has half of it.
     """
     needed, half = -float(ndtri(alpha / 2)), discordant / 2
@@ -77,13 +80,13 @@ def margin_power(pairs: int, discordant: float, margin: float, alpha: float) -> 
 
 
 def margin_pairs_needed(discordant: float, margin: float, alpha: float = 0.05, power: float = 0.8) -> int:
-    """Computes the number of pairs that show, where nothing changed, that nothing got worse by more than the margin.
+    """Computes the number of pairs that show, if nothing changed, that nothing got worse by more than the margin.
 
     Args:
         discordant: share of pairs whose verdicts differ; from 0 to 1.
         margin: the fall of the pass rate that would matter.
         alpha: two-sided error probability; the test has half of it.
-        power: probability with which it is to be shown.
+        power: Probability with which it is to be shown.
 
     Raises:
         ValueError: the margin is not between 0 and 1, or the share not between 0 and 1.
@@ -97,14 +100,14 @@ def margin_pairs_needed(discordant: float, margin: float, alpha: float = 0.05, p
 def shown_between_worlds(
     mean: NDArray[np.float64], error: NDArray[np.float64], worlds: int, margin: float, alpha: float
 ) -> NDArray[np.bool_]:
-    """Tells whether changes of pass rates in whole worlds exclude a fall by the margin.
+    """Returns whether changes of pass rates by world exclude a decrease by the margin.
 
-    A few worlds that do not differ have no scatter, and say nothing of worlds that were not drawn: one in ten that
-    breaks wholly is a fall by 10 points. So the error is at least that of such a fall.
+    A few worlds with equal changes have no variance, but say nothing about other worlds: if one in ten fails
+    completely, that is a decrease by 10 points. So the standard error is at least that of such a decrease.
 
     Args:
         mean: mean change of the pass rate, any shape.
-        error: its standard error between worlds, of the same shape.
+        error: Standard error of the mean between worlds, of the same shape.
         worlds: number of worlds, at least 2.
         margin: the fall of the pass rate that would matter.
         alpha: two-sided error probability; the test has half of it.
@@ -123,16 +126,16 @@ def margin_worlds_needed(
     alpha: float = 0.05,
     power: float = 0.8,
 ) -> int:
-    """Computes the number of worlds that show, where nothing changed, that nothing got worse by more than the margin.
+    """Computes the number of worlds that show, if nothing changed, that nothing got worse by more than the margin.
 
     Comparisons are simulated, and each is decided by the interval between worlds.
 
     Args:
-        differences: difference of the pass rates in each world there is; all equal: how they differ is not known.
-        trials: trials in a world.
+        differences: Difference of the pass rates in each known world; if all are equal, their variance is unknown.
+        trials: Number of trials in a world.
         margin: the fall of the pass rate that would matter.
-        chance: what draws them.
-        discordant: share of pairs whose verdicts differ, where nothing is known of the worlds.
+        chance: Random generator.
+        discordant: Share of pairs whose verdicts differ, used if nothing is known of the worlds.
         alpha: 1 minus the confidence level of the interval.
         power: probability with which it is to be shown.
     """

@@ -1,4 +1,4 @@
-"""Runs as far as they are compared, and the cells of their jobs: which job of one run is which of another."""
+"""Runs of a specification, reduced to the data for comparison, and matching of their jobs."""
 
 from collections import defaultdict, deque
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from ..results.table import RESULTS_FILE, ResultTable
 
 JUDGED = (Outcome.PASSED, Outcome.FAILED)
 TOLD = (*JUDGED, Outcome.BROKEN)
-"""Outcomes that say whether a job is all right; one that was canceled says nothing."""
+"""Outcomes that say whether a job is all right; a cancelled job's does not."""
 
 HEALTH = "health"
-"""Kind of requirements that are never asked for: a result has them only where they were missed, as `above_floor`."""
+"""Kind of requirements that are never requested: a result has them only if they were missed, such as `above_floor`."""
 
 TRIALS = "trials"
-"""The requirement of a job with trials that counts instead of those of its trials."""
+"""Name of the requirement of a job with trials that counts instead of those of its trials."""
 
 GroupKey = tuple[str, str, int | None]
 
@@ -44,13 +44,13 @@ class NightRun:
     """Values of the specification's parameters."""
     report_path: Path | None = None
     results_path: Path | None = None
-    """The table of its results; None: each job is one trial."""
+    """Path of the table of results; None: each job is one trial."""
     interruptions: int = 0
-    """Number of its processes that died."""
+    """Number of the run's processes that died."""
     table: ResultTable | None = None
-    """The table of its results, where it has been read; else `results_path` is."""
+    """Table of results, if it has been read; else `results_path` is read."""
     against: AgainstAnswer | None = None
-    """Answer of a run that was carried out beside an earlier one."""
+    """Answer of the comparison, if the run was compared with an earlier one while it ran."""
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":
@@ -72,7 +72,7 @@ class NightRun:
 
     @property
     def stopped_early(self) -> bool:
-        """Whether trials are missing because the run ended when it was clear how it compares with another."""
+        """Whether trials are missing because the run ended early, once its comparison with another was decided."""
         return self.against is not None and self.against.stopped_early
 
     @property
@@ -103,7 +103,7 @@ class NightRun:
         return ResultTable.of(self.jobs), mend if trouble else ""
 
     def _without_trials(self, results: ResultTable) -> str:
-        """Says which jobs have trials that the table lacks, since they could not be read when it was written."""
+        """Returns which jobs have trials that the table lacks, because they could not be read when it was written."""
         has_number = ~np.isnan(results.numbers("trial"))
         lost = [
             job.label
@@ -123,9 +123,9 @@ class NightRun:
 class CellTable:
     """Matches simulation jobs over several runs of a specification: the same job gets the same cell number.
 
-    Jobs are the same when they are of the same step, drive in a world of the same content and have the same seed,
-    where the request names one. Of several such jobs those with the same request are the same; what is left is taken
-    in the order of the requests. Runs have to be placed in the order in which they ran.
+    Jobs are the same if they have the same step, world content, and seed (if the request has one). If several match,
+    those with the same request are the same; the others are matched in request order. Runs have to be added in the
+    order in which they ran.
     """
 
     def __init__(self) -> None:
@@ -138,7 +138,7 @@ class CellTable:
     def place(self, jobs: Sequence[JobRecord]) -> list[int | None]:
         """Returns the cell number of each job, from 0; jobs that no earlier run had get new numbers.
 
-        None for jobs whose inputs are not known.
+        The number is None for jobs whose inputs are unknown.
         """
         places: list[int | None] = [None] * len(jobs)
         groups: dict[GroupKey, list[int]] = defaultdict(list)
@@ -185,7 +185,7 @@ def _request_of(job: JobRecord) -> str:
 
 
 def outcome_of(job: JobRecord) -> Outcome:
-    """Returns how a job of a run's record ended."""
+    """Returns the outcome of a job from its record."""
     return classify(job.status, job.failure_code, job.verdict)
 
 

@@ -1,4 +1,4 @@
-"""Pairs of two runs: of their jobs, and of the trials of those."""
+"""Pairs of jobs, and of their trials, that two runs have in common."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from ..results.table import ResultTable
 from .nights import HEALTH, JUDGED, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
 
 Asked = tuple[str, str | None]
-"""Name and kind of a requirement; its limit is in the request, since that of a result depends on how the run went."""
+"""Name and kind of a requirement; its limit is in the request, since the limit in a result can depend on the run."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Pair:
 
     @property
     def outcomes(self) -> tuple[Outcome, Outcome]:
-        """Outcome of the job in the first run and in the second run."""
+        """Outcomes of the job in the first run and in the second run."""
         return outcome_of(self.before), outcome_of(self.after)
 
     @property
@@ -95,12 +95,12 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
 
 
 def _own(job: JobRecord) -> frozenset[Asked]:
-    """Names of an environment's own requirements, whether they count or not."""
+    """Returns the names of the environment's own requirements, whether they count or not."""
     return frozenset((item.name, None) for item in job.requirements if item.kind is None)
 
 
 def _requirements(job: JobRecord) -> frozenset[Asked]:
-    """The requirements that a job was judged by; with trials, those of each trial."""
+    """Returns the requirements by which a job, or each of its trials, was judged."""
     has_trials = any(item.counts and item.name == TRIALS for item in job.requirements)
     return frozenset(
         (item.name, item.kind) for item in job.requirements if (item.counts or has_trials) and item.kind != HEALTH
@@ -111,10 +111,10 @@ PASSED, FAILED, BROKEN, UNJUDGED, STOPPED = range(5)
 _CODES = {"passed": PASSED, "failed": FAILED, "broken": BROKEN, "no verdict": UNJUDGED}
 
 ENDED = (PASSED, FAILED, UNJUDGED)
-"""Outcomes of trials that came to their end."""
+"""Outcomes of trials that ran to their end."""
 
 TrialKey = tuple[float, tuple[tuple[str, Value], ...], int]
-"""Seed, values of axes, and which of the trials of one job that have the same."""
+"""Seed, values of axes, and a number that distinguishes trials of one job with the same seed and values."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +126,12 @@ class TrialPairs:
     before_rows: NDArray[np.int64]
     after_rows: NDArray[np.int64]
     jobs: NDArray[np.int64]
-    """The pair of jobs that it belongs to."""
+    """Index of the job pair to which each trial belongs."""
     worlds: NDArray[np.int64]
-    """Number of the world; all jobs without a world have the same."""
+    """Number of each trial's world; all jobs without a world have the same number."""
 
     has_worlds: bool = False
-    """Whether any of their jobs drove in a world."""
+    """Whether any of the jobs used a world."""
 
     def __len__(self) -> int:
         return len(self.before_rows)
@@ -155,9 +155,9 @@ class TrialPairs:
 
     @property
     def lost_passes(self) -> NDArray[np.int64]:
-        """Worlds of the trials that passed in the first run and are in none of these pairs, numbered as `worlds`.
+        """World numbers of trials that passed in the first run and are in none of these pairs.
 
-        Worlds in which there is no pair have numbers below 0.
+        Worlds without any pair have numbers below 0.
         """
         codes = self.before.codes("world")[0].astype(np.int64)
         known = dict(zip(codes[self.before_rows].tolist(), self.worlds.tolist(), strict=True))
@@ -166,7 +166,7 @@ class TrialPairs:
         return np.array([known.get(code, -2 - code) for code in codes[lost].tolist()], dtype=np.int64)
 
     def only(self, which: NDArray[np.bool_]) -> "TrialPairs":
-        """Returns the pairs that a mask selects."""
+        """Returns the trial pairs that a mask selects."""
         return TrialPairs(
             self.before, self.after, self.before_rows[which], self.after_rows[which], self.jobs[which],
             self.worlds[which], self.has_worlds,
@@ -184,13 +184,13 @@ class TrialPairs:
 def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> TrialPairs:
     """Matches the trials of two runs by job, seed and axes.
 
-    Two jobs without trials are one pair. Of others, trials with the same seed and axes are; where several of one
-    job have both, they are taken in their order.
+    Two jobs without trials are one pair. Otherwise, trials with the same seed and axes are a pair; if several of one
+    job are equal in both, they are matched in order.
 
     Args:
-        pairs: the jobs of both runs.
-        before: the first run.
-        after: the second run.
+        pairs: Jobs that both runs have.
+        before: First run.
+        after: Second run.
     """
     tables = before.results, after.results
     keys = [_keys_of(table) for table in tables]
@@ -219,7 +219,7 @@ def outcomes_of(table: ResultTable) -> NDArray[np.int8]:
 
 
 def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, Value], ...]]]:
-    """Seed and values of axes of each row."""
+    """Returns seed and axis values of each trial, by which trials are matched."""
     seeds = table.numbers("seed").tolist()
     names = sorted(table.axes)
     if not names:
@@ -234,7 +234,7 @@ def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, Value], .
 def _numbered(
     keys: Sequence[tuple[float, tuple[tuple[str, Value], ...]]], rows: range, alone: NDArray[np.bool_]
 ) -> Iterator[tuple[TrialKey, int]]:
-    """The trials of a job, by what tells them apart; a row that says that the job broke between them is none."""
+    """Yields the rows of a job's trials with their keys, without the row of a failure between two trials."""
     seen: Counter[tuple[float, tuple[tuple[str, Value], ...]]] = Counter()
     for row in rows:
         key = keys[row]

@@ -1,4 +1,4 @@
-"""Requirements that are newly missed or newly met, and margins that moved: how the ways of failing changed."""
+"""Changes of requirements between two runs: newly missed, newly met, and changed margins."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from .pairing import FAILED, Pair, TrialPairs
 
 _Limit = tuple[str | None, float | None]
 _MOST_PLACES = 10
-"""Trials that a change names."""
+"""Maximum number of trials that a change names."""
 
 
 @dataclass
@@ -22,9 +22,9 @@ class RequirementChanges:
     """Requirements that trials newly miss or newly meet in the second of two runs."""
 
     changes: list[RequirementChange] = field(default_factory=list)
-    """The most frequently missed first; then those that some trial newly meets."""
+    """Changes, the most frequently missed first; then those that some trial newly meets."""
     jobs: dict[tuple[str, str], list[str]] = field(default_factory=dict)
-    """Requirements that a job newly misses, by its step and its id."""
+    """Requirements that a job newly misses, by step and job id."""
 
     def missed_by(self, job: JobRecord) -> list[str]:
         """Returns the names of the requirements that a job newly misses."""
@@ -41,8 +41,8 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
     """Compares which requirements were missed in two runs, requirement by requirement.
 
     Args:
-        trials: the trials of both runs.
-        pairs: the jobs of both runs that they belong to.
+        trials: Trials that both runs have.
+        pairs: Jobs to which the trials belong.
     """
     found, asked = RequirementChanges(), _Asked(trials, pairs)
     for name in dict.fromkeys((*trials.after.requirements, *trials.before.requirements)):
@@ -71,7 +71,7 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
 
 
 class _Asked:
-    """Limits in jobs whose requests ask for different things; all trials of a job are asked the same."""
+    """Limits of requirements in jobs whose requests differ; all trials of a job have the same limits."""
 
     def __init__(self, trials: TrialPairs, pairs: Sequence[Pair]) -> None:
         self._trials = trials
@@ -102,7 +102,7 @@ class _Asked:
 
 
 def _limits(requirements: Iterable[Requirement]) -> dict[str, _Limit]:
-    """Kinds and limits by name; what an environment asks by itself may have a limit that depends on the run."""
+    """Returns kinds and limits by name; an environment's own requirements may have limits that depend on the run."""
     return {item.name: (item.kind, item.limit if item.kind is not None else None) for item in requirements}
 
 
@@ -123,7 +123,7 @@ def _together(one: RequirementChange, other: RequirementChange) -> RequirementCh
 def _only_told_when_missed(
     name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
 ) -> NDArray[np.bool_]:
-    """Finds trials that met a requirement of health before: results have those only where they were missed."""
+    """Finds trials that newly miss a health requirement, which results contain only if it was missed."""
     appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
     if appeared.any():
         first = int(trials.after_rows[np.flatnonzero(appeared)[0]])
@@ -134,7 +134,7 @@ def _only_told_when_missed(
 
 
 def _spread(which: NDArray[np.bool_], jobs: NDArray[np.int64]) -> list[int]:
-    """Some of the trials, one of each job before a second of any."""
+    """Selects some trials: one of each job before a second one of any."""
     found = np.flatnonzero(which)
     _, first = np.unique(jobs[found], return_index=True)
     rest = np.setdiff1d(np.arange(len(found)), first)
@@ -154,7 +154,7 @@ def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> 
 
 
 def _repeats(pair: Pair, trials: TrialPairs, index: int) -> bool:
-    """Whether the same programs would have done the same in both runs: then the difference is not chance."""
+    """Returns whether equal programs would have given equal results in both runs: a difference is then no chance."""
     seeds = (
         table.numbers("seed")[rows[index]]
         for table, rows in ((trials.before, trials.before_rows), (trials.after, trials.after_rows))

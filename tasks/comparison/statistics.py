@@ -1,4 +1,4 @@
-"""The statistics of pairs: tests, intervals, and how many pairs or worlds would show a difference."""
+"""Statistics of pairs: tests, confidence intervals, and how many pairs or worlds would show a difference."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -83,7 +83,7 @@ def paired_rate_difference(both: int, worse: int, better: int, neither: int, alp
 
 
 def _correlation(both: int, worse: int, better: int, neither: int) -> float:
-    """The correlation of pass before and pass after; a positive one with Newcombe's correction for continuity."""
+    """Computes the correlation of passing before and after; a positive one with Newcombe's continuity correction."""
     margins = (both + worse) * (better + neither) * (both + better) * (worse + neither)
     if not margins:
         return 0.0
@@ -95,11 +95,11 @@ def _correlation(both: int, worse: int, better: int, neither: int) -> float:
 def sign_flip_p_value(differences: Sequence[int]) -> float:
     """Computes the two-sided p-value of the permutation test that flips the signs of whole worlds' differences.
 
-    Where the runs do not differ, each world's difference is as likely with the other sign. All 2**worlds signs are
-    counted, by the characteristic function of their sum, which is a product of cosines; right to 1e-12.
+    If the runs do not differ, each world's difference is as likely with the other sign. All 2**worlds signs are
+    counted, by the characteristic function of their sum, which is a product of cosines; accurate to 1e-12.
 
     Args:
-        differences: of each world, how many trials became better, minus how many became worse.
+        differences: Number of trials that got better minus number that got worse, for each world.
 
     Returns:
         The share of signs with which the sum is at least as far from 0; 1 when no world differs.
@@ -119,7 +119,7 @@ def sign_flip_p_value(differences: Sequence[int]) -> float:
 
 
 def _power(values: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
-    """Powers by squaring, which is 50 times as fast as those of floats."""
+    """Computes powers by squaring, which is 50 times as fast as NumPy's power of floats."""
     found = np.ones_like(values)
     while exponent:
         if exponent & 1:
@@ -136,7 +136,7 @@ def clustered_mean(sums: NDArray[np.float64], counts: NDArray[np.float64], alpha
 
     Args:
         sums: sum of the values in each of at least two worlds.
-        counts: how many trials each of them has.
+        counts: Number of trials in each world.
         alpha: 1 minus the confidence level.
     """
     worlds, total = len(sums), float(counts.sum())
@@ -170,11 +170,13 @@ def mean_difference(differences: Sequence[float], alpha: float = 0.05) -> Interv
 
 
 _EXACT_UP_TO = 20_000
-"""Pairs up to which power is computed exactly; there, Connor's formula is 0.1 % too small and falling."""
+"""Number of pairs up to which power is computed exactly; there, Connor's formula is 0.1 % too small and falling."""
 _DRAWS = 2000
-"""Simulated comparisons for each number of worlds: the power is right within 2 points (two standard errors)."""
+"""Number of simulated comparisons for each number of worlds: the power is accurate to 2 points (two standard errors).
+"""
 _ENUMERATED_WORLDS = 10
-"""Worlds up to which all signs are tried, 1,024 times; above, the normal distribution is right within 0.5 points."""
+"""Number of worlds up to which all signs (1,024) are tried; above, the normal approximation is accurate to 0.5 points.
+"""
 _SIMULATED_WORLDS = 2000
 
 
@@ -230,14 +232,15 @@ def worlds_needed(
 ) -> int:
     """Computes the number of worlds that the sign-flip test needs to detect a difference of pass rates.
 
-    Comparisons are simulated: worlds are drawn from those there are, moved so that their mean is the difference.
+    Comparisons are simulated: worlds are drawn from the known ones, shifted so that their mean is the difference.
 
     Args:
-        differences: difference of the pass rates in each world there is.
-        trials: trials in a world.
+        differences: Difference of the pass rates in each known world.
+        trials: Number of trials in a world.
         difference: difference of the pass rates that is to be shown, above 0.
-        chance: what draws them.
-        discordant: share of pairs whose verdicts differ, at least the difference, where nothing is known of the worlds.
+        chance: Random generator.
+        discordant: Share of pairs whose verdicts differ, at least the difference; used if nothing is known of the
+            worlds.
         alpha: error probability of the two-sided test.
         power: probability with which the difference is to be shown.
     """
@@ -265,11 +268,11 @@ def changes_of_worlds(
     """Draws changes of pass rates in worlds whose trials are independent of each other.
 
     Args:
-        trials: trials in a world.
+        trials: Number of trials in a world.
         worlds: number of worlds.
         discordant: share of pairs whose verdicts differ; at least the difference.
         difference: difference of the pass rates.
-        chance: what draws them.
+        chance: Random generator.
 
     Returns:
         Rows of 2,000 simulated comparisons with a column for each world.
@@ -281,7 +284,7 @@ def changes_of_worlds(
 
 
 def _sign_flip_p_values(drawn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """P-values of comparisons, one a row, with a column for each world."""
+    """Computes the sign-flip p-values of comparisons: one per row, with a column for each world."""
     worlds = drawn.shape[1]
     sums = np.abs(drawn.sum(axis=1))
     if worlds <= _ENUMERATED_WORLDS:
@@ -292,7 +295,7 @@ def _sign_flip_p_values(drawn: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _most_of_fewer(differ: NDArray[np.int_], alpha: float) -> NDArray[np.int_]:
-    """The most pairs in the rarer direction with which the test shows a difference; -1: none."""
+    """Returns the largest number of pairs in the rarer direction at which the test is significant; -1: none."""
     most = np.minimum(np.floor(differ / 2 + ndtri(alpha / 2) * np.sqrt(differ) / 2).astype(int) + 2, differ)
     while (too_many := (most >= 0) & (2 * bdtr(np.maximum(most, 0), differ, 0.5) > alpha)).any():
         most = np.where(too_many, most - 1, most)
@@ -300,18 +303,18 @@ def _most_of_fewer(differ: NDArray[np.int_], alpha: float) -> NDArray[np.int_]:
 
 
 def _connor(discordant: float, difference: float, alpha: float, power: float) -> int:
-    """The number of pairs by Connor's formula, Biometrics 43 (1987), which is too small where there are few pairs."""
+    """Computes the number of pairs by Connor's formula, Biometrics 43 (1987), which is too small for few pairs."""
     spread = math.sqrt(max(0.0, discordant - difference**2))
     root = float(ndtri(1 - alpha / 2)) * math.sqrt(discordant) + float(ndtri(power)) * spread
     return math.ceil(round((root / difference) ** 2, 9))
 
 
 def first_that_holds(holds: Callable[[int], bool], start: int) -> int:
-    """Finds a number from which on something holds, by halving; it has to hold for all larger ones.
+    """Finds the smallest number from which a condition holds, by bisection; it has to hold for all larger numbers.
 
     Args:
-        holds: whether it holds for a number.
-        start: the number that is tried first.
+        holds: Condition on a number.
+        start: Number that is tried first.
     """
     low, high = 0, max(1, start)
     while not holds(high):

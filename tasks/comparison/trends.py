@@ -1,7 +1,7 @@
-"""Margins that shrink from night to night: told before a requirement is missed, and seldom where they only scatter.
+"""Detection of margins that shrink from run to run, before a requirement is missed and with few false alarms.
 
-A straight line is fitted through the last 5, 8 and 12 nights. It is told where its slope is too steep for chance, and
-where it reaches 0 within two weeks.
+A straight line is fitted through the last 5, 8 and 12 runs. It is reported if its slope is too steep for chance, and if
+it reaches 0 within the next 14 runs.
 """
 
 from collections.abc import Sequence
@@ -15,39 +15,39 @@ from ..results.rates import margin_units
 from .nights import NightRun
 
 WINDOWS = (5, 8, 12)
-"""Numbers of nights through which lines are fitted: short ones notice a new trend, long ones a slow one."""
+"""Numbers of runs through which lines are fitted: short windows detect new trends, long ones slow trends."""
 
 LEVEL = 0.0015
-"""Largest one-sided p-value of a slope that is told, shared by the requirements of a run.
+"""Largest one-sided p-value of a reported slope, shared by the requirements of a run.
 
-Twenty nights are looked at with three windows each. Simulated with margins that scatter round a constant (normal, t
-with 4 degrees of freedom, Gumbel; 20,000 series each), at most 4.3 % of series of 20 nights are told of anything.
+Twenty runs are tested with three windows each. In simulations with constant margins plus noise (normal, t with 4
+degrees of freedom, Gumbel; 20,000 series each), at most 4.3 % of series of 20 runs had any report.
 """
 
 HORIZON = 14
-"""Nights within which the line has to reach 0: a slower one gives time to see it again."""
+"""Number of runs within which the line has to reach 0; a slower trend can still be reported later."""
 
 
 @dataclass(frozen=True)
 class Lines:
-    """The told line of each series, of its longest window that tells one, as arrays with one entry for each."""
+    """Reported trend line of each series, of its longest window that has one, as arrays."""
 
     told: NDArray[np.bool_]
-    """Whether a line is told."""
+    """Mask of the series with a reported line."""
     slope: NDArray[np.float64]
-    """Change of the margin from night to night, in its unit; meaningless where none is told."""
+    """Change of the margin per run, in its unit; meaningless without a reported line."""
     nights: NDArray[np.int64]
-    """Number of nights of its window."""
+    """Number of runs in the window."""
     left: NDArray[np.float64]
-    """Nights from the last one until the line reaches 0."""
+    """Number of runs after the last one until the line reaches 0."""
 
 
 def shrinking(margins: NDArray[np.float64], requirements: int = 1) -> Lines:
-    """Tells whether margins shrink so that they will be missed, as seen at the last night.
+    """Detects margins that shrink so that their requirements will be missed, as seen at the last run.
 
     Args:
-        margins: margins by night along the last axis, the oldest first, any unit.
-        requirements: how many series are looked at in one run, which share the level.
+        margins: Margins by run along the last axis, the oldest first, in any unit.
+        requirements: Number of series that are tested in one run, which share the level.
 
     Returns:
         The line of each series, by the longest window that tells one.
@@ -69,7 +69,7 @@ def shrinking(margins: NDArray[np.float64], requirements: int = 1) -> Lines:
 
 
 def _line(margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Slope of the least-squares line, nights until it reaches 0, and the chance of such a slope without a trend."""
+    """Computes slope of the least-squares line, runs until it reaches 0, and the p-value of the slope."""
     from scipy.special import stdtr  # importing it is slow; most commands fit no lines
 
     count = margins.shape[-1]
@@ -87,7 +87,7 @@ def _line(margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 def margin_trends(runs: Sequence[NightRun]) -> list[MarginTrend]:
     """Finds the requirements whose smallest margin shrinks steadily and that the last run still meets.
 
-    Nights count that judged a requirement as often as the last one: the smallest of more margins is smaller.
+    Only runs that judged a requirement as often as the last run count: the smallest of more margins is smaller.
 
     Args:
         runs: runs of one specification, the oldest first; at least one.
@@ -116,19 +116,19 @@ def margin_trends(runs: Sequence[NightRun]) -> list[MarginTrend]:
 
 @dataclass(frozen=True)
 class _Smallest:
-    """The smallest margin of a requirement in one run."""
+    """Smallest margin of a requirement in one run."""
 
     margin: float
     unit: str | None
     judged: int
 
     def alike(self, other: "_Smallest") -> bool:
-        """Whether both are of as many trials, in the same unit."""
+        """Returns whether both are of the same number of trials, in the same unit."""
         return (self.unit, self.judged) == (other.unit, other.judged)
 
 
 def _smallest(run: NightRun) -> dict[str, _Smallest]:
-    """The smallest margin of each requirement that has one unit and finite margins."""
+    """Returns the smallest margin of each requirement that has one unit and finite margins."""
     found: dict[str, _Smallest] = {}
     for name, units in margin_units(run.results).items():
         margins = run.results.numbers(f"margin.{name}")[run.results.met(name) >= 0]

@@ -1,1 +1,1 @@
-"""Looking at what ran: finding runs and their records, running them again, gathering reports."""
+"""Inspection of earlier runs: finds runs and their records, repeats them, and gathers data for reports."""

@@ -1,4 +1,4 @@
-"""Arms of a challenge, read from the jobs of its run."""
+"""Results of a challenge (jobs with sabotages), read from the jobs of its run."""
 
 from collections.abc import Sequence
 
@@ -17,13 +17,13 @@ _VERDICTS: dict[str, Verdict] = {"PASS": "PASS", "FAIL": "FAIL", "ERROR": "ERROR
 def judged_challenge(
     challenge: Challenge, jobs: Sequence[ReportedJob], records: Sequence[JobRecord], results: ResultTable
 ) -> Challenge:
-    """Fills the table of a challenge from the jobs of its run.
+    """Fills a challenge's result table from the jobs of its run.
 
     Args:
         challenge: The challenge with its sabotages.
-        jobs: The run's jobs.
-        records: The same in short, in the same order.
-        results: The table of their results.
+        jobs: Jobs of the run.
+        records: Short records of the same jobs, in the same order.
+        results: Table of the run's results.
     """
     arms = [
         _arm(int(tags[JOB_TAG]), tags.get(SABOTAGE_TAG), record, results)

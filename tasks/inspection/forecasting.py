@@ -1,4 +1,4 @@
-"""Forecasts of a run's times, computed from a probe's, and kept in the data home."""
+"""Forecasts of a run's duration from the measurements of a probe (small trial run), stored in the data home."""
 
 import hashlib
 import heapq
@@ -25,14 +25,14 @@ from ...schemas.specs.text import plain
 
 @dataclass(frozen=True)
 class WholeStep:
-    """Amount of work of one step in the whole run: its numbers of worlds, jobs and trials."""
+    """Amount of work of one step in the whole run: numbers of worlds, jobs and trials."""
 
     jobs: Sequence[JobAmount] = field(default_factory=tuple)
     worlds: int = 0
     max_concurrency: int = 1
-    """Number of jobs that a batch runs at once at most."""
+    """Maximum number of jobs that a batch runs at the same time."""
     timeout_s: float | None = None
-    """The time after which a batch is ended."""
+    """Time limit of a batch in seconds."""
 
 
 def forecast_run(
@@ -50,15 +50,15 @@ def forecast_run(
     """Forecasts time, disk space and cost of a whole run from the measurements of a probe (small trial run).
 
     Args:
-        name: name of the specification.
-        steps: time of each step in the probe, and its amount of work in the run.
+        name: Name of the specification.
+        steps: Measured times of each step in the probe, and its amount of work in the whole run.
         places: numbers of jobs and worlds that run at once.
         backend: backend that runs the jobs of batches.
-        made_at: the time now.
-        assumed: assumptions of the forecast, in words.
-        probes: ids of the runs that were measured.
-        ran: the jobs that were measured, with their verdicts.
-        price_per_hour: price of a machine; absent: no cost is computed.
+        made_at: Current time.
+        assumed: Assumptions of the forecast, as text.
+        probes: Ids of the measured runs.
+        ran: Measured jobs, with their verdicts.
+        price_per_hour: Price of a machine per hour; absent: no cost is computed.
     """
     each = [forecast_step(probe, whole, places) for probe, whole in steps]
     wall_time_s = sum(step.wall_time_s for step in each)
@@ -140,7 +140,7 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
 
 
 def _limits(jobs: Sequence[JobAmount], costs: "_Costs") -> dict[str, Any]:
-    """Forecasts the number of jobs that their duration limit will cut off, and the longest of them."""
+    """Forecasts how many jobs their duration limit will cut off, and which of them takes longest."""
     needed = [(costs.of(job).needed_s(job), job.limit_s) for job in jobs]
     over = [(needed_s, limit_s) for needed_s, limit_s in needed if needed_s >= limit_s]
     job_s, job_limit_s = max(over, default=(None, None))
@@ -148,7 +148,7 @@ def _limits(jobs: Sequence[JobAmount], costs: "_Costs") -> dict[str, Any]:
 
 
 def _batch_s(jobs: Sequence[JobAmount], costs: "_Costs", at_once: int, cpus: int) -> float:
-    """Wall-clock time of a batch without start and end: as places are free, and no less than its CPU time allows."""
+    """Forecasts the wall-clock time of a batch without its start and end, limited by free places and CPU time."""
     computing_s = sum(costs.of(job).cpu_time_s(job) or 0.0 for job in jobs) / cpus
     return max(makespan_s([costs.of(job).slot_s(job) for job in jobs], at_once), computing_s)
 
@@ -157,8 +157,8 @@ def makespan_s(durations_s: Sequence[float], places: int) -> float:
     """Computes when the last job ends, in seconds, if jobs take the first free of several places in order.
 
     Args:
-        durations_s: how long each job keeps its place.
-        places: how many places there are.
+        durations_s: Seconds that each job occupies its place.
+        places: Number of places.
     """
     free_at = [0.0] * places
     for duration_s in durations_s:
@@ -167,10 +167,10 @@ def makespan_s(durations_s: Sequence[float], places: int) -> float:
 
 
 class _Costs:
-    """Costs of jobs: the mean of the probed jobs of their kind, else of all probed jobs.
+    """Expected costs of jobs: the mean of the probe's jobs of the same kind, else of all jobs of the probe.
 
     Args:
-        jobs: jobs of the probe.
+        jobs: Jobs of the probe.
     """
 
     def __init__(self, jobs: Sequence[JobCost]) -> None:
@@ -184,16 +184,16 @@ class _Costs:
 
 @dataclass(frozen=True)
 class _MeanCost:
-    """Mean cost of a job."""
+    """Mean times, CPU share and output size of measured simulation jobs."""
 
     around_s: float
-    """Time in its place before and after its run."""
+    """Seconds in which a job occupies a place before and after its run."""
     trial_s: float
-    """Time of its run for each trial."""
+    """Run time of a trial in seconds."""
     cpu_share: float | None
-    """CPU seconds for each second of a run; None: not known."""
+    """CPU seconds per second of a run; None: unknown."""
     bytes_per_s: float
-    """Outputs for each second of a run."""
+    """Bytes of outputs per second of a run."""
 
     @classmethod
     def of(cls, jobs: Sequence[JobCost]) -> "_MeanCost":
@@ -228,7 +228,7 @@ _logger = logging.getLogger(__name__)
 
 
 def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> Path:
-    """Stores a forecast for later runs of the specification; it replaces an earlier forecast.
+    """Stores a forecast for later runs of the specification, replacing an earlier forecast.
 
     Raises:
         OSError: the forecast cannot be written.
@@ -267,7 +267,7 @@ def check_forecast(
 
 
 def _place(spec: CheckedSpec, settings: Settings) -> Path:
-    """Returns the path of the forecast; names and comments of the specification do not matter."""
+    """Returns the path of the forecast; it depends on the specification without its names and comments."""
     steps = {
         name: [step.operation, plain(step.input), list(step.needs), *([step.parameters] if step.parameters else [])]
         for name, step in spec.steps.items()

@@ -1,4 +1,4 @@
-"""Finding a stored run, or one of its trials, by the ARN or id of its job, by a place in the store, or by a folder."""
+"""Finds a stored run, or one of its trials, by ARN or id of its job, S3 address, or folder."""
 
 import errno
 import hashlib
@@ -33,12 +33,12 @@ from ..storage.base import join_key
 
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
-"""A link, a folder or FIFO, a socket."""
+"""Error numbers of opening a link, a folder or FIFO, or a socket as a file."""
 _TRIAL_OUTPUTS = re.compile(r"trials/(\d+)/")
 _WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE, TRIALS_FILE, MANIFEST_NAME)
 
 Sha256Of = Callable[[str], str | None]
-"""Gives the SHA-256 of a file of outputs by its path; None: it is not there."""
+"""Function that returns the SHA-256 of an output file by its path; None: the file does not exist."""
 
 
 @dataclass(frozen=True)
@@ -47,19 +47,19 @@ class FoundRun:
 
     outputs: RunOutputs
     folder: Path
-    """Folder of the files about the run; it does not hold all of its outputs."""
+    """Folder with the run's records; it does not contain all outputs."""
     job: Resource | None
-    """Its job, while the catalog has it."""
+    """Job of the run, if the catalog still has it."""
     sha256_of: Sha256Of
-    """Hashes one of its outputs, whether it is in `folder` or not."""
+    """Function that returns the SHA-256 of an output file, whether or not it is in `folder`."""
     failure_code: str | None = None
     """Failure code of the run; None: it did not fail."""
 
     def alterations(self, trial: int | None = None) -> list[str]:
-        """Lists, in words, the output files that differ from the run's manifest.
+        """Lists, as text, the output files that differ from the run's manifest.
 
         Args:
-            trial: Number of the trial that is asked about; those of other trials are passed over.
+            trial: Number of the trial to check; files of other trials are ignored.
 
         Raises:
             StorageError: The manifest or a file cannot be read.
@@ -91,7 +91,7 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a local folder of outputs.
-        service: the service whose catalog has the job and whose object store has the outputs.
+        service: Service whose catalog has the job and whose object store has the outputs.
 
     Raises:
         ConfigurationError: the reference is not that of a run, or the run has not ended.
@@ -127,7 +127,7 @@ def _job_of(reference: str, service: Service) -> Resource | None:
 
 
 def _check_ended(job: Resource) -> None:
-    """A run that goes on has files that are half written, and containers and sockets that its rerun would take."""
+    """Raises an error for a run that has not ended: its files are incomplete, and a rerun would use its containers."""
     if not is_terminal(job.kind, job.status):
         raise ConfigurationError(
             f"{job.arn} has not ended, it is {job.status}: wait until it is Completed, Failed or Canceled, or cancel it"
@@ -135,7 +135,7 @@ def _check_ended(job: Resource) -> None:
 
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> Sha256Of:
-    """Downloads the records of a job's last run from the store, or copies them on this machine."""
+    """Copies the records of a job's last run from the object store, or from its folder on this machine."""
     document = SimulationJobDocument.of(job)
     kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
     if place := document.outputs:
@@ -178,7 +178,7 @@ def _copy(outputs: Path, folder: Path) -> Sha256Of:
 
 
 def _sha256_of_left(file: Path) -> str | None:
-    """Hashes a file without having it in memory; None: it is not there, or is no file."""
+    """Computes the SHA-256 of a file without reading it into memory; None if it is not a regular file."""
     try:
         with open_left(file) as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
@@ -189,7 +189,7 @@ def _sha256_of_left(file: Path) -> str | None:
 
 
 def _copy_left(file: Path, copy: Path) -> None:
-    """Copies a regular file of outputs, which untrusted code may have made: no links, no FIFOs."""
+    """Copies a regular file that untrusted code may have made: no links, no FIFOs."""
     try:
         with open_left(file) as left, copy.open("xb") as right:
             shutil.copyfileobj(left, right)
@@ -215,7 +215,7 @@ def _read(folder: Path, reference: str) -> RunOutputs:
 
 
 def _below(reference: str) -> str:
-    """Makes a hint for an error message if the user named the folder of a job instead of that of its run."""
+    """Returns a hint for an error message if the user gave the folder of a job instead of that of its run."""
     runs = sorted(str(path.parent) for path in Path(reference).glob(f"*/{PROVENANCE_FILE}"))
     return f"did you mean {runs[0]}? Otherwise " if runs else ""
 
@@ -230,11 +230,11 @@ def scratch_folder(service: Service) -> Iterator[Path]:
 def found_trial(run: FoundRun, number: int | None) -> FoundRun:
     """Finds one trial of a simulation run; returns the run itself if it has no trials.
 
-    Of a trial whose application crashed, so that its job failed, nothing is known but that.
+    Of a trial whose application crashed, so that the job failed, only that is known.
 
     Args:
-        run: The run; what is written down of the trial goes into a folder in its own.
-        number: The trial's number.
+        run: Run that has the trial; records of the trial are written to a folder in the run's folder.
+        number: Number of the trial.
 
     Raises:
         ConfigurationError: The run has no trials, or it has and none is named, or this one has not finished.
@@ -275,8 +275,8 @@ def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:
     """Returns the plan of a job, or of one of its trials, depending on which one a found run was.
 
     Args:
-        plan: The job's.
-        found: The run's.
+        plan: Plan of the job.
+        found: Plan of the found run.
     """
     if found.trial is None or plan.trials is None:
         return plan
@@ -285,7 +285,7 @@ def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:
 
 
 def _as_run(trial: Trial, row: TrialRow | None) -> Trial:
-    """A trial with the numbers of its axes that it was run with, which another release of scipy may draw otherwise."""
+    """Returns a trial with the axis values of its actual run, as another scipy release may draw others."""
     if row is None:
         return trial
     numbers = {name: value for name, value in row.axes.items() if not isinstance(value, str)}
@@ -301,7 +301,7 @@ def _row_of(run: FoundRun, number: int) -> TrialRow | None:
 
 
 def _failure_code(run: FoundRun, number: int, row: TrialRow | None) -> str | None:
-    """The failure code that a trial ended with, if it crashed."""
+    """Returns the failure code with which a trial ended, if it crashed."""
     if row is not None:
         return row.failure_code
     document = SimulationJobDocument.of(run.job) if run.job is not None else None

@@ -1,4 +1,4 @@
-"""Inputs and outputs of jobs as reports and the table of results show them."""
+"""Inputs and outputs of simulation jobs, for reports and the table of results."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[Report
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
-    """The files that a crashed or killed run left: no manifest names them, and its logs say why."""
+    """Lists the files of a crashed or killed run, which has no manifest; its logs tell the cause."""
     try:
         return [
             ReportedFile(
@@ -121,9 +121,9 @@ def results_of(
     """Makes the table of some jobs' results, with all trials that are stored.
 
     Args:
-        jobs: the jobs, which may still run.
-        service: where they are stored.
-        places: places of their outputs, by ARN; None: those that the catalog has.
+        jobs: Records of the jobs, which may still be running.
+        service: Service that stores their outputs.
+        places: Places of their outputs, by ARN; None: those in the catalog.
     """
     if places is None:
         stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
@@ -137,7 +137,7 @@ def _has_trials(job: JobRecord) -> bool:
 
 
 def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Service) -> "pa.Table | None":
-    """The table of a job's trials; None: it has none, or it is not stored any more."""
+    """Reads the table of a job's trials; None if it has none, or the table was deleted."""
     place = places.get(job.arn or "")
     if place is None or not _has_trials(job):
         return None
@@ -157,14 +157,13 @@ _DECISIVE = (
     "requirements",
     "policy",
 )
-"""Members of a request that its result depends on, besides the seed."""
+"""Members of a request, besides the seed, that influence the result."""
 
 
 def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
     """Returns the jobs of a run with their inputs (applications, world, request), for comparisons.
 
-    What a job that broke early does not say of its applications is taken from the other jobs of the run, where they
-    agree.
+    If a job failed too early to record its applications, they are taken from the other jobs of the run, if those agree.
     """
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     documents = {arn: SimulationJobDocument.of(resource) for arn, resource in stored.items()}
@@ -186,8 +185,8 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
     """Returns a simulation job's inputs as far as they are known from its request.
 
     Args:
-        request: the request on the wire.
-        seed: the seed that the job was given; None: it never became a job.
+        request: Request as in the API.
+        seed: Seed of the job; None: the job was never created.
     """
     given = request.get("seed", (request.get("tags") or {}).get(SEED_TAG))
     return JobInputs(
@@ -199,7 +198,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
 
 
 def _requirements_digest(request: Mapping[str, Any]) -> str | None:
-    """Returns the digest of a request's requirements, from its member or the launch variable."""
+    """Returns the hash of a request's requirements, from its member or the launch variable."""
     configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
     variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
     asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
@@ -219,7 +218,7 @@ def _digest_of(request: Mapping[str, Any]) -> str:
 
 
 def _without_arns(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The configuration of an application by name, without its worlds: both are part of the inputs themselves."""
+    """Returns an application's configuration by name, without its worlds, as both are separate inputs."""
     plain = {key: value for key, value in config.items() if key != "worldConfigs"}
     with suppress(InvalidParameterException):  # it is a name already
         plain["application"] = ResourceArn.parse(str(config.get("application"))).name
@@ -227,7 +226,7 @@ def _without_arns(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _world_contents(arns: set[str], service: Service) -> dict[str, str]:
-    """Returns the names of the worlds' contents, by ARN; none for worlds that are deleted."""
+    """Returns the content hashes of worlds, by ARN; deleted worlds are left out."""
     worlds = service.catalog.get_many(arns)
     bundles = {arn: WorldDocument.of(world).bundle for arn, world in worlds.items()}
     return {arn: bundle.last_part for arn, bundle in bundles.items() if bundle}
@@ -255,7 +254,7 @@ class _Application(BaseModel):
 
 
 class _Provenance(BaseModel):
-    """The part of `provenance.json` that identifies the applications; other releases may write more, or less."""
+    """Part of `provenance.json` that identifies the applications; other releases may write other members."""
 
     plan: _Plan
     applications: list[_Application] = []
@@ -282,7 +281,7 @@ def _used_applications(place: StoredPlace | None, service: Service) -> list[Used
 
 
 def _names(document: SimulationJobDocument | None) -> set[tuple[str, str]]:
-    """The applications that a job asks for."""
+    """Returns role and name of the applications that a job requests."""
     if document is None:
         return set()
     robots, simulations = document.robot_application_names, document.simulation_application_names
@@ -290,7 +289,7 @@ def _names(document: SimulationJobDocument | None) -> set[tuple[str, str]]:
 
 
 def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str, str]]]) -> list[JobInputs | None]:
-    """Adds the applications that jobs ask for and say nothing of, where all other jobs have the same."""
+    """Adds the applications that jobs request but did not record, if all other jobs used the same ones."""
     known: dict[tuple[str, str], set[str]] = {}
     for each in inputs:
         for used in each.applications if each else ():

@@ -1,4 +1,4 @@
-"""States of the simulation jobs of a job or batch, from the catalog alone: for messages and exit codes."""
+"""States of the simulation jobs of a job or batch, from the catalog alone, for messages and exit codes."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,8 +28,8 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     """Makes the result that a job's Prefect flow returns, from the job's end.
 
     Args:
-        operation: the operation that made the job.
-        answer: the job's final description.
+        operation: Operation that created the job.
+        answer: Final description of the job.
         service: the service, with its catalog and object store.
     """
     arn, status = str(answer["arn"]), str(answer["status"])
@@ -51,7 +51,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
 
 
 def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
-    """Command line that shows the reason of a failure."""
+    """Returns a command line that shows the reason of a failure."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:
         if worst.status == "Completed":
@@ -64,10 +64,10 @@ def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
 
 
 def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
-    """Returns short records of a simulation job, or of each job of a batch, in their current state.
+    """Returns short records of a simulation job, or of each job of a batch, with their current state.
 
     Args:
-        arn: the job, or the batch.
+        arn: ARN of the job or batch.
         service: the service, with its catalog and object store.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Recordings that are judged as runs: checked, stored, and put in a specification with one job."""
+"""Judging of ROS recordings: checks and uploads a recording, and makes a specification with one job for it."""
 
 import hashlib
 import json
@@ -17,27 +17,27 @@ from ..runtime.judging.topic_scene import Measurements
 from ..service.service import Service
 
 FOLDER = "recordings"
-"""Beginning of the keys of stored recordings."""
+"""Prefix of the keys of uploaded recordings."""
 STORED_AGAIN = timedelta(days=1)
-"""A stored recording that is older is stored again, so that `gc` does not take it before a job names it."""
+"""Age from which an uploaded recording is uploaded again, so that `gc` does not delete it before a job refers to it."""
 _DIGEST_CHARACTERS = 16
 _BLOCK_BYTES = 1024 * 1024
 _MAX_DURATION_S = 24 * 3600
-"""Wall-clock limit of a judging job; a recording of an hour takes about a minute."""
+"""Wall-clock limit of a judging job in seconds; a recording of an hour takes about a minute."""
 _ROLE = "arn:aws:iam::000000000000:role/local"
 _MEMBERS = ("requirements", "sources")
 
 
 def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], RecordingSources]:
-    """Parses a file with requirements, and the recording topics that they are measured by.
+    """Parses a file with requirements, and with the recording topics by which they are measured.
 
     Args:
-        data: Content of a file: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
-        place: The file, for messages.
+        data: Content of the file: a list of requirements, or a mapping with `requirements` and optionally `sources`.
+        place: Name of the file, for messages.
 
     Raises:
-        InvalidParameterException: A requirement or a source is wrong; one line per problem.
-        ConfigurationError: The file holds something else, or no requirement.
+        InvalidParameterException: A requirement or a source is invalid; one line per problem.
+        ConfigurationError: The file has other content, or no requirement.
     """
     given: Any = data if is_mapping(data) else {"requirements": data}
     if unknown := [name for name in given if name not in _MEMBERS]:
@@ -54,8 +54,8 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
     """Finds a ROS recording, and checks by its index whether it can be judged.
 
     Args:
-        place: A file or a folder.
-        sources: Topics that it is judged by.
+        place: Path of a file or a folder.
+        sources: Topics by which the recording is judged.
 
     Raises:
         ConfigurationError: The recording cannot be read, is empty or truncated, or lacks a topic that is named.
@@ -93,11 +93,11 @@ def check_world(requirements: Sequence[RequirementKind], world: str | None) -> N
 
 
 def store_recording(recording: Path, service: Service) -> list[str]:
-    """Uploads a recording to the service's bucket, unless it was lately; returns its keys.
+    """Uploads a recording to the service's bucket, unless it was uploaded recently; returns its keys.
 
     Args:
-        recording: From `check_recording`.
-        service: Where to.
+        recording: Path from `check_recording`.
+        service: Service whose object store is used.
 
     Raises:
         StorageError: The recording cannot be stored.
@@ -130,10 +130,10 @@ def judging_spec(
 
     Args:
         name: Name of the run.
-        keys: From `store_recording`.
-        requirements: What is asked.
-        sources: Topics that it is judged by.
-        bucket: Where the recording is stored.
+        keys: Keys from `store_recording`.
+        requirements: Requirements on the recorded run.
+        sources: Topics by which the recording is judged.
+        bucket: Name of the bucket with the recording.
         world: ARN of the world that the robot was in, if it is known.
     """
     application: dict[str, Any] = {"application": RECORDED_RUN, "launchConfig": {}}
@@ -155,7 +155,7 @@ def judging_spec(
 
 
 def _files(recording: Path) -> Iterator[tuple[str, Path]]:
-    """Returns the files of a recording by their names in the store; other files of the folder are left out."""
+    """Yields the files of a recording with their names in the object store; other files of the folder are left out."""
     if recording.is_file():
         yield recording.name, recording
         return
@@ -167,7 +167,7 @@ def _files(recording: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _is_stored(bucket: str, key: str, service: Service) -> bool:
-    """Whether an object exists and is recent; its key has the hash of its content."""
+    """Returns whether an object exists and is recent; its key contains the hash of its content."""
     try:
         stored_at = service.store.head(bucket, key).modified_at
     except ObjectNotFoundError:

@@ -1,4 +1,4 @@
-"""Parts of pipelines: reading what is run, who changes or decides on its requests, and how it is told what happens."""
+"""Helpers of pipelines: reading a specification, hooks that change or permit requests, and errors as text."""
 
 import logging
 import signal
@@ -13,18 +13,18 @@ from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceEr
 _logger = logging.getLogger(__name__)
 
 Cut = Callable[[str, dict[str, Any]], dict[str, Any]]
-"""Makes another request of an operation's, such as a smaller one."""
+"""Function that replaces an operation's request by another one, such as a smaller one."""
 
 Permit = Callable[[CheckedStep, dict[str, Any], Callable[[], dict[str, Any]]], dict[str, Any]]
-"""Carries out a step's request for a visitor, or refuses to: step, request, and what carries it out."""
+"""Function that runs a step's request, or refuses to: gets the step, the request, and a function that runs it."""
 
 
 class RunInterrupted(KeyboardInterrupt):
     """Raised when Ctrl-C or a signal ended a run; its jobs have been cancelled, and its report is written.
 
     Args:
-        record: the record of the run.
-        signal_number: the signal.
+        record: Record of the run.
+        signal_number: Number of the signal.
     """
 
     def __init__(self, record: RunRecord, signal_number: int = signal.SIGINT) -> None:
@@ -34,7 +34,7 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 def permit_all(step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Carries out a step's request without asking for permission; the default."""
+    """Runs a step's request without asking for permission; the default."""
     del step, request
     return carry_out()
 

@@ -1,4 +1,4 @@
-"""Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
+"""Checks before a pipeline's first step, so that mistakes are reported before worlds are generated."""
 
 import shutil
 import socket
@@ -29,18 +29,18 @@ from ..worlds.generation import WORLDS_PREFIX
 from .forecasting import find_forecast
 
 RoomsOf = Callable[[str], Rooms | None]
-"""The rooms of a world, by its ARN; None where they are not known."""
+"""Function that returns the rooms of a world by ARN; None if they are unknown."""
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 _TEMPLATE = "world-template"
 
 
 def await_store(service: Service, note: Callable[[str], None]) -> None:
-    """Waits until the object store answers, and tells the user at once that it does not.
+    """Waits until the object store answers, and immediately tells the user if it does not.
 
     Args:
-        service: its settings say how long is waited.
-        note: told in words that the store is waited for, how long, and that it answers again.
+        service: Service, whose settings have the time limit.
+        note: Called with messages: that the store is awaited, for how long, and that it answers again.
 
     Raises:
         StorageError: the store's address names no host, which waiting does not mend.
@@ -66,7 +66,7 @@ def await_store(service: Service, note: Callable[[str], None]) -> None:
 
 
 def _names_no_host(error: BaseException | None) -> bool:
-    """Whether an error came of a host that does not exist, rather than of a server or network that is away."""
+    """Returns whether an error came from a host that does not exist, not from an unreachable server or network."""
     while error is not None:
         if isinstance(error, socket.gaierror):
             return error.errno == socket.EAI_NONAME
@@ -95,9 +95,9 @@ def check_disk(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:
-    """Checks before a run that store and backend answer, and that named applications and rooms exist.
+    """Checks before a run that object store and backend answer, and that named applications and rooms exist.
 
-    What a run stores with its own credentials has to be stored somewhere: a few bytes are written there, and removed.
+    To check the run's own credentials, a few bytes are written to the store and deleted.
 
     Raises:
         SpecError: an application is named that does not exist, or a goal is in a room that its world has not, or where
@@ -116,9 +116,9 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_named(checked: CheckedSpec, service: Service) -> None:
-    """Checks that the applications that a specification's jobs name exist in the catalog.
+    """Checks that the applications which a specification's jobs name exist in the catalog.
 
-    Those that a step of the same specification makes count as existing.
+    Applications that a step of the same specification creates count as existing.
 
     Raises:
         SpecError: an application does not exist; the message says in which step, and names the most similar one.
@@ -161,7 +161,7 @@ def check_templates(checked: CheckedSpec, service: Service) -> None:
 
 
 def _check_writable(checked: CheckedSpec, service: Service) -> None:
-    """Writes where the run's worlds and outputs will go; a role's own rights are seen to when its job begins.
+    """Checks that the destinations of the run's worlds and outputs are writable with the run's credentials.
 
     Raises:
         SpecError: a job's output location names a bucket that is not there or cannot be written to.
@@ -201,7 +201,7 @@ def _rooms(arn: str, service: Service) -> Rooms | None:
 
 
 def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
-    """Goals in rooms that worlds do not have which are there already, and in those where the robot starts."""
+    """Yields problems of goals in rooms that existing worlds do not have, or in which the robot starts."""
     for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
         if not isinstance(order.get("requirements"), list):
             continue
@@ -219,7 +219,7 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
 
 
 def _written_world(order: Mapping[str, Any]) -> str | None:
-    """The world of an order, where that is no reference."""
+    """Returns the world of a job request, unless it is a reference to a step's output."""
     found: Any = order
     for key in ("simulationApplications", "worldConfigs"):
         found = found.get(key) if isinstance(found, Mapping) else None
@@ -229,7 +229,7 @@ def _written_world(order: Mapping[str, Any]) -> str | None:
 
 
 def _orders(value: Any, path: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Path and content of every order for a simulation job."""
+    """Yields path and content of every simulation job request in a value."""
     if isinstance(value, Mapping):
         if isinstance(value.get("simulationApplications"), list) or isinstance(value.get("robotApplications"), list):
             yield path, value
@@ -241,7 +241,7 @@ def _orders(value: Any, path: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
 
 
 def _named(value: Any, path: str) -> Iterator[tuple[str, str, str]]:
-    """Path, kind and name of every application that is named as it is, not by ARN or reference."""
+    """Yields path, kind and name of every application that is given by name, not by ARN or reference."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             if key in _KINDS and isinstance(inner, list):

@@ -1,4 +1,4 @@
-"""Measurements of a probe: each step's wall-clock time, jobs and worlds, and how many the whole run will have."""
+"""Measurements of a probe (small trial run): time, jobs and worlds of each step, and the numbers of the whole run."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -27,10 +27,10 @@ def measured(
     """Computes the time and disk measurements of each step from the passes of a probe (small trial run).
 
     Args:
-        first: the first pass: it starts all that a run starts.
-        last: the last pass, or the first again: its jobs find running what the first one started.
-        cpu_times_s: CPU time of the processes that each step of the first pass started, by the step's name.
-        cpus: how many worlds are made at once.
+        first: First pass, which starts all processes that a run starts.
+        last: Last pass, or the first again: its jobs use the processes that the first pass started.
+        cpu_times_s: CPU time in seconds of the processes that each step of the first pass started, by step name.
+        cpus: Number of worlds that are generated at the same time.
         service: the service, with its catalog and object store.
     """
     return {
@@ -71,12 +71,12 @@ def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
     """Estimates how long a world or job occupies its place, in seconds, from the times at which each ended.
 
     Args:
-        ended: when each ended, in order; the first one of each place counts for nothing, as it also waited for things
-            to start.
-        at_once: how many places there are.
+        ended: Time at which each ended, in order; the first one of each place is ignored, as it also waited for
+            processes to start.
+        at_once: Number of places.
 
     Returns:
-        Seconds; 0 where no place had a second one.
+        Seconds; 0 if no place had a second one.
     """
     later = len(ended) - at_once
     if later <= 0:
@@ -99,7 +99,7 @@ def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
 
 
 def _wait_s(step: StepRecord, ended: Sequence[datetime], costs: Sequence[JobCost], service: Service) -> float:
-    """Time that passes in a place between two jobs: of short jobs, a good part of all."""
+    """Returns the seconds for which a place is unused between two jobs, which is significant for short jobs."""
     allowed = (step.output.get("batchPolicy") or {}).get("maxConcurrency")
     if service.backend is not None or not allowed or not costs:
         return 0.0
@@ -134,7 +134,7 @@ def _size_bytes(place: StoredPlace | None, service: Service) -> int:
 
 
 def _archive_bytes(arn: str, service: Service) -> int:
-    """Size of the archive of an export job."""
+    """Returns the size of an export job's archive in bytes."""
     bucket, key = archive_place(service.catalog.get(arn, kind="world-export-job"))
     try:
         return sum(item.size_bytes for item in service.store.list(bucket, key))
@@ -165,8 +165,8 @@ def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
     """Computes the amount of work in each step of the whole run, using a probe's worlds for missing ones.
 
     Args:
-        spec: the specification.
-        probe: a pass of its probe; all its steps came to their end.
+        spec: Specification.
+        probe: Pass of the specification's probe in which all steps completed.
 
     Raises:
         SpecError: a reference gives nothing.

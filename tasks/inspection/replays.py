@@ -1,4 +1,4 @@
-"""Running a stored run again: to compare its states, or to take it apart on this machine."""
+"""Repeats a stored run on this machine, to compare its states or to examine it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,13 +37,13 @@ def verify_run(
 ) -> Verification:
     """Repeats a simulation run on this machine and compares all simulation states with the recorded ones.
 
-    The program of a robot application is not run again: what it did was recorded, and is done again.
+    A robot program is not run again: its recorded actions are played back.
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
         service: the service, with its catalog and object store.
-        trial: number of the trial, of a job that has trials.
-        run_program: whether the robot's program, if it is one, is run again nevertheless.
+        trial: Number of the trial, if the job has trials.
+        run_program: Whether a robot program is run again nevertheless.
 
     Raises:
         ConfigurationError: the reference is not that of a run, or of a trial of one.
@@ -72,11 +72,11 @@ def verify_run(
 
 
 def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
-    """Runs a run again, with the program of its robot unless there are actions.
+    """Repeats a run, with its robot program unless there are recorded actions.
 
     Raises:
-        FileNotFoundError: the run did not start.
-        LaunchError: the run cannot be repeated on this machine.
+        FileNotFoundError: The run did not start.
+        LaunchError: The run cannot be repeated on this machine.
     """
     inputs = scratch / "inputs"
     try:
@@ -96,11 +96,11 @@ def reproduce_run(
     """Downloads everything a simulation run needs, runs it again, and writes a test that repeats it.
 
     Args:
-        reference: see `verify_run`.
-        folder: where to; it must be absent or hold no reproduction.
-        service: where the run is stored.
+        reference: Reference to the run; see `verify_run`.
+        folder: Path of the new folder; it must not exist, or must not contain a reproduction.
+        service: Service that stores the run.
         video: whether the rerun gets a video.
-        trial: number of the trial, of a job that has trials.
+        trial: Number of the trial, if the job has trials.
 
     Raises:
         ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
@@ -149,7 +149,7 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
 
 
 def _with_manifest(verification: Verification, alterations: list[str]) -> Verification:
-    """Equal states are not enough: outputs that were changed after the run are said, too."""
+    """Adds output files that were changed after the run to a verification, as equal states are not enough."""
     if verification.answer != "bit-identical" or not alterations:
         return verification
     more = len(alterations) - _MOST_ALTERATIONS
@@ -194,7 +194,7 @@ def _without_physics(first: RunOutputs) -> list[str]:
 
 
 def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:
-    """The run's plan with folders of this machine: from its job, else as it was while those folders are still here.
+    """Returns the run's plan with folders of this machine: from its job, else the original plan if its folders exist.
 
     Raises:
         LaunchError: a file that the run needs cannot be downloaded.
@@ -223,7 +223,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
 
 
 def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, ros_domain: int) -> RunPlan:
-    """The plan as the job orders it; of a robot whose actions are repeated neither bundle nor image is fetched."""
+    """Makes the plan from the job's request; for recorded actions, the robot's archive or image is not downloaded."""
     if not plan.has_robot_program or plan.programs:
         return run_plan(job, plan.run_id, folder, service, ros_domain)
     document = SimulationJobDocument.of(job)

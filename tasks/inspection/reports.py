@@ -1,4 +1,4 @@
-"""Gathering what a run left behind, for its report and its record."""
+"""Gathers the stored data of a run for its report and its record."""
 
 import importlib.metadata
 import platform
@@ -22,7 +22,7 @@ from ...schemas.reports.run_record import (
     exit_code_of,
     interrupted_in_words,
 )
-from ...schemas.reports.run_states import run_state
+from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
@@ -55,7 +55,7 @@ from .run_records import is_night, since_last
 
 REPORT_NAME = "report.html"
 _MOST_LOST = 10
-"""Jobs that a line about lost jobs names."""
+"""Maximum number of jobs named in a line about lost jobs."""
 _PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
 
 
@@ -63,18 +63,23 @@ def publish_report(record: RunRecord, service: Service, state_of: Callable[[list
     """Writes the report of a run that ends, and shows its main parts in Prefect's UI.
 
     Args:
-        record: the run, without its jobs.
-        service: where its resources are stored.
-        state_of: says by the jobs how the run ended.
+        record: Record of the run, without its jobs.
+        service: Service that stores the run's resources.
+        state_of: Function that decides from the jobs how the run ended.
 
     Returns:
         The record with the run's jobs, its state, and the report's path.
     """
     report, jobs, results = _gathered(record, service)
+    jobs, notes = with_known(record, jobs)
     state = _state_of_challenge(state_of([]), report.challenge) if report.challenge else state_of(jobs)
     code = exit_code_of(state, record.against)
-    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge})
-    report = _with_changes(report.model_copy(update={"state": state}), record)
+    record = record.model_copy(
+        update={
+            "jobs": jobs, "state": state, "exit_code": code, "challenge": report.challenge, "known_notes": notes
+        }
+    )  # fmt: skip
+    report = _with_changes(_told_of_known(report, jobs, notes).model_copy(update={"state": state}), record)
     return record.model_copy(
         update={"report_path": _publish(report, jobs, results, record.run_dir, pages_elsewhere(service.settings))}
     )
@@ -86,19 +91,19 @@ def rebuild_report(
     """Writes the report of an earlier run again from stored data.
 
     Args:
-        record: the run.
-        service: where its resources are stored.
-        junit: where to write it as JUnit XML besides; None: nowhere.
-        markdown: where to write it as Markdown besides; None: nowhere.
+        record: Record of the run.
+        service: Service that stores the run's resources.
+        junit: Path for an additional JUnit XML report; None: none is written.
+        markdown: Path for an additional Markdown report; None: none is written.
 
     Returns:
-        Its numbers, with the paths of what was written.
+        Figures of the report, with the paths of the written files.
 
     Raises:
-        OSError: a file cannot be written.
+        OSError: A file cannot be written.
     """
     report, jobs, results = _gathered(record, service)
-    report = _with_changes(report, record)
+    report = _with_changes(_told_of_known(report, *with_known(record, jobs)), record)
     pages = pages_elsewhere(service.settings)
     path = _publish(report, jobs, results, record.run_dir, pages)
     summary = summarize(report, results, pages.url)
@@ -110,7 +115,7 @@ def rebuild_report(
 
 
 def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobRecord], ResultTable]:
-    """The report of a run as far as stored data has it, its jobs in short, and the table of results, written."""
+    """Returns a run's report from stored data, its jobs' short records, and the table of results, which it writes."""
     report = report_of(record, service)
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
@@ -121,8 +126,14 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     return report, jobs, results
 
 
+def _told_of_known(report: Report, jobs: Sequence[JobRecord], notes: list[str]) -> Report:
+    """Returns the report with the marks of known failures that the jobs' records have."""
+    told = [job.model_copy(update={"known": short.known}) for job, short in zip(report.jobs, jobs, strict=True)]
+    return report.model_copy(update={"jobs": told, "known_notes": notes})
+
+
 def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
-    """The state of a challenge: its steps come first, and a sabotaged job that fails is no failure of it."""
+    """Returns the state of a challenge: that of its steps, since failures of sabotaged jobs are no failures of it."""
     if of_steps != "succeeded":
         return of_steps
     if challenge.is_broken:
@@ -131,7 +142,7 @@ def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:
-    """The report with what changed since the last run; that of a rerun says of each job how it ended before."""
+    """Adds the changes since the last run to a report; for a rerun, how each job ended before."""
     if not is_night(record):
         return report
     return report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
@@ -163,8 +174,8 @@ def report_of_job(arn: str, service: Service) -> Report:
     """Makes a report of a single simulation job: its result, stored outputs and world.
 
     Args:
-        arn: the job, which may still run.
-        service: where it is stored.
+        arn: ARN of the job, which may still be running.
+        service: Service that stores the job.
 
     Raises:
         ResourceNotFoundException: there is no such job.
@@ -188,8 +199,8 @@ def report_of_world(arn: str, service: Service) -> Report:
     """Makes a report of a single world.
 
     Args:
-        arn: the world.
-        service: where it is stored.
+        arn: ARN of the world.
+        service: Service that stores the world.
 
     Raises:
         ResourceNotFoundException: there is no such world.
@@ -223,10 +234,10 @@ def jobs_of(
     """Lists the simulation jobs of a run's steps, and the requests without a job, in request order.
 
     Args:
-        steps: the steps of a run.
-        service: where what they made is stored.
-        rerun_of: what the run has run again, if it is a rerun.
-        has_ended: whether the run has; until then, requests that still wait to become jobs are listed, too.
+        steps: Records of the run's steps.
+        service: Service that stores the jobs.
+        rerun_of: Run that was repeated, if the run is a rerun.
+        has_ended: Whether the run has ended; before that, requests that still wait to become jobs are listed, too.
     """
     earlier = rerun_of.earlier if rerun_of else {}
     jobs: list[ReportedJob] = []
@@ -256,14 +267,14 @@ def jobs_of(
 
 
 def _with_owners(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
-    """Adds which process carried each job out."""
+    """Adds to each reported job the process (machine, program) that ran it."""
     found = service.catalog.ownerships(job.arn for job in jobs if job.arn)
     owners = {arn: JobOwner.of_lease(ownership.owner) for arn, ownership in found.items() if ownership.owner}
     return [job.model_copy(update={"carried_out_by": owners.get(job.arn or "")}) for job in jobs]
 
 
 def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
-    """Adds a note to jobs that went through the same states: a seed was forgotten, or it changes nothing."""
+    """Adds a note to jobs with identical states: their seed was forgotten, or has no effect."""
     counts = Counter(filter(None, map(_states_of, jobs)))
     told: list[ReportedJob] = []
     for job in jobs:
@@ -275,7 +286,7 @@ def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
 
 
 def _states_of(job: ReportedJob) -> str | None:
-    """Returns the digest of the states that a job went through itself; None: it took them over, or has none."""
+    """Returns the hash of the states of a job's own run; None: its results were reused, or there is no hash."""
     result = job.result
     has_run = result is not None and job.reused_from is None and result.sim_time_s > 0
     return result.state_digest if result is not None and has_run else None
@@ -286,9 +297,10 @@ def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bo
 
     Args:
         operation: the operation.
-        arn: what it made.
-        service: where that is stored.
-        has_ended: whether the run has; until then, requests of a batch that still wait to become jobs are listed, too.
+        arn: ARN of the job or batch.
+        service: Service that stores the job or batch.
+        has_ended: Whether the run has ended; before that, requests of a batch that still wait to become jobs are
+            listed, too.
 
     Raises:
         ResourceNotFoundException: it was deleted.
@@ -338,9 +350,9 @@ def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> t
     """Returns the short records of some jobs of a step that have ended, with the table of their results.
 
     Args:
-        step: the step that made them.
+        step: Step that created the jobs.
         jobs: the jobs.
-        service: where their outputs are stored.
+        service: Service that stores their outputs.
     """
     reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
     reported = with_inputs(reported, service)
@@ -392,12 +404,12 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
 
 
 def _origin(reused_from: ReusedFrom | None) -> str | None:
-    """Returns the origin of results that a job has taken over: the run, or the job where no run ordered it."""
+    """Returns the origin of reused results: the run, or the job if it belongs to no run."""
     return reused_from and (reused_from.spec_run or short_name(reused_from.job))
 
 
 def _application(request: Mapping[str, Any]) -> str | None:
-    """Name of a request's robot application, else of its simulation application; as it says where that is no ARN."""
+    """Returns the name of a request's robot application, else of its simulation application; if no ARN, as given."""
     applications = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
     said = str(applications[0].get("application") or "") if applications else ""
     try:
@@ -411,8 +423,8 @@ def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], 
 
     Args:
         jobs: the jobs of a run.
-        places: where their outputs are, by ARN.
-        service: where they are stored.
+        places: Places of the jobs' outputs, by ARN.
+        service: Service that stores the jobs.
     """
     return [
         _job_record(job, name, places.get(job.arn or ""), service)
@@ -450,7 +462,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:
-    """Worlds that steps made or jobs drove in, each once."""
+    """Returns the worlds that steps created or jobs used, each once."""
     arns = [
         arn
         for step in steps
@@ -479,7 +491,7 @@ def _reported_world(world: Resource, service: Service) -> ReportedWorld:
 
 
 def short_name(arn: str) -> str:
-    """Returns the last part of an ARN, by which people tell resources apart: `generation-…/world-3`."""
+    """Returns the last part of an ARN, by which people distinguish resources: `generation-…/world-3`."""
     return arn.split(":", 5)[-1].partition("/")[2]
 
 

@@ -1,4 +1,4 @@
-"""Running jobs of an earlier run again: which of them, and the specification of a run that does that."""
+"""Reruns of jobs of an earlier run: selects the jobs, and makes a specification that repeats them."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,20 +24,20 @@ _BATCH = "StartSimulationJobBatch"
 
 @dataclass(frozen=True)
 class Selection:
-    """Filter for the jobs of a run that are run again: jobs match everything given; nothing given selects all."""
+    """Filter for the jobs of a run to repeat: a job has to match all given criteria; no criteria match all jobs."""
 
     failed: bool = False
-    """Those that have no good result: failed, broken, cancelled, or never begun."""
+    """Selects jobs without a good result: failed, with errors, cancelled, or never started."""
 
     jobs: tuple[str, ...] = ()
     """Ids or ARNs of jobs, or labels such as `request 3`."""
 
     worlds: tuple[str, ...] = ()
-    """ARNs of worlds or the ends of them, such as `world-3`."""
+    """ARNs of worlds, or their last parts, such as `world-3`."""
 
     @property
     def words(self) -> str:
-        """The selection of jobs as text."""
+        """Describes the criteria of the filter as text."""
         parts = ["failed"] if self.failed else []
         parts += [" or ".join(self.jobs)] if self.jobs else []
         parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []
@@ -49,14 +49,14 @@ class Rerun:
     """A run that repeats selected jobs of an earlier run."""
 
     spec_text: str
-    """Its specification: the requests of the jobs as they were, with worlds and seeds as they were."""
+    """Text of the specification: the original requests of the jobs, with the same worlds and seeds."""
 
     rerun_of: RerunOf
 
 
 @dataclass(frozen=True)
 class _Order:
-    """A job of the earlier run, with the request that orders it again."""
+    """A job of the earlier run, with the request that repeats it."""
 
     job: ReportedJob
     request: Mapping[str, Any]
@@ -66,16 +66,16 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     """Makes the specification that repeats selected jobs of an earlier run.
 
     Args:
-        record: the earlier run.
-        selection: which of its jobs.
-        service: the service, with its catalog and object store.
+        record: Record of the earlier run.
+        selection: Filter for the run's jobs.
+        service: Service with its catalog and object store.
 
     Returns:
-        The rerun; `None`: nothing that is selected has failed.
+        The rerun; `None`: no selected job has failed.
 
     Raises:
-        ConfigurationError: the run has no jobs, or none that the selection names, or is a challenge.
-        ResourceNotFoundException: the jobs of the run were deleted.
+        ConfigurationError: The run has no jobs, or none that match the selection, or is a challenge.
+        ResourceNotFoundException: The jobs of the run were deleted.
     """
     if record.challenge is not None:
         raise ConfigurationError(
@@ -114,7 +114,7 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
     """Makes the request of a batch that repeats those jobs of a batch that did not succeed.
 
     Args:
-        arn: the batch, which has ended.
+        arn: ARN of the batch, which has ended.
         service: the service, with its catalog and object store.
 
     Returns:
@@ -129,7 +129,7 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
 
 def _orders(step: StepRecord, service: Service) -> list[_Order]:
-    """The jobs of a step with their requests, in the order of these; nothing of steps that make no jobs."""
+    """Returns the jobs of a step with their requests, in the order of the requests; empty for steps without jobs."""
     if step.arn is None or step.operation not in (_BATCH, "CreateSimulationJob"):
         return []
     jobs = jobs_of([step], service)
@@ -162,18 +162,18 @@ def _batch(step: StepRecord, service: Service) -> SimulationJobBatchDocument:
 
 
 def _again(document: SimulationJobDocument) -> dict[str, Any]:
-    """The request of a job, with the seed that it had."""
+    """Returns the request of a job, with the seed that the job had."""
     request = _plain_request(document.request)
     return request if SEED_TAG in (request.get("tags") or {}) else {**request, "seed": document.seed}
 
 
 def _plain_request(request: Mapping[str, Any]) -> dict[str, Any]:
-    """A request that is a new one: the token of the earlier one would give the earlier job."""
+    """Removes the client token from a request, which would return the earlier job instead of a new one."""
     return {name: value for name, value in request.items() if name != "clientRequestToken"}
 
 
 def _escaped(value: Any) -> Any:
-    """A value as a specification writes it: nothing in it is a reference."""
+    """Escapes a value for a specification, so that nothing in it is read as a reference."""
     if isinstance(value, str):
         return value.replace("${{", "$${{")
     if is_object(value):
@@ -210,16 +210,16 @@ def _is_job(job: ReportedJob, name: str) -> bool:
 
 
 def _is_world(job: ReportedJob, name: str) -> bool:
-    """Whether a job drove in a world, which may be named by the end of its ARN."""
+    """Returns whether a job used a world, which may be given by the end of its ARN."""
     arn = job.world_arn
     return arn is not None and (arn == name or arn.endswith((f"/{name}", f":{name}")))
 
 
 def _check_names(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> None:
-    """Checks that everything named is part of the run.
+    """Checks that all given names belong to the run.
 
     Raises:
-        ConfigurationError: a name is not that of a part of the run; the message lists the parts.
+        ConfigurationError: A name does not belong to the run; the message lists the names that do.
     """
     for name in selection.jobs:
         if not any(_is_job(job, name) for job in jobs):

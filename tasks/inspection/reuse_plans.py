@@ -1,6 +1,6 @@
-"""Plan of a run's reuse: what it would take over from earlier runs, and what it would run, and why; runs nothing.
+"""Preview of reuse: which results a run would reuse from earlier runs, which it would make anew, and why.
 
-The steps are followed as a run would take them, with what is there already in the place of what they would make.
+Nothing is run. The steps are followed as in a run, with existing results in place of those that they would create.
 """
 
 from collections.abc import Mapping
@@ -42,14 +42,14 @@ _ROLES: Mapping[str, ApplicationRole] = {"CreateRobotApplication": "robot", "Cre
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """A world or simulation job of a step, and whether a run would reuse an earlier result or make it new."""
+    """A world or simulation job of a step, with whether a run would reuse an earlier result or make it anew."""
 
     part: str
-    """`world 2`, or `request 2` of a batch."""
+    """Label of the world or job: `world 2`, or `request 2` of a batch."""
 
     reuse: bool
     why: str
-    """The earlier run or job that it is taken over from, or the reason why it is run."""
+    """Earlier run or job whose result is reused, or the reason why it is made anew."""
 
 
 @dataclass
@@ -59,35 +59,35 @@ class _Plan:
     service: Service
     outputs: dict[str, dict[str, Any]] = field(default_factory=dict)
     templates: dict[str, str] = field(default_factory=dict)
-    """Bodies of templates that steps would make, by ARN."""
+    """Template bodies that steps would create, by ARN."""
 
     planned: dict[str, Resource] = field(default_factory=dict)
-    """Applications that steps would make or change, by ARN, and by role and name."""
+    """Applications that steps would create or change, by ARN, and by role and name."""
 
     new_worlds: set[str] = field(default_factory=set)
     last_steps: list[Mapping[str, StepRecord]] = field(default_factory=list)
-    """Steps of earlier runs, the newest first."""
+    """Step records of earlier runs by step name, the newest run first."""
     jobs: dict[str, Mapping[int, SimulationJobDocument]] = field(default_factory=dict)
-    """Jobs of steps of earlier runs by the place of their request, by the ARN of what the step made."""
+    """Jobs of earlier runs' steps by the index of their request, by the ARN of the step's job or batch."""
 
     @cached_property
     def applications(self) -> CurrentApplications:
-        """The applications in the catalog as a run would find them now."""
+        """Applications in the catalog as the run would find them at this step."""
         return CurrentApplications(self.service, self.planned)
 
 
 def plan_reuse(checked: CheckedSpec, service: Service) -> dict[str, list[PlannedPart]]:
-    """Determines which worlds and jobs of a specification a run with reuse would take over or run again.
+    """Determines which worlds and jobs of a specification a run with reuse would reuse or make anew.
 
     Args:
-        checked: the specification.
-        service: where earlier runs are stored; nothing is changed.
+        checked: Specification.
+        service: Service that stores earlier runs; nothing is changed.
 
     Returns:
-        The worlds or jobs of each step that makes some, by the step's name.
+        Worlds or jobs of each step that creates any, by step name.
 
     Raises:
-        StorageError: the object store cannot be read.
+        StorageError: The object store cannot be read.
     """
     plan = _Plan(service, last_steps=_steps_of_earlier_runs(checked.name, service))
     return {name: parts for name in checked.order if (parts := _plan_step(checked.steps[name], plan))}
@@ -120,7 +120,7 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
 
 
 def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan) -> dict[str, Any]:
-    """Returns the answer of a step that makes an application, as far as jobs need it."""
+    """Returns the expected response of a step that creates an application, as far as jobs need it."""
     role = _ROLES[step.operation]
     existing = plan.service.catalog.find(f"{role}-application", request["name"])
     if existing is not None and step.if_exists == "reuse":
@@ -205,7 +205,7 @@ def _what_changed(step: str, index: int, inputs: ReuseInputs, plan: _Plan) -> st
 
 
 def _jobs_of(step: StepRecord, plan: _Plan) -> Mapping[int, SimulationJobDocument]:
-    """The jobs of an earlier run's step that the catalog has, by the place of their request."""
+    """Returns the jobs of an earlier run's step that are still in the catalog, by the index of their request."""
     arn = step.arn or ""
     if arn not in plan.jobs:
         catalog = plan.service.catalog
@@ -217,6 +217,6 @@ def _jobs_of(step: StepRecord, plan: _Plan) -> Mapping[int, SimulationJobDocumen
 
 
 def _steps_of_earlier_runs(name: str, service: Service) -> list[Mapping[str, StepRecord]]:
-    """The steps of earlier runs of a specification by name, the newest first; reruns have other requests."""
+    """Returns the steps of earlier runs of a specification, the newest first; reruns are left out."""
     records = find_records(service.settings.home / "runs", name, _RUNS_LOOKED_AT).records
     return [{step.name: step for step in record.steps} for record in reversed(records)]

@@ -1,4 +1,4 @@
-"""The records of runs in their folders, and the Git commit that each was run from."""
+"""Stored records of runs in their folders, and the Git commit from which a run was started."""
 
 import logging
 import subprocess
@@ -17,21 +17,21 @@ from ..comparison.history import since_last_good_run, since_last_run
 from ..comparison.nights import NightRun
 
 RECORD_NAME, ORDER_NAME = "run.json", "order.json"
-"""The record of a run, and until it has ended its order."""
+"""File name of a run's record, and of the file that replaces it until the run has ended."""
 MOST_NIGHTS = 100
-"""Most runs that a history reads, and a report for since when a job fails."""
+"""Maximum number of runs that a history reads, or a report for the date since which a job fails."""
 
 
 @dataclass(frozen=True)
 class FoundRecords:
-    """Records of a specification's runs, with the number of older runs that were left out."""
+    """Records of a specification's runs, and the number of older runs that were left out."""
 
     records: list[RunRecord]
-    """The latest of them, the oldest first."""
+    """Records of the latest runs, the oldest first."""
     left_out: int
-    """Number of older folders of runs that were not read."""
+    """Number of older run folders that were not read."""
     unreadable: list[str]
-    """Errors of records that cannot be read."""
+    """Error messages of records that cannot be read."""
 
 
 def read_record(path: Path) -> RunRecord:
@@ -60,10 +60,10 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
     """Finds the records of a specification's latest runs; partial reruns and probes are left out.
 
     Args:
-        runs: folder of all runs; their folders are named after their specifications.
-        name: the specification's name.
-        most: how many to take at most.
-        before: only runs that began earlier; None: all.
+        runs: Folder of all runs; each run's folder begins with its specification's name.
+        name: Name of the specification.
+        most: Maximum number of records.
+        before: Time before which the runs began; None: no limit.
     """
     records: list[RunRecord] = []
     unreadable: list[str] = []
@@ -95,7 +95,7 @@ def run_before(record: RunRecord) -> RunRecord | None:
 
 
 def is_night(record: RunRecord) -> bool:
-    """Whether a run had all jobs of its specification, and was no partial rerun and no probe."""
+    """Returns whether a run had all jobs of its specification: no partial rerun, and no probe."""
     return record.rerun_of is None and not record.probe
 
 
@@ -117,7 +117,7 @@ def since_last_good(record: RunRecord) -> SinceLastRun:
 
 
 def _latest_first(runs: Path, name: str) -> list[Path]:
-    """Records of the runs of a specification; their folders are named after it and the time when they began."""
+    """Returns the paths of a specification's run records, the latest first, by the times in their folders' names."""
     return sorted((path for path in _records(runs) if _name_of(path) == name), reverse=True)
 
 
@@ -139,11 +139,11 @@ def commit_of(path: Path) -> SourceCommit | None:
     """Returns the Git commit of the folder that a file is in.
 
     Args:
-        path: the file, or a folder.
+        path: Path of the file, or a folder.
 
     Returns:
-        The commit, and whether tracked files differ from it; None where there is no repository, no commit in it yet,
-        or no `git` on this machine.
+        The commit, and whether tracked files differ from it; None if there is no repository, no commit yet, or no
+        `git` on this machine.
     """
     folder = path.absolute() if path.is_dir() else path.absolute().parent
     if not any((parent / ".git").exists() for parent in (folder, *folder.parents)):

@@ -1,4 +1,4 @@
-"""A run that is carried out beside an earlier one: which pairs have ended, and what they have decided."""
+"""Comparison of a running run with an earlier one, job by job: ends the run once the comparison is decided."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,12 +35,12 @@ _OPEN_STATES = ("canceled", "timed out")
 
 
 def earlier_run(asked: Against, runs: Path, spec: CheckedSpec) -> NightRun:
-    """Reads the earlier run beside which a specification is to be run.
+    """Reads the earlier run with which a new run of a specification is to be compared.
 
     Args:
-        asked: the question.
-        runs: folder of all runs.
-        spec: the specification.
+        asked: Settings of the comparison.
+        runs: Folder of all runs.
+        spec: Specification of the new run.
 
     Raises:
         ConfigurationError: there is no such run, it is not whole, or it cannot decide anything.
@@ -84,7 +84,7 @@ def _why_unfit(record: RunRecord, spec: CheckedSpec) -> str:
 
 @dataclass(frozen=True)
 class _Asked:
-    """The requests of a step, or of a part of it, as jobs that have not begun."""
+    """The requests of a step, or of a part of it, whose jobs have not begun."""
 
     step: str
     requests: list[JobRecord]
@@ -92,13 +92,13 @@ class _Asked:
 
 
 class RunBeside:
-    """The pairs of a run that goes on with an earlier one.
+    """Pairs of equal jobs of a running run and an earlier run, and the comparison of their results.
 
     Args:
-        asked: the question.
-        before: the earlier run.
-        steps: names of the steps of the specification.
-        service: where the run is stored.
+        asked: Settings of the comparison.
+        before: Record of the earlier run.
+        steps: Names of the specification's steps.
+        service: Service that stores the run.
     """
 
     def __init__(self, asked: Against, before: NightRun, steps: Sequence[str], service: Service) -> None:
@@ -109,14 +109,14 @@ class RunBeside:
         self._ended: dict[tuple[str, int], tuple[JobRecord, Outcomes]] = {}
 
     def answer(self, steps: Sequence[StepRecord], *, is_over: bool = False) -> AgainstAnswer | None:
-        """Looks at the pairs that have ended.
+        """Compares the pairs that have ended, and returns the answer once it is decided.
 
         Args:
-            steps: the steps that have begun, in their order; those of simulations name what they made.
-            is_over: whether no step begins any more.
+            steps: Steps that have begun, in order; simulation steps have the ARN of their job or batch.
+            is_over: Whether no further step begins.
 
         Returns:
-            The answer; None: it is open, and pairs that are left can decide it.
+            The answer; None: it is undecided, and the remaining pairs can decide it.
         """
         begun = _begun(steps)
         asked = [self._asked(step) for step in begun]
@@ -140,11 +140,11 @@ class RunBeside:
         return told_decision(self._question, found, is_over=is_over)
 
     def with_saved(self, answer: AgainstAnswer, steps: Sequence[StepRecord]) -> AgainstAnswer:
-        """Adds what was saved, and what else was not run, to the answer for which the jobs of a run were cancelled.
+        """Adds the saved time and the skipped jobs to the answer for which the jobs of a run were cancelled.
 
         Args:
-            answer: the answer.
-            steps: all steps of the run, which have ended or were skipped.
+            answer: Answer of the comparison.
+            steps: All steps of the run, which have ended or were skipped.
         """
         self.answer(steps)  # jobs may have ended after the decision
         ran = [outcomes for job, outcomes in self._ended.values() if job.status != "Canceled"]
@@ -161,7 +161,7 @@ class RunBeside:
         )
 
     def _unpaired(self, begun: Sequence[StepRecord]) -> int:
-        """Counts the requests without a pair that were not run to an end of their own."""
+        """Counts the requests without a pair whose jobs did not run to their end."""
         asked = [self._asked(step) for step in begun]
         pairs = pair_jobs(self._before.jobs, [request for each in asked for request in each.requests])
         paired = {id(pair.after) for pair in pairs.pairs}
@@ -179,12 +179,12 @@ class RunBeside:
         return ran
 
     def _broken_requests(self, arn: str) -> list[int]:
-        """Lists the requests of a batch of which no job came, though nothing had ended the batch."""
+        """Lists the requests of a batch for which no job was created, although the batch was not stopped."""
         document = SimulationJobBatchDocument.of(self._service.catalog.get(arn))
         return [int(place) for place, failure in document.failed.items() if failure.failure_code not in STOP_EVENTS]
 
     def ended_count(self, steps: Sequence[StepRecord]) -> int:
-        """Counts the jobs of steps that have ended, which costs little."""
+        """Counts the ended jobs of steps, which is fast."""
         return sum(
             count
             for step in steps
@@ -200,7 +200,7 @@ class RunBeside:
         return self._service.catalog.count_children(arn, kind="simulation-job")
 
     def _may_come(self, step: str, begun: Sequence[StepRecord]) -> bool:
-        """Whether requests of a step, or of a part of one, may still be ordered: those after what has begun."""
+        """Returns whether further requests of a step, or of a part of it, may still be submitted."""
         if step_of(step) not in self._steps or any(each.name == step for each in begun):
             return False
         places = [self._steps.index(step_of(each.name)) for each in begun]
@@ -235,7 +235,7 @@ class RunBeside:
         return self._requests[arn]
 
     def _look(self, step: StepRecord, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
-        """Reads the results of the jobs that have ended since the last look."""
+        """Reads the results of the jobs that have ended since the last call."""
         arn = step.arn or ""
         new = {
             place: job
@@ -262,7 +262,7 @@ class RunBeside:
             self._ended[arn, place] = pair.after, own
 
     def _note_unmade(self, arn: str, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
-        """Notes requests of which no job came: nothing of them passes."""
+        """Records requests for which no job was created; they count as not passed."""
         for place in self._broken_requests(arn):
             request = asked.requests[place]
             if id(request) in earlier and (arn, place) not in self._ended:
@@ -291,7 +291,7 @@ class RunBeside:
 
 
 class _EarlierTrials:
-    """The trials of the earlier run, before those of the later one have ended."""
+    """Trials of the earlier run, as pairs whose second half (the later run's trials) has not ended yet."""
 
     def __init__(self, run: NightRun) -> None:
         self._results, self._outcomes = run.results, outcomes_of(run.results)
@@ -303,12 +303,12 @@ class _EarlierTrials:
 
 
 def _begun(steps: Sequence[StepRecord]) -> list[StepRecord]:
-    """The steps of simulations that made something."""
+    """Returns the simulation steps that have created a job or batch."""
     return [step for step in steps if step.operation in DRIVES and step.arn]
 
 
 def _has_ended(job: Resource) -> bool:
-    """Whether a job has ended, and not since its batch was ended: then it says nothing of the robot."""
+    """Returns whether a job has ended, but not because its batch was stopped, which says nothing about the robot."""
     if not is_terminal(job.kind, job.status):
         return False
     return job.status == "Completed" or SimulationJobDocument.of(job).failure_code not in STOP_EVENTS

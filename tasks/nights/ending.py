@@ -116,6 +116,7 @@ def finish_run(
         challenge=facts.challenge,
         forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
+        known=list(facts.checked.known),
         against=against,
         run_dir=facts.folder,
         source=facts.source,

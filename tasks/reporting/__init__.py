@@ -1,4 +1,4 @@
-"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers."""
+"""Reports of pipeline runs as one self-contained HTML file, as JUnit XML and as Markdown; and their figures."""
 
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive

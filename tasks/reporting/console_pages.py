@@ -1,7 +1,7 @@
-"""Addresses of the console's pages, for messages, reports and summaries.
+"""URLs of the web console's pages, for messages, reports and summaries.
 
-`robomaker serve` notes its console's address in the data home while it runs. `ROBOMAKER_CONSOLE_URL` is the address
-under which other machines reach it, and goes before the note.
+`robomaker serve` stores its console's URL in the data home while it runs. `ROBOMAKER_CONSOLE_URL` is the URL for other
+machines, and takes precedence.
 """
 
 import ipaddress
@@ -17,54 +17,54 @@ from ...schemas.settings import Settings
 
 _NOTE = "console.json"
 _PATIENCE_S = 0.3
-"""Time that a console on this machine has to accept a connection; a lost one must not delay a summary."""
+"""Seconds that a console on this machine has to accept a connection; a lost console must not delay a summary."""
 
 
 class ConsolePages(NamedTuple):
-    """Addresses of pages below a console's address."""
+    """URLs of the pages of a web console."""
 
     url: str = ""
-    """Address of the console, without a slash at its end; empty: no console is known, and no page has an address."""
+    """URL of the console, without a trailing slash; empty: no console is known, and all page URLs are empty."""
 
     def run(self, run_id: str) -> str:
-        """Returns the address of a run's page; empty where no console is known."""
+        """Returns the URL of a run's page; empty if no console is known."""
         return f"{self.url}/runs/{quote(run_id)}" if self.url else ""
 
     def job(self, arn: str | None) -> str:
-        """Returns the address of a simulation job's page; empty where no console or no job is known."""
+        """Returns the URL of a simulation job's page; empty if no console or no job is known."""
         return f"{self.url}/jobs/{quote(arn.rpartition('/')[2])}" if self.url and arn else ""
 
 
 NO_CONSOLE = ConsolePages()
-"""No page has an address."""
+"""Console pages whose URLs are all empty, as no console is known."""
 
 
 def pages_here(settings: Settings) -> ConsolePages:
-    """Returns the pages that a browser on this machine can open; they may be pages of this machine alone."""
+    """Returns the console pages that a browser on this machine can open, possibly pages of this machine only."""
     return ConsolePages(settings.console_url or _running(settings.home))
 
 
 def pages_elsewhere(settings: Settings) -> ConsolePages:
-    """Returns the pages that a browser on another machine can open."""
+    """Returns the console pages that a browser on another machine can open."""
     url = settings.console_url or _running(settings.home)
     return ConsolePages("" if _is_of_this_machine(url) and not settings.console_url else url)
 
 
 def note_console(home: Path, url: str) -> None:
-    """Records the address of this process's console in the data home."""
+    """Stores the URL of this process's console in the data home."""
     part = home / f".{_NOTE}.{os.getpid()}.part"
     part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
     part.replace(home / _NOTE)
 
 
 def forget_console(home: Path) -> None:
-    """Deletes the record of the console's address, unless it is another server's."""
+    """Deletes the stored URL of the console, unless another server stored it."""
     if _read(home).get("pid") == os.getpid():
         (home / _NOTE).unlink(missing_ok=True)
 
 
 def _running(home: Path) -> str:
-    """Address of the console that `robomaker serve` has noted; empty while no server answers there."""
+    """Returns the console URL that `robomaker serve` has stored; empty if no server answers there."""
     url = str(_read(home).get("url"))
     try:
         place = urlsplit(url)

@@ -1,7 +1,8 @@
 """Reports as JUnit XML, for CI servers and other viewers of test results.
 
 A step of the pipeline is a test suite, a job a test case: FAIL is a failure, ERROR an error, a job that was
-cancelled or has no verdict is skipped; one that the timeout of its batch ended, or kept from running, is an error.
+cancelled, has no verdict or fails as is known is skipped; one that the timeout of its batch ended, or kept from
+running, is an error.
 Where no job and no step says why a run did not succeed, a suite of its own has an error: a file without failures and
 errors means that `robomaker run` ended with 0.
 
@@ -20,7 +21,8 @@ from .console_pages import ConsolePages
 # What XML 1.0 has no place for.
 _IMPOSSIBLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _MAX_MESSAGE = 200
-_SKIPPED = ("canceled", "unfinished", "no verdict")
+_KNOWN = "known"
+_SKIPPED = ("canceled", "unfinished", "no verdict", _KNOWN)
 _TIMED_OUT = "BatchTimedOut"
 _BAD = ("failures", "errors")
 
@@ -37,7 +39,7 @@ def junit_xml(summary: ReportSummary) -> bytes:
 
 
 def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
-    """A suite with one error, of a run whose jobs and steps do not say why it did not succeed."""
+    """Makes a test suite with one error, for a run that failed for a reason that no job or step has."""
     name = f"{summary.name}.run"
     error = _told("error", summary.state, f"the run was not carried out as ordered: {summary.state}")
     case = _element("testcase", error, name="end of the run", classname=name, time=_seconds(0.0))
@@ -64,7 +66,7 @@ def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
         failed = _told("error", step.status, step.error)
         cases.insert(0, _element("testcase", failed, name=step.operation, classname=name, time=_seconds(0.0)))
     properties = [_element("property", name=key, value=value) for key, value in _properties(step, summary)]
-    outcomes = ["broken" if _is_error(job) else job.outcome for job in step.jobs]
+    outcomes = ["broken" if _is_error(job) else _KNOWN if job.known else job.outcome for job in step.jobs]
     return _element(
         "testsuite",
         _element("properties", *properties),
@@ -98,7 +100,9 @@ def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
 
 def _case(job: JobCase, suite: str, pages: ConsolePages) -> ElementTree.Element:
     case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
-    if job.outcome == "failed":
+    if job.known:
+        case.append(_element("skipped", message=_clean(f"known, {job.known}")))
+    elif job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
     elif _is_error(job):
         why = job.reason or ("the timeout of its batch was over" if job.failure_code == _TIMED_OUT else "")
@@ -116,7 +120,7 @@ def _is_error(job: JobCase) -> bool:
 
 
 def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
-    """Summary of a job for people, one fact a line."""
+    """Yields the facts about a job for people, one per line."""
     yield from (f"{name}: {value}" for name, value in _facts(job, pages))
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
@@ -126,7 +130,7 @@ def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
 
 
 def _told(tag: str, kind: str, reason: str) -> ElementTree.Element:
-    """An element whose message is the first line of a reason, and whose text is all of it."""
+    """Makes an element whose message is the first line of a reason, and whose text is the whole reason."""
     first = (reason.splitlines() or [""])[0]
     message = first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…"
     element = _element(tag, type=kind, message=message)

@@ -1,7 +1,6 @@
 """Reports as Markdown, for comments on pull and merge requests and for summaries of CI jobs.
 
-Everything that comes from users is in code spans: a robot's message then mentions no user, closes no issue, and draws
-no table of its own.
+All text from users is in code spans, so that a robot's message cannot mention a user, close an issue, or draw a table.
 """
 
 from collections.abc import Iterator
@@ -14,18 +13,18 @@ from .nights.changes import losses_in_words
 from .outcomes import Outcome
 
 _MOST_JOBS = 20
-"""Jobs that a comment names: somebody who reads it looks at the first ones, and the report has all."""
+"""Maximum number of jobs in a comment; the full report has all."""
 _MOST_REQUIREMENTS = 10
 _LONGEST = 200
-"""Characters of a reason: GitHub takes no comment of more than 65,536."""
+"""Maximum number of characters of a reason, as GitHub accepts at most 65,536 characters in a comment."""
 _MOST_LOST = 5
 
 
 def markdown_report(summary: ReportSummary) -> str:
-    """Writes a run's report as Markdown that GitHub and GitLab show.
+    """Writes a run's report as Markdown for GitHub and GitLab.
 
-    The first line is a comment that the page does not show, the same for each run of a specification: what posts
-    reports finds its earlier one by it.
+    The first line is a hidden comment that is the same for each run of a specification; the program that posts reports
+    finds its earlier post by it.
     """
     jobs = sum(len(step.jobs) for step in summary.steps)
     pages = ConsolePages(summary.console_url)
@@ -51,7 +50,7 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """The tables of requirements that were missed and of jobs that did not pass."""
+    """Yields the tables of missed requirements and of jobs that did not pass."""
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
         yield "\n".join(_requirements(missed))
     if bad := [job for step in summary.steps for job in step.jobs if job.outcome != Outcome.PASSED.value]:
@@ -59,7 +58,7 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
 
 
 def _challenge(challenge: Challenge) -> Iterator[str]:
-    """The table of sabotages, and the jobs that show nothing."""
+    """Yields the table of sabotages, and the jobs that show nothing about them."""
     if challenge.showing:
         rows = [f"| {_code(each.name)} | {_code(each.in_words)} |" for each in challenge.sabotages]
         yield "\n".join(("| sabotage | result |", "| --- | --- |", *rows))
@@ -68,7 +67,7 @@ def _challenge(challenge: Challenge) -> Iterator[str]:
 
 
 def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
-    """The run's numbers in one line."""
+    """Returns a run's figures (jobs, trials, duration) in one line."""
     told = [f"**{summary.challenge.headline}**"] if summary.challenge else _counts(summary, jobs)
     told.append(outcomes.duration(summary.time_s))
     page = pages.run(summary.run_id)
@@ -77,7 +76,7 @@ def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
 
 
 def _counts(summary: ReportSummary, jobs: int) -> list[str]:
-    """Numbers of jobs by outcome, of trials, and their success rate."""
+    """Returns the numbers of jobs by outcome, of trials, and their success rate."""
     counts = dict(summary.counts)
     passed = counts.pop(Outcome.PASSED.value, 0)
     told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
@@ -106,7 +105,7 @@ def _requirements(missed: list[Share]) -> Iterator[str]:
 
 
 def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
-    """A folded table of the jobs that did not pass, the worst first."""
+    """Yields a folded table of the jobs that did not pass, the worst first."""
     count = "1 job" if len(bad) == 1 else f"{len(bad)} jobs"
     yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
     yield ""
@@ -117,7 +116,8 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
         name = f"[{_code(job.test)}]({page})" if page else _code(job.test)
         again = _code(f"robomaker repro {job.name}") if job.arn else ""
         why = _code(job.reason or job.failure_code or "")
-        yield f"| {name} | {job.outcome} | {why} | {again} |"
+        known = f" (known, {_code(job.known)})" if job.known else ""
+        yield f"| {name} | {job.outcome}{known} | {why} | {again} |"
     if len(bad) > _MOST_JOBS:
         yield f"| and {len(bad) - _MOST_JOBS} more | | | |"
     yield ""
@@ -125,7 +125,7 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
 
 
 def _code(text: str) -> str:
-    """A text in one line, as a code span that may be in a table; empty for an empty text."""
+    """Formats a text in one line as a code span that can be in a table; empty for an empty text."""
     line = " ".join(outcomes.plain(text).split()).replace("`", "'")
     line = line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
     # Tables are split at bars before code spans are read; a backslash before one would take away its escape.
@@ -133,5 +133,5 @@ def _code(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text that cannot end a comment of HTML."""
+    """Escapes a text so that it cannot end an HTML comment."""
     return " ".join(text.replace("-->", "").split())

@@ -1,4 +1,4 @@
-"""Outcomes of jobs and of the whole run, and numbers, sizes and durations, in words."""
+"""Outcomes of jobs and runs, and formatting of numbers, sizes and durations."""
 
 import math
 import re
@@ -29,12 +29,12 @@ class Outcome(Enum):
 
     @property
     def rank(self) -> int:
-        """Place of the outcome in the order of severity, 0 for the worst."""
+        """Severity rank of the outcome, 0 for the worst."""
         return list(Outcome).index(self)
 
     @property
     def is_failure(self) -> bool:
-        """Whether a reader has to look at jobs of this outcome first."""
+        """Whether readers have to look at jobs of this outcome first."""
         return self in (Outcome.BROKEN, Outcome.FAILED)
 
 
@@ -46,11 +46,11 @@ def outcome_of(job: ReportedJob) -> Outcome:
 def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> Outcome:
     """Determines a job's outcome from its status, failure code and verdict.
 
-    The status goes first: a verdict counts only when the job ended by itself.
+    The status takes precedence: a verdict counts only if the job ended by itself.
 
     Args:
         status: the job's status, or `NotCreated`.
-        failure_code: why it failed; None if it did not.
+        failure_code: Failure code of the job; None if it did not fail.
         verdict: the simulation's verdict; None if there is none.
     """
     return Outcome(case_outcome(status, verdict, failure_code))
@@ -77,6 +77,8 @@ def headline(report: Report) -> str:
     total = len(report.jobs)
     sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"
     others = [f"{count} {outcome.value}" for outcome, count in counts.items() if outcome is not Outcome.PASSED]
+    if known := sum(bool(job.known) for job in report.jobs):
+        others.append(f"{known} of the failures {'is' if known == 1 else 'are'} known")
     return f"{sentence}; {', '.join(others)}" if others else sentence
 
 
@@ -106,7 +108,7 @@ def times_by_part(parts: Mapping[str, float]) -> str:
     """Formats durations by part: `waiting 3.0 s, simulation 80 s, uploads 5.0 s`; those below 0.1 s are left out.
 
     Args:
-        parts: Seconds, by what took them.
+        parts: Seconds by activity.
     """
     return ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts.items() if time_s >= _SHOWN_S)
 

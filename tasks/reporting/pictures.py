@@ -1,4 +1,4 @@
-"""Embeds pictures in the page, checked for size and format."""
+"""Images embedded in HTML pages, after a check of their size and format."""
 
 import base64
 import io
@@ -19,25 +19,25 @@ _FORBIDDEN_ELEMENTS = frozenset(
 
 
 class PictureError(RobomakerError):
-    """Raised for a picture that cannot be shown; the message says why."""
+    """Raised for an image that cannot be shown; the message says why."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture embedded in an HTML page as a `data:` URL."""
+    """An image embedded in an HTML page as a `data:` URL."""
 
     uri: str
-    """`data:` address."""
+    """The `data:` URL."""
     width: int
     height: int
 
 
 def embed_picture(data: bytes, budget_bytes: int) -> Picture:
-    """Encodes a picture as JPEG for embedding in a page, within a size limit.
+    """Encodes an image as JPEG for embedding in a page, within a size limit.
 
     Args:
-        data: PNG, or anything Pillow reads.
-        budget_bytes: size to stay below; the smallest width is taken even if it is larger.
+        data: PNG, or another format that Pillow reads.
+        budget_bytes: Size limit in bytes; if even the smallest width is larger, that one is used.
 
     Raises:
         PictureError: the bytes are no picture, or one of absurd size.
@@ -61,7 +61,7 @@ def embed_picture(data: bytes, budget_bytes: int) -> Picture:
 
 
 def _flattened(image: Image.Image) -> Image.Image:
-    """Transparency becomes white, which JPEG cannot do by itself."""
+    """Replaces transparency by white, since JPEG has no transparency."""
     if image.mode in ("RGBA", "LA", "P"):
         image = image.convert("RGBA")
         return Image.alpha_composite(Image.new("RGBA", image.size, "white"), image).convert("RGB")
@@ -69,7 +69,7 @@ def _flattened(image: Image.Image) -> Image.Image:
 
 
 def budget_for_each(pictures: int) -> int:
-    """Returns the bytes that each of some pictures may take so that the page stays below 10 MB."""
+    """Returns the bytes that each of some images may have so that the page stays below 10 MB."""
     return _BUDGET_BYTES // max(1, pictures)
 
 
@@ -123,6 +123,6 @@ def _check_attribute(element: str, attribute: str, value: str) -> None:
 
 
 def _leads_outside(value: str) -> bool:
-    """Whether a style refers to anything but a part of its own drawing."""
+    """Returns whether a CSS style refers to anything but a part of its own drawing."""
     compact = "".join(value.lower().split()).replace('"', "").replace("'", "")
     return compact.count("url(") > compact.count("url(#")

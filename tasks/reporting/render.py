@@ -1,4 +1,4 @@
-"""Renders a report, a specification's history, or a page of a wing, as one HTML file."""
+"""Renders a run's report, a specification's history, or another page, as one HTML file."""
 
 import base64
 import hashlib
@@ -41,8 +41,8 @@ def render_report(report: Report, results: ResultTable | None = None) -> str:
     The same report and files give the same text.
 
     Args:
-        report: the report to show.
-        results: the results of its trials; None: each job is one trial.
+        report: Report to show.
+        results: Table of results of the report's trials; None: each job is one trial.
 
     Returns:
         The document.
@@ -54,8 +54,8 @@ def render_history(history: History, folder: Path) -> str:
     """Renders a specification's history as one self-contained HTML document.
 
     Args:
-        history: what to show; of at least one run.
-        folder: the folder the page will be in, which its links to reports start from.
+        history: History of at least one run.
+        folder: Folder that will contain the page, to which links to reports are relative.
     """
     return render_page("history.html.j2", ("history.css",), view_history(history, folder))
 
@@ -64,10 +64,10 @@ def render_page(template: str, styles: Sequence[str], page: object, *folders: Pa
     """Renders a template as one self-contained HTML document.
 
     Args:
-        template: name of its template.
-        styles: names of its style sheets, which follow that of reports.
-        page: what the template shows.
-        folders: further folders with templates and style sheets, which are looked in before that of reports.
+        template: File name of the template.
+        styles: File names of style sheets, which follow the style sheet of reports.
+        page: Object with the values for the template.
+        folders: Further folders of templates and style sheets, searched before those of reports.
     """
     style = "".join(_asset(name, *folders) for name in ("report.css", *styles))
     script = _asset("report.js")
@@ -84,9 +84,9 @@ def write_report(report: Report, path: Path, results: ResultTable | None = None)
     """Writes a run's HTML report to a file, atomically.
 
     Args:
-        report: the report to show.
-        path: the file; its folder is made if needed.
-        results: the results of its trials; None: each job is one trial.
+        report: Report to show.
+        path: Path of the file; its folder is created if needed.
+        results: Table of results of the report's trials; None: each job is one trial.
 
     Returns:
         The path.
@@ -98,8 +98,8 @@ def write_history(history: History, path: Path) -> Path:
     """Writes a specification's HTML history to a file, atomically.
 
     Args:
-        history: what to show; of at least one run.
-        path: the file; its folder is made if needed.
+        history: History of at least one run.
+        path: Path of the file; its folder is created if needed.
 
     Returns:
         The path.
@@ -150,7 +150,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
     """Makes a Jinja environment with autoescaping and the templates and filters of reports.
 
     Args:
-        folders: further templates, which go before those of reports.
+        folders: Further template folders, searched before those of reports.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, _FOLDER]),

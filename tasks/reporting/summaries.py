@@ -1,4 +1,4 @@
-"""Summarises a report in numbers."""
+"""Figures of a run's report: rates, counts and times."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,9 +16,9 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
     """Computes the numbers of a run's report: pass rates, counts and times.
 
     Args:
-        report: its jobs and steps.
-        results: the results of its trials; None: each job is one trial.
-        console_url: address of the console as other machines reach it; empty: none is known.
+        report: Report with jobs and steps.
+        results: Table of results of the report's trials; None: each job is one trial.
+        console_url: URL of the console for other machines; empty: unknown.
     """
     results = results or _results_of(report)
     labels = {world.arn: world.label for world in report.worlds}
@@ -47,7 +47,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
 
 
 def _results_of(report: Report) -> ResultTable:
-    """The jobs of a report, each as one trial."""
+    """Makes a table of results from a report's jobs, each as one trial."""
     labels = {world.arn: world.label for world in report.worlds}
     return ResultTable.of(
         [
@@ -78,7 +78,7 @@ def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
 
 
 def why_broken(job: ReportedJob) -> str:
-    """Returns why a job did not pass: missed requirements, its failure's reason, or a summary."""
+    """Returns the reason why a job did not pass: missed requirements, its failure's reason, or a summary."""
     if job.failure_reason:
         return outcomes.plain(job.failure_reason)
     if job.result is None:
@@ -107,7 +107,7 @@ def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSu
 
 
 def _named(jobs: Iterable[ReportedJob]) -> Iterator[tuple[str, ReportedJob]]:
-    """A step's jobs, in request order, by names without ids, so that a run's can be compared with the last one's."""
+    """Yields a step's jobs with names without ids, so that they can be compared with those of other runs."""
     seen: Counter[str] = Counter()
     for number, job in enumerate(jobs, start=1):
         place = job.world_arn.rpartition("/")[2] if job.world_arn else f"request {number}"
@@ -124,6 +124,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
         arn=job.arn,
         outcome=outcome.value,
         reason="" if outcome is Outcome.PASSED else why_broken(job),
+        known=job.known,
         failure_code=job.failure_code,
         time_s=job.duration_s or 0.0,
         waited_s=job.waited_s,

@@ -1,4 +1,4 @@
-"""View model of the report page, computed from the report; the template only places it."""
+"""View model of the report page, computed from the report; the template only places its values."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ class Numbers:
 
     @property
     def rooms_text(self) -> str:
-        """Visited rooms of all rooms as text: `5/6`."""
+        """Number of visited rooms and of all rooms as text: `5/6`."""
         return "–" if not self.rooms else f"{self.rooms_visited}/{self.rooms}"
 
 
@@ -82,9 +82,9 @@ class JobView:
     files: list[FileView]
     folder: str
     seconds: tuple[str, str] | None
-    """Simulated time at the path's start and end."""
+    """Formatted simulated time at the path's start and end."""
     trials: TrialsView | None = None
-    """Its trials, if it has any."""
+    """Trials of the job, if it has any."""
 
     @property
     def result(self) -> RunResult | None:
@@ -112,12 +112,17 @@ class Page:
 
     @property
     def failures(self) -> list[JobView]:
-        """Jobs that failed their requirements, in request order."""
-        return [job for job in self.jobs if job.outcome is Outcome.FAILED]
+        """Jobs that failed their requirements for reasons that are not known, in request order."""
+        return [job for job in self.jobs if job.outcome is Outcome.FAILED and not job.job.known]
+
+    @property
+    def known(self) -> list[JobView]:
+        """Jobs whose failure is known, in request order."""
+        return [job for job in self.jobs if job.job.known]
 
     @property
     def errors(self) -> list[JobView]:
-        """Jobs that broke (crashed, were not started, ...), in request order."""
+        """Jobs that ended with an error (crashed, were not started, ...), in request order."""
         return [job for job in self.jobs if job.outcome is Outcome.BROKEN]
 
     @property
@@ -177,7 +182,7 @@ class Page:
 
     @property
     def others(self) -> list[JobView]:
-        """Jobs that neither failed nor broke; those that deserve a look come first."""
+        """Jobs that neither failed nor had an error; those that need attention come first."""
         return sorted((job for job in self.jobs if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
 
 
@@ -185,8 +190,8 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
     """Computes the values for the HTML page of a run's report.
 
     Args:
-        report: the report to show.
-        results: the results of its trials; None: each job is one trial.
+        report: Report to show.
+        results: Table of results of the report's trials; None: each job is one trial.
     """
     pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(
         bool(job.poster_png) for job in report.jobs
@@ -245,7 +250,7 @@ def _missed(job: ReportedJob) -> list[str]:
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
-    """Returns the drawing, and the text to show if it is missing."""
+    """Returns the floor plan of a job, and the text to show if it is missing."""
     if job.result is None:
         return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:
@@ -306,7 +311,7 @@ def _measures(numbers: Numbers) -> list[Measure]:
 
 
 def _waits(job: ReportedJob) -> list[Measure]:
-    """Waiting times of the job for its machine, by the resource that was short."""
+    """Returns the job's waiting times for its machine, by the scarce resource."""
     return [
         Measure(f"waited for {WAITS_FOR[scarce]}", outcomes.number(time_s, 1), "s")
         for scarce, time_s in job.waited_s.items()

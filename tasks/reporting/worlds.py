@@ -1,4 +1,4 @@
-"""Views of each world and of a job's trials on the report page."""
+"""View models of each world and of a job's trials on the report page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,19 +24,19 @@ class WorldView:
     anchor: str
     world: ReportedWorld
     content: World | None
-    """Absent when `world.json` cannot be read; `note` says why."""
+    """Description of the world; absent if `world.json` cannot be read, `note` says why."""
     note: str
     frame: Frame | None
     fixtures: str
-    """Id of the drawing of walls and furniture."""
+    """Id of the SVG group with walls and furniture."""
     drawing: Markup | None
     plan: Markup | None
     plan_uri: str
-    """The bundle's own floor plan, for when there is nothing to draw from."""
+    """`data:` URL of the floor plan in the world's bundle, if it cannot be drawn from the description."""
     preview: Picture | None
     preview_note: str
     driven_by: list[int]
-    """Numbers of the jobs that drove here."""
+    """Numbers of the jobs that used the world."""
 
     @property
     def wishes(self) -> list[Preference]:
@@ -115,28 +115,28 @@ def _given_plan(world: ReportedWorld, note: str) -> tuple[str, str]:
 
 
 MOST_SHOWN = 20
-"""Largest number of trials, and of cells of a grid, that a job's card shows."""
+"""Maximum number of trials, and of cells of a grid, that a job's card shows."""
 
 
 @dataclass(frozen=True)
 class TrialsView:
-    """Summary of a job's trials, as its card in a report shows it."""
+    """Summary of a job's trials for the job's card in a report."""
 
     planned: int
     stopped_in: int | None
     share: Share
     axes: list[Share]
-    """Shares by axis and part of it, in the order of the axes; empty without axes."""
+    """Pass rates by axis and part of the axis, in the order of the axes; empty without axes."""
 
     cells: list[Share]
-    """Shares by cell of a grid of several axes, the worst first; empty where there is but one."""
+    """Pass rates by cell of a grid of several axes, the worst first; empty if there is only one cell."""
 
     failing: list[FailingTrial]
     more: int
-    """Number of further ones that did not pass."""
+    """Number of further trials that did not pass, and are not shown."""
 
     command: str
-    """Command that runs the first of the failing trials again."""
+    """Command line that repeats the first failing trial."""
 
     @property
     def label(self) -> str:

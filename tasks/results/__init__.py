@@ -1,4 +1,4 @@
-"""The table of results: one row a trial of a run, and the rates that everything that shows or judges runs reads of it.
+"""Table of a run's results, with one row per trial, and the success rates computed from it for reports and verdicts.
 
 ```
 results = ResultTable.read(folder / RESULTS_FILE)

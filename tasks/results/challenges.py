@@ -1,4 +1,4 @@
-"""The table of a challenge: each sabotaged job against the same job of the control arm. Pure."""
+"""Result of a challenge: compares each sabotaged job with the same job without sabotage (control arm)."""
 
 import math
 from collections.abc import Sequence
@@ -8,54 +8,54 @@ from ...schemas.reports.challenge import CellResult, Challenge, ChallengedJob, C
 from ...schemas.runs.plan import Requirement, Verdict
 
 CRASH_CODES = ("RobotApplicationCrash", "SimulationApplicationCrash")
-"""Failure codes of jobs whose applications broke: a run says so, which is noticed."""
+"""Failure codes of jobs whose applications crashed, which counts as noticing the sabotage."""
 A_CRASH = "a crash"
 
 
 @dataclass(frozen=True)
 class Arm:
-    """One simulation job of a challenge, as far as its result decides the table."""
+    """One simulation job of a challenge, with the parts of its result that the comparison needs."""
 
     job: int
-    """Number of the job in the challenge; arms with the same number are compared."""
+    """Number of the job in the challenge; jobs with the same number are compared."""
     name: str
     """Name of the job for people."""
     sabotage: str | None = None
-    """Name of its sabotage; None: it is of the control arm."""
+    """Name of the sabotage that was applied; None: the job is of the control arm."""
     verdict: Verdict | None = None
-    """None: its trial did not come to an end."""
+    """Verdict of the job; None: its trial did not finish."""
     requirements: Sequence[Requirement] = field(default_factory=list[Requirement])
     failure_code: str | None = None
     reason: str = ""
-    """Reason for not passing, in words."""
+    """Reason for not passing, as text."""
     not_applicable: str = ""
-    """Reason why the sabotage cannot be applied, in words; empty: it was."""
+    """Reason why the sabotage could not be applied, as text; empty: it was applied."""
     state_digest: str | None = None
-    """Digest of all states; None: it has none."""
+    """Hash of all simulation states; None: there is none."""
 
     @property
     def has_crashed(self) -> bool:
-        """Whether one of its applications broke."""
+        """Whether one of the job's applications crashed."""
         return self.failure_code in CRASH_CODES
 
     @property
     def missed(self) -> list[Requirement]:
-        """The requirements that it missed, the earliest first."""
+        """Requirements that the job missed, the earliest first."""
         missed = [each for each in self.requirements if each.counts and not each.satisfied and each.error is None]
         return sorted(missed, key=_time_of)
 
 
 def table_of(challenge: Challenge, arms: Sequence[Arm]) -> Challenge:
-    """Fills the table of a challenge.
+    """Fills the result table of a challenge: how often each sabotage was noticed.
 
-    Only jobs that pass in the control arm count, as others would not pass with any robot.
+    Only jobs that pass without sabotage count, as the others would not pass with any robot.
 
     Args:
         challenge: The challenge with its sabotages.
-        arms: Its jobs, in any order.
+        arms: Jobs of the challenge, in any order.
 
     Returns:
-        The challenge with its jobs, and with how often each sabotage was caught.
+        The challenge with its jobs, and with how often each sabotage was noticed.
     """
     controls = {arm.job: arm for arm in arms if arm.sabotage is None}
     sabotaged = {(arm.job, arm.sabotage): arm for arm in arms if arm.sabotage is not None}
@@ -79,7 +79,7 @@ def table_of(challenge: Challenge, arms: Sequence[Arm]) -> Challenge:
 
 
 def control_result(control: Arm | None) -> ControlResult:
-    """Says how a job of the control arm ended; None: there is none."""
+    """Returns how a job of the control arm ended; None if there is no such job."""
     if control is None or (control.verdict is None and not control.has_crashed):
         return "was not run"
     if control.has_crashed or control.verdict == "ERROR":
@@ -88,11 +88,11 @@ def control_result(control: Arm | None) -> ControlResult:
 
 
 def cell_result(control: Arm, arm: Arm | None) -> CellResult:
-    """Says what a sabotage came to in a job that passes without it.
+    """Returns the effect of a sabotage on a job that passes without it: noticed, missed, or not applicable.
 
     Args:
-        control: The job in the control arm.
-        arm: The job with the sabotage; None: it never became one.
+        control: Job without sabotage.
+        arm: Job with the sabotage; None: the job was never created.
     """
     if arm is None:
         return "not tried"
@@ -130,12 +130,12 @@ def _result(sabotage: SabotageResult, pairs: Sequence[tuple[Arm, Arm | None]]) -
 
 
 def _is_broken(arm: Arm) -> bool:
-    """Whether an arm that was found out was so by what broke, not by a requirement."""
+    """Returns whether a sabotage was noticed by a crash or error, and not by a requirement."""
     return not arm.missed and (arm.has_crashed or arm.verdict == "ERROR")
 
 
 def _catch(arm: Arm) -> tuple[float, str]:
-    """Time at which an arm was found out, and by what."""
+    """Returns the time at which a sabotage was noticed, and what noticed it."""
     if arm.missed:
         return _time_of(arm.missed[0]), arm.missed[0].name
     return math.inf, A_CRASH if arm.has_crashed else "an error" if arm.verdict == "ERROR" else "its verdict"

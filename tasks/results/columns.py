@@ -1,4 +1,4 @@
-"""Columns of trials: what the tables of a job's trials and of a run's results have in common."""
+"""Columns that the tables of a job's trials and of a run's results share."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MAX_COLUMNS = 200
-"""Limit on the metrics, and on the requirements, that get columns of their own; those that came first."""
+"""Maximum number of metrics, and of requirements, that get columns of their own; the first ones do."""
 
 _REQUIREMENTS = TypeAdapter(list[Requirement])
 
@@ -107,7 +107,7 @@ def read_trials(content: bytes) -> "pa.Table":
     """Reads a table of trials from the bytes of `trials.parquet`.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The bytes are no such table.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

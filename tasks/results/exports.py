@@ -1,4 +1,4 @@
-"""Tables in files for other programs: Parquet and CSV, written beside the file and renamed."""
+"""Writes tables to files for other programs: Parquet and CSV; files are replaced atomically."""
 
 import errno
 import os
@@ -29,14 +29,14 @@ def _write_csv(table: "pa.Table", path: Path) -> None:
 WRITERS: Mapping[str, Callable[["pa.Table", Path], None]] = MappingProxyType(
     {".parquet": _write_parquet, ".csv": _write_csv}
 )
-"""Functions that write a table to a file, by the end of the file's name."""
+"""Functions that write a table to a file, by file name suffix."""
 
 
 def check_extension(path: Path, option: str) -> None:
-    """Refuses a file whose name does not say in which form it is to be written.
+    """Raises an error for a file whose name has no known suffix, and so no format.
 
     Args:
-        path: the file.
+        path: Path of the file.
         option: name of the option that names it, for the error message.
 
     Raises:
@@ -47,13 +47,13 @@ def check_extension(path: Path, option: str) -> None:
 
 
 def export_table(table: "pa.Table", path: Path) -> None:
-    """Writes a table to a file in the form that the end of its name says; an earlier file stays whole until then.
+    """Writes a table to a file, in the format of its suffix; an earlier file is replaced atomically.
 
-    A symbolic link stays one: the file that it leads to is written.
+    If the path is a symbolic link, the linked file is replaced.
 
     Args:
         table: the table.
-        path: the file; see `check_extension`.
+        path: Path of the file; see `check_extension`.
 
     Raises:
         OSError: it cannot be written; an earlier file is still there.

@@ -1,4 +1,4 @@
-"""Rates and their intervals, computed here only: of all trials of a run, by world, by requirement, and by room."""
+"""Success rates with confidence intervals: of all trials of a run, by world, by requirement, and by room."""
 
 import math
 from collections import Counter
@@ -46,7 +46,7 @@ def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tup
 
 @dataclass
 class Counts:
-    """Numbers of trials that passed, failed or broke."""
+    """Numbers of trials that passed, failed, or ended with an error."""
 
     passed: int = 0
     failed: int = 0
@@ -75,8 +75,8 @@ def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
     """Computes the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
-        name: What they have in common.
-        outcomes: How each of them ended.
+        name: Name of the rate: what the jobs or trials have in common.
+        outcomes: Outcome of each job or trial.
     """
     return _counts(Counter(outcomes)).share(name)
 
@@ -85,9 +85,9 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
     """Computes the pass rate of all trials in a results table; see `of_outcomes`.
 
     Args:
-        name: What they have in common.
-        results: The table.
-        errors_fail: Whether what broke counts as failed.
+        name: Name of the rate: what the trials have in common.
+        results: Table of results.
+        errors_fail: Whether trials with errors count as failed.
     """
     codes, outcomes = results.codes("outcome")
     found = np.bincount(codes, minlength=len(outcomes)).tolist()
@@ -124,7 +124,7 @@ def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
 def requirement_counts(results: ResultTable) -> dict[str, Counts]:
     """Counts, for each requirement, the trials that met or missed it.
 
-    What a trial had met when it broke is no judgement: it might have been missed later.
+    Trials that ended with an error do not count, as they might have missed a requirement later.
     """
     broken: Counter[str] = Counter(
         each.name
@@ -167,8 +167,8 @@ def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> 
 def margin_units(results: ResultTable) -> dict[str, set[str | None]]:
     """Returns the units of each requirement's margins, if they have a single unit however a run ends.
 
-    All trials of a job have the same requirements. Those that say yes or no have none, and the margin of a goal is in
-    seconds where it was reached and in metres where it was not.
+    All trials of a job have the same requirements. Requirements that are met or not have no unit. The margin of a goal
+    is in seconds if it was reached, and in metres if not.
     """
     units: dict[str, set[str | None]] = {}
     for row in results.first_rows:
@@ -188,5 +188,5 @@ def _counts(outcomes: Counter[str]) -> Counts:
 
 
 def _worst_first(shares: Iterable[Share]) -> list[Share]:
-    """Those with errors or failures first, by rate; otherwise in the order found."""
+    """Sorts rates: those with errors or failures first, by rate; the others keep their order."""
     return sorted(shares, key=lambda share: (not share.errors, share.rate if share.rate is not None else 1.0))

@@ -1,4 +1,4 @@
-"""The table of results of a run, `results.parquet` in its folder: one row a trial; a job without trials is one."""
+"""Table of a run's results, `results.parquet` in its folder: a row per trial; a job without trials has one row."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RESULTS_FILE = "results.parquet"
 
 TrialsOf = Callable[[JobRecord], "pa.Table | None"]
-"""Finds the table of a job's trials; None: it has no trials, or none of them ended."""
+"""Function that returns the table of a job's trials; None: it has no trials, or none of them ended."""
 
 _OF_JOBS = ("step", "test", "job", "world", "world_name", "outcome", "output")
 _OUTCOMES = {"PASS": "passed", "FAIL": "failed", "ERROR": "broken", "NONE": "no verdict"}
@@ -52,11 +52,11 @@ class ResultTable:
     def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
         """Makes the results table of some jobs.
 
-        A job that broke between two trials has a row of its own for that, beside those of the trials that ended.
+        A job that failed between two trials has a row of its own for that, in addition to its trials' rows.
 
         Args:
-            jobs: The jobs.
-            trials: Finds the tables of their trials; None: no job has any.
+            jobs: Records of the jobs.
+            trials: Function that returns the tables of their trials; None: no job has any.
         """
         import pyarrow as pa
 
@@ -86,8 +86,8 @@ class ResultTable:
         """Opens a results table from a file; columns are read when needed.
 
         Raises:
-            OSError: There is no such file, or it cannot be read.
-            ValueError: It is no table of results.
+            OSError: The file does not exist, or cannot be read.
+            ValueError: The file is no table of results.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -120,12 +120,12 @@ class ResultTable:
         """Writes the results table to a Parquet file, atomically.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         export_table(self.to_arrow(), path)
 
     def to_arrow(self) -> "pa.Table":
-        """Returns the results as an Arrow table; its texts are plain texts, however they are kept."""
+        """Returns the results as an Arrow table; text columns are plain, not dictionary-encoded."""
         import pyarrow as pa
 
         found = {name: self._column(name) for name in self._all_names}
@@ -196,12 +196,12 @@ class ResultTable:
 
     @property
     def first_rows(self) -> list[int]:
-        """Number of the first row of each job."""
+        """Row number of each job's first trial."""
         return [rows.start for rows in self._jobs.values()]
 
     @cached_property
     def _jobs(self) -> dict[tuple[str, str], slice]:
-        """Rows of each job, by its step and its id; requests that became no job are numbered in steps."""
+        """Rows of each job, by step and job id; requests without a job are numbered within their step."""
         codes, labels = self.codes("job")
         in_steps, steps = self.codes("step")
         is_first = np.diff(codes, prepend=-1).astype(bool) | np.diff(in_steps, prepend=-1).astype(bool)
@@ -227,11 +227,11 @@ class ResultTable:
 _UNKNOWN_OF_JOBS = dict.fromkeys(
     ("trial", "ended_by", "state_digest", "model_sha256", "digest_looks", "digest_until_s", "recorded")
 )
-"""Columns that records of jobs say nothing of: empty, since a 0 would be taken for a number."""
+"""Columns that a job's record does not contain; they are empty, as a 0 would look like a value."""
 
 
 def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
-    """Jobs, each as one trial."""
+    """Makes the rows of jobs without trials, one for each job."""
     import pyarrow as pa
 
     rows = [
@@ -267,7 +267,7 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
 
 
 def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
-    """The trials of a job, with what they have of it."""
+    """Makes the rows of a job's trials, with the columns of the job added."""
     import pyarrow as pa
 
     count = trials.num_rows
@@ -297,7 +297,7 @@ def _place(job: JobRecord) -> dict[str, str | None]:
 
 
 def _broke_between(job: JobRecord, trials: "pa.Table") -> bool:
-    """Whether a job broke although none of its trials did: its program ended, or its machine failed."""
+    """Returns whether a job failed although none of its trials did: its program ended, or its machine failed."""
     if case_outcome(job.status, job.verdict, job.failure_code) != "broken":
         return False
     return "ERROR" not in trials["verdict"].to_pylist()

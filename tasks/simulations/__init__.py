@@ -1,1 +1,1 @@
-"""Runs of simulation jobs: planning, inputs, containers, ROS, outputs; storing a job."""
+"""Simulation jobs: planning a run, its inputs, containers, ROS and outputs; storing jobs in the catalog."""

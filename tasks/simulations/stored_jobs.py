@@ -1,4 +1,4 @@
-"""Jobs in the catalog: stored as requested, or with the results of an earlier job."""
+"""Simulation jobs in the catalog: stores new ones, or ones that reuse the results of an earlier job."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from .planning.run_plans import world_arn
 _KIND = "simulation-job"
 _RESULT_FILE = "result.json"
 _LOOKED_AT = 10
-"""Number of jobs of the same inputs that are looked at, the newest first."""
+"""Maximum number of jobs with the same inputs that are examined, newest first."""
 _CUT_SHORT = ("duration limit", "canceled")
 
 
@@ -47,8 +47,8 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
     """Finds the newest successful job with the same inputs, whose results can be reused.
 
     Args:
-        document: the job that is wanted.
-        made_of: contents of its world and applications now.
+        document: Document of the new job.
+        made_of: Present contents of its world and applications.
         service: the service, with its catalog and object store.
     """
     if made_of.once_only:
@@ -85,7 +85,7 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
 
 
 def _why_not(job: Resource, key: str, service: Service) -> str | None:
-    """Reason why the results of a job of this key cannot be taken over; `None`: they can."""
+    """Returns the reason why a job's results cannot be reused for a key; `None` if they can."""
     document = SimulationJobDocument.of(job)
     if document.made_of is None or ReuseInputs.of(document, document.made_of).key != key:
         return "was run with other inputs"
@@ -97,7 +97,7 @@ def _why_not(job: Resource, key: str, service: Service) -> str | None:
 
 
 def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str | None:
-    """Reason why stored outputs cannot be taken over."""
+    """Returns the reason why stored outputs cannot be reused; `None` if they can."""
     if (place := document.outputs) is None:
         return "has no outputs"
     try:
@@ -135,10 +135,10 @@ def store_job(
     """Stores a simulation job with status Pending.
 
     Args:
-        request: a job by itself, or one of a batch.
+        request: Request of a single job, or of one in a batch.
         service: the service, with its catalog and object store.
-        token: makes the call repeatable.
-        batch: ARN of the batch it belongs to, and the place of its request there.
+        token: Client token, which makes the call idempotent.
+        batch: ARN of the job's batch, and the index of its request in the batch.
 
     Raises:
         ResourceNotFoundException: an application or world does not exist.
@@ -162,18 +162,18 @@ def reuse_job(
     """Stores a simulation job as completed, with the results of an earlier job with the same inputs.
 
     Args:
-        request: the order, alone or out of a batch.
-        service: the service, with its catalog and object store.
-        token: makes the call repeatable.
-        batch: see `store_job`.
-        applications: source of applications; absent: the catalog.
+        request: Request of a single job, or of one in a batch.
+        service: Service with its catalog and object store.
+        token: Client token, which makes the call idempotent.
+        batch: ARN and index of the batch; see `store_job`.
+        applications: Source of applications; absent: the catalog.
 
     Returns:
-        The job; `None`: there are no results to take over, or each job draws a seed of its own.
+        The job; `None`: no earlier job has results to reuse, or each job draws a seed of its own.
 
     Raises:
-        ServiceError: as for `store_job`.
-        StorageError: an application's archive cannot be read.
+        ServiceError: As for `store_job`.
+        StorageError: An application's archive cannot be read.
     """
     if draws_its_seed(request):
         return None
@@ -187,12 +187,12 @@ def reuse_job(
 
 
 def draws_its_seed(request: SimulationJobRequestMembers) -> bool:
-    """Whether each job of a request draws a seed of its own: none is given, and there are no trials."""
+    """Returns whether each job of a request draws its own seed: no seed is given, and there are no trials."""
     return seed_of(request) is None and trials_of(request) is None
 
 
 _FIRST_SEED_OF_TRIALS = 0
-"""Seed of the first trial, where the request gives none; the others follow."""
+"""Seed of the first trial if the request gives none; the following trials count up."""
 
 
 def job_document(
@@ -204,9 +204,9 @@ def job_document(
     """Makes the catalog document of a new simulation job.
 
     Args:
-        request: the order, alone or out of a batch.
+        request: Request of a single job, or of one in a batch.
         service: the service, with its catalog and object store.
-        batch: see `store_job`.
+        batch: ARN and index of the batch; see `store_job`.
         applications: source of applications; absent: the catalog.
 
     Raises:
@@ -246,7 +246,7 @@ def check_references(request: Mapping[str, Any], service: Service, applications:
     """Raises an error if the applications or world of a request do not exist.
 
     Args:
-        request: the members of the order, which have been checked.
+        request: Checked members of the request.
         service: the service, with its catalog and object store.
         applications: source of applications.
 
@@ -286,7 +286,7 @@ def _store(
 
 
 def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[Resource]:
-    """The applications of a role, all of which can be started."""
+    """Returns the applications of a role in a request, after checking that all can be started."""
     found: list[Resource] = []
     follows_policy = role == "robot" and policy_in(request) is not None  # which says what of the archive is used
     for index, config in enumerate(request.get(f"{role}Applications") or []):
@@ -303,12 +303,12 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, current: Cu
 
 
 def bare_name(role: str, name: str) -> str:
-    """The key of an application's ARN in the document of a job whose request has its bare name."""
+    """Returns the key under which a job's document stores the ARN of an application that is given by its bare name."""
     return f"{role} {name}"
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Raises an error for a launch configuration that names nothing to start; the job worker tests whether it works."""
+    """Raises an error for a launch configuration that names nothing to start; the job worker tests the rest."""
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

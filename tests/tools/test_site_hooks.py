@@ -21,9 +21,9 @@ def on_site(markdown: str, source: str) -> str:
     ("source", "written", "expected"),
     [
         ("trials.md", "[a](verdicts.md#kinds)", "[a](verdicts.md#kinds)"),
-        ("fleet/agent.md", "[a](../trials.md)", "[a](../trials.md)"),
+        ("fleet/robomaker-agent.md", "[a](../trials.md)", "[a](../trials.md)"),
         ("index.md", "[a](../README.md#try-it)", "[a](repository/README.md#try-it)"),
-        ("fleet/agent.md", "[a](../../SECURITY.md)", "[a](../repository/SECURITY.md)"),
+        ("fleet/robomaker-agent.md", "[a](../../SECURITY.md)", "[a](../repository/SECURITY.md)"),
         ("repository/README.md", "[a](docs/trials.md)", "[a](../trials.md)"),
         ("repository/README.md", "![a picture](docs/images/world.png)", "![a picture](../images/world.png)"),
         ("repository/README.md", "[a](CONTRIBUTING.md)", "[a](CONTRIBUTING.md)"),
@@ -41,5 +41,5 @@ def test_every_page_of_the_map_is_in_the_navigation_once() -> None:
     pages = [page for section in sections for entries in section.values() for page in entries]
     targets = [page if isinstance(page, str) else next(iter(page.values())) for page in pages]
 
-    assert {"trials.md", "fleet/agent.md", "repository/README.md"} < set(targets)
+    assert {"trials.md", "fleet/robomaker-agent.md", "repository/README.md"} < set(targets)
     assert len(set(targets)) == len(targets)

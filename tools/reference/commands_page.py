@@ -21,7 +21,7 @@ The answer goes to standard output and everything else to standard error, so tha
 switches colors off, and `CI=true` animation. [Settings](settings.md) are environment variables.
 """
 _LINKS = {
-    "agent": "fleet/agent.md",
+    "agent": "fleet/robomaker-agent.md",
     "call": "operations.md",
     "compare": "comparison.md",
     "deploy": "prefect.md",
@@ -29,11 +29,11 @@ _LINKS = {
     "fsck": "backup.md",
     "history": "comparison.md",
     "judge": "judging.md",
-    "perform": "replay.md",
+    "perform": "rerun.md",
     "plan": "forecasts.md",
     "pool-template": "prefect.md",
     "report": "verdicts.md",
-    "repro": "replay.md",
+    "repro": "rerun.md",
     "rerun": "rerun.md",
     "robots": "fleet/fleets.md",
     "run": "simulation-jobs.md",
@@ -42,7 +42,7 @@ _LINKS = {
     "server": "prefect.md",
     "storage": "roles.md",
     "systemd": "unattended.md",
-    "verify": "replay.md",
+    "verify": "rerun.md",
     "work": "machines.md",
     "world": "worlds.md",
 }

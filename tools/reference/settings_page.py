@@ -27,7 +27,7 @@ everything, run `robomaker server stop`, then delete the home and the folder of 
 elsewhere stays: in buckets of an S3 endpoint, in a PostgreSQL catalog, on a Prefect server of your own (`prefect
 deployment delete`), units that `robomaker systemd install` wrote, and `~/.prefect`, which Prefect makes for itself.
 """
-_COMPUTED: Mapping[str, str] = {
+COMPUTED: Mapping[str, str] = {
     "home": "`~/.local/share/robomaker`, or the platform's folder for data",
     "catalog_url": "SQLite below the home",
     "object_store": "`objects` below the home",
@@ -37,8 +37,8 @@ _COMPUTED: Mapping[str, str] = {
 """Defaults that depend on the machine, or on other settings."""
 _MORE: Mapping[str, str] = {
     "access_keys_file": "[Serving](serving.md)",
-    "backend": "[A laptop becomes two](machines.md)",
-    "catalog_url": "[A laptop becomes two](machines.md)",
+    "backend": "[Backends](machines.md#backends)",
+    "catalog_url": "[More machines](machines.md)",
     "console_url": "[Unattended nights](unattended.md#being-told)",
     "job_memory_mb": "[A machine that is shared](machines.md#a-machine-that-is-shared)",
     "jobs_call_aws": "[Other services of AWS](roles.md#other-services-of-aws)",
@@ -53,9 +53,9 @@ _MORE: Mapping[str, str] = {
     "store_patience_min": "[When the object store is away](unattended.md#when-the-object-store-is-away)",
 }
 """A part of the documentation that says more."""
-_NEITHER = ("of_wings",)
+NEITHER = ("of_wings",)
 """Fields that no variable has."""
-_ELSEWHERE = (
+ELSEWHERE = (
     ("`ROBOMAKER_CONTAINER_ENGINE`", "Program that runs container images.", "`docker` or `podman`, whichever answers"),
     (
         "`ROBOMAKER_LOG_FORMAT`",
@@ -69,7 +69,7 @@ _ELSEWHERE = (
 
 def settings_page() -> str:
     """Writes the page: each variable with its meaning and its default."""
-    parts = [_TOP, *_table(Settings.model_fields, _ELSEWHERE)]
+    parts = [_TOP, *_table(Settings.model_fields, ELSEWHERE)]
     for part in parts_of_wings("schemas", "settings"):
         parts += [f"\n## Settings of {part.WING}s\n", *_table(part.SETTINGS.model_fields, ())]
     return "\n".join([*parts, _END])
@@ -79,7 +79,7 @@ def _table(fields: Mapping[str, FieldInfo], others: tuple[tuple[str, str, str], 
     yield "| variable | meaning | default |"
     yield "| --- | --- | --- |"
     for name, field in fields.items():
-        if name not in _NEITHER:
+        if name not in NEITHER:
             more = f" {_MORE[name]}" if name in _MORE else ""
             meaning = f"{field.description}{_possible(field)}".replace("|", "\\|")
             yield f"| `ROBOMAKER_{name.upper()}` | {meaning}{more} | {_default(name, field)} |"
@@ -88,8 +88,8 @@ def _table(fields: Mapping[str, FieldInfo], others: tuple[tuple[str, str, str], 
 
 
 def _default(name: str, field: FieldInfo) -> str:
-    if name in _COMPUTED:
-        return _COMPUTED[name]
+    if name in COMPUTED:
+        return COMPUTED[name]
     return _value(field.default)
 
 

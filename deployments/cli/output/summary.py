@@ -56,7 +56,7 @@ def summary_lines(
     if record.challenge is not None:
         lines += [[], *challenge_lines(record.challenge)]
     elif record.jobs:
-        lines += [[], *_job_lines(record.jobs)]
+        lines += [[], *_job_lines(record.jobs), *_known_lines(record.known_notes)]
     lines += _changed_lines(lost)
     lines.append([])
     if record.report_path:
@@ -124,6 +124,10 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     return lines + _remark_lines(jobs)
 
 
+def _known_lines(notes: Sequence[str]) -> list[list[Cell]]:
+    return [[(f"  {note}", "yellow")] for note in notes]
+
+
 def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     """Lists the remarks of jobs; a remark that many jobs share is one line."""
     by_remark: dict[str, list[str]] = {}
@@ -142,8 +146,9 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
     took = duration(job.duration_s) if job.duration_s is not None else ""
     reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
-    trouble = ": ".join(part for part in (job.failure_code or "", reason) if part)
-    style = _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
+    known = f"known, {job.known}" if job.known else ""
+    trouble = ": ".join(part for part in (known, job.failure_code or "", reason) if part)
+    style = "yellow" if job.known else _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")
     origin = f"from {job.reused_from}" if job.reused_from else f"was {job.earlier}" if job.earlier else ""
     return [
         (str(number), "dim"),
@@ -154,7 +159,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
         (rooms, ""),
         (took, ""),
         (origin, "dim"),
-        (_cut(trouble), "red"),
+        (_cut(trouble), "yellow" if job.known else "red"),
     ]
 
 

@@ -1,6 +1,6 @@
-"""Deployment jobs: an application brought to the robots of a fleet, in maintenance windows.
+"""Operations on deployment jobs, which install an application on the robots of a fleet, in maintenance windows.
 
-Robots get their orders in waves, by polling the service; `schemas/fleet/rollouts` has how a rollout goes.
+Robots get their orders in waves, when they poll the service; `schemas/fleet/rollouts` has the data of a rollout.
 """
 
 from typing import Annotated, Literal, Self
@@ -77,7 +77,7 @@ MaintenanceWindows = Annotated[
 
 
 DEFAULT_ROBOT_TIMEOUT_S = 5 * 3600
-"""Default time for which a deployment waits for one robot."""
+"""Default time limit in seconds for the deployment to one robot."""
 
 
 def _once_each(robots: list[str]) -> list[str]:
@@ -138,7 +138,7 @@ Percentage = Annotated[int, ShapeName("Percentage"), Field(ge=1, le=100)]
 
 
 RobotReference = Annotated[str, ShapeName("RobotReference"), text(1, 1224)]
-"""A robot's ARN or its bare name."""
+"""ARN of a robot, or its name alone."""
 
 CanaryRobots = Annotated[
     list[RobotReference], ShapeName("CanaryRobots"), Field(min_length=1, max_length=1000), AfterValidator(_once_each)

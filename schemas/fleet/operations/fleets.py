@@ -1,4 +1,4 @@
-"""Fleets: groups of robots that applications are deployed to."""
+"""Operations on fleets: groups of physical robots to which applications are deployed."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Robots: machines that are registered with fleets."""
+"""Operations on physical robots, which can be registered with fleets."""
 
 from typing import Annotated, Literal
 
@@ -24,7 +24,7 @@ RobotStatus = Annotated[
     ShapeName("RobotStatus"),
 ]
 FleetMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=200)]
-"""Entries per page of the lists of fleets, robots and deployment jobs."""
+"""Maximum number of entries per page in lists of fleets, robots and deployment jobs."""
 
 
 class CreateRobotRequest(Shape):

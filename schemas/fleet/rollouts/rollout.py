@@ -1,4 +1,4 @@
-"""The rollout: its plan, its events, how each robot stands, how the whole ended, and the facts for its report."""
+"""State of a rollout (installation of an application on a fleet): plan, events, states of robots, and report."""
 
 from typing import Annotated, Literal
 
@@ -10,19 +10,19 @@ from .rollout_plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
 Departure = Literal["left", "deleted"]
-"""End of a robot's membership in a fleet."""
+"""Ways in which a robot's membership in a fleet ends."""
 
 OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
-"""States of orders that count for the concurrency."""
+"""States of orders that count towards the concurrency limit."""
 
 UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
-"""States of orders that were canceled, and that the robot may still carry out."""
+"""States of orders that were cancelled, but that the robot may still execute."""
 
 
 class RobotDeploymentState(StoredPart):
     """State of one robot in a rollout: its order, status, times and failure."""
 
-    order: OrderState = Field(default="none", description="State of its latest order.")
+    order: OrderState = Field(default="none", description="State of the robot's latest order.")
     action_id: ActionId | None = optional("Number of its latest order; absent: it has had none.")
     earlier_action_id: ActionId | None = optional(
         "Number of an order of an earlier rollout that it has not answered; it gets that one's "
@@ -31,13 +31,13 @@ class RobotDeploymentState(StoredPart):
     outcome: Literal["succeeded", "failed"] | None = optional("How it ended; absent: not yet.")
     gone: Departure | None = optional("Whether it left the fleet or was deleted; it gets no order any more.")
     returned: bool = Field(
-        default=False, description="Whether it was away, has been heard of again, and waits for another order."
+        default=False, description="Whether the robot was offline, is back, and waits for another order."
     )
     step: RobotDeploymentStep | None = optional("Step that it last reported.")
-    percent_done: float | None = Field(default=None, ge=0, le=100, description="Share of its download, in percent.")
+    percent_done: float | None = Field(default=None, ge=0, le=100, description="Downloaded share, in percent.")
     percent_at_s: TimeS | None = optional("When it reported that share.")
     download_from_percent: float | None = Field(
-        default=None, ge=0, le=100, description="Share of the download that was there when it was first reported."
+        default=None, ge=0, le=100, description="Share that was downloaded when it was first reported, in percent."
     )
     download_from_s: TimeS | None = optional("When the download was first reported.")
     heard_s: TimeS | None = optional("When it last reported anything about its order.")
@@ -47,11 +47,12 @@ class RobotDeploymentState(StoredPart):
         default=None,
         ge=0,
         allow_inf_nan=False,
-        description="Time that is left to fetch its order, in seconds, while the order is held back; it stands still.",
+        description="Seconds left to fetch the order, while the order is held back and this time does not pass.",
     )
     started_s: TimeS | None = optional("When it fetched its latest order.")
     step_times: dict[RobotDeploymentStep, TimeS] = Field(
-        default={}, description="When it first reported each step of its latest order, to a tenth of a second."
+        default={},
+        description="Time at which the robot first reported each step of its latest order, to a tenth of a second.",
     )
     finished_s: TimeS | None = optional("When its outcome was decided.")
     failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
@@ -69,29 +70,31 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def no_response(self) -> bool:
-        """Whether the robot failed because it never fetched its order; it gets another when it polls again."""
+        """Whether the robot failed because it never fetched its order; it gets another one when it polls again."""
         return self.failure_code == "RobotDeploymentNoResponse"
 
 
 RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
-"""Statuses of a deployment job that has a rollout; earlier ones are preparation."""
+"""Statuses of a deployment job that has a rollout; earlier statuses are those of its preparation."""
 
 
 class Pause(StoredPart):
     """A period in which a person had paused the rollout, so that no robot received an order."""
 
-    from_s: TimeS = Field(description="When it began.")
+    from_s: TimeS = Field(description="Begin of the pause.")
     until_s: TimeS | None = optional("When the rollout was resumed; absent: not yet.")
 
 
 class Rollback(StoredPart):
     """State of a rollback: robots return to the version that they had before the rollout."""
 
-    jobs: tuple[str, ...] = Field(default=(), description="ARNs of the deployment jobs that bring them back.")
+    jobs: tuple[str, ...] = Field(
+        default=(), description="ARNs of the deployment jobs that return robots to the earlier version."
+    )
     left: tuple[str, ...] = Field(
         default=(), description="ARNs of robots that have the new version and had none before; they keep it."
     )
-    is_complete: bool = Field(default=False, description="Whether all jobs that are needed have been made.")
+    is_complete: bool = Field(default=False, description="Whether all necessary deployment jobs have been created.")
     reason: str | None = optional("Why robots do not go back; absent: they do.")
 
 
@@ -99,27 +102,31 @@ class Rollout(StoredPart):
     """Stored state of a rollout, the installation of an application on the robots of a fleet."""
 
     plan: RolloutPlan = Field(description="Plan of the rollout.")
-    robots: dict[str, RobotDeploymentState] = Field(description="How each robot stands, by ARN.")
-    began_s: TimeS = Field(description="When it began.")
-    now_s: TimeS = Field(description="Up to when events and time-outs are part of it; it never goes back.")
+    robots: dict[str, RobotDeploymentState] = Field(description="State of each robot, by ARN.")
+    began_s: TimeS = Field(description="Begin of the rollout.")
+    now_s: TimeS = Field(description="Time up to which events and time limits have been processed; it never decreases.")
     status: RolloutStatus = Field(default="InProgress", description="Status of the deployment job.")
     failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
     failure_reason: str | None = optional("The same in words.")
     ended_s: TimeS | None = optional("When it ended; absent: not yet.")
-    pauses: tuple[Pause, ...] = Field(default=(), description="When it was paused, the latest hundred times.")
-    paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
+    pauses: tuple[Pause, ...] = Field(default=(), description="Latest pauses, at most 100.")
+    paused: bool = Field(
+        default=False, description="Whether a person has paused the rollout, so that no further robot begins."
+    )
     paused_by: str | None = optional("Person who paused it; absent: not said, or it is not paused.")
     paused_s: TimeS | None = optional("When it was paused; absent: it is not.")
     held: bool = Field(
         default=False,
-        description="Whether orders are held back: it is paused, or no maintenance window is open. No robot gets an "
-        "order or fetches one; robots that have begun go on.",
+        description=(
+            "Whether orders are held back, because of a pause or outside of maintenance windows. No robot gets "
+            "or fetches an order; robots that have begun continue."
+        ),
     )
     approved_by: str | None = optional("Person who approved it; absent: not said.")
     approved_s: TimeS | None = optional("When it was approved; absent: it was not.")
     rollback: Rollback | None = optional("How robots go back; absent: they do not, or not yet.")
     takes_returns: bool = Field(
-        default=True, description="Whether robots that were away and return get an order, also after its end."
+        default=True, description="Whether robots that come back online get an order, also after the rollout's end."
     )
 
     @property
@@ -143,10 +150,10 @@ ReportedCode = Literal[
     "ResourceNotFound",
     "RobotDeploymentAborted",
 ]
-"""Failure codes that a robot may report; the others are found by the service."""
+"""Failure codes that a robot may report; the service itself sets the others."""
 
 StopCause = Literal["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"]
-"""Reason for ending a rollout from outside."""
+"""Reasons for ending a rollout from outside."""
 
 
 class _OfOrder(StoredPart):
@@ -172,7 +179,7 @@ class Progressed(_OfOrder):
     kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
     step: RobotDeploymentStep | None = optional("Step that the robot is at; absent: the same as before.")
     percent_done: float | None = Field(
-        default=None, ge=0, le=100, description="Share of its download, in percent; absent: not reported."
+        default=None, ge=0, le=100, description="Downloaded share in percent; absent: not reported."
     )
 
 
@@ -186,7 +193,7 @@ class Failed(_OfOrder):
     """Rollout event: a robot could not install the deployment."""
 
     kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
-    code: ReportedCode = Field(description="Why.")
+    code: ReportedCode = Field(description="Reason of the failure.")
     reason: str | None = optional("The same in words.")
 
 
@@ -207,18 +214,18 @@ class RobotGone(StoredPart):
 
     kind: Literal["robot_gone"] = Field(default="robot_gone", description="Kind of event.")
     robot: str = Field(description="ARN of the robot.")
-    how: Departure = Field(description="Whether it left the fleet or was deleted.")
+    how: Departure = Field(description="Whether the robot left the fleet or was deleted.")
 
 
 class Stopped(StoredPart):
     """Rollout event: the whole rollout was ended early.
 
-    By a person who canceled it, or did not approve it; by the deletion of its fleet or of its application; or, after
-    its end, by the fleet's next deployment, so that robots that return do not get this one any more.
+    The cause is a person who cancelled it or did not approve it; the deletion of its fleet or application; or, after
+    its end, the fleet's next deployment, so that robots that return do not get this one any more.
     """
 
     kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
-    why: StopCause = Field(description="Cause of the end.")
+    why: StopCause = Field(description="Cause for which the rollout was ended.")
     by: str | None = optional("Person who did not approve it; absent: not said.")
 
 
@@ -246,11 +253,11 @@ class Outage(StoredPart):
     """Rollout event: the service was unreachable for robots; their time limits are extended by that time."""
 
     kind: Literal["outage"] = Field(default="outage", description="Kind of event.")
-    since_s: TimeS = Field(description="When it began.")
+    since_s: TimeS = Field(description="Begin of the outage.")
 
 
 Report = Fetched | Progressed | Succeeded | Failed | Canceled | CancelRefused
-"""Reports of a robot about an order."""
+"""Reports of a robot about an order, as rollout events."""
 
 RolloutEvent = Annotated[
     Report | Offered | RobotGone | Stopped | Paused | Resumed | Approved | Outage,
@@ -262,19 +269,19 @@ class DeploymentReport(StoredPart):
     """Summary of a deployment to a fleet, current or final, with the state of each robot."""
 
     job: str = Field(description="ARN of the deployment job.")
-    fleet: str = Field(description="Name of its fleet.")
+    fleet: str = Field(description="Name of the fleet.")
     application: str = Field(description="Name of the application.")
     version: str = Field(description="Version of the application.")
-    status: DeploymentStatus = Field(description="Status of the job.")
+    status: DeploymentStatus = Field(description="Status of the deployment job.")
     failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
     failure_reason: str | None = optional("The same in words.")
-    created_s: TimeS = Field(description="When it was ordered.")
-    now_s: TimeS = Field(description="When the report is written.")
-    config: DeploymentConfig = Field(description="How careful it is.")
+    created_s: TimeS = Field(description="Time at which the deployment was requested.")
+    now_s: TimeS = Field(description="Time of the report.")
+    config: DeploymentConfig = Field(description="Limits of the rollout: concurrency, threshold, timeouts.")
     delivery: Delivery | None = optional("Files and launch configuration that robots get; absent: it was not prepared.")
     rollout: Rollout | None = optional("How each robot stands; absent: it has not begun.")
     notes: tuple[str, ...] = Field(
-        default=(), description="Causes for which it waits, and how robots go back, in words."
+        default=(), description="Causes for which the rollout waits, and how robots are rolled back, as text."
     )
-    closed: tuple[Pause, ...] = Field(default=(), description="When no maintenance window was open.")
+    closed: tuple[Pause, ...] = Field(default=(), description="Times outside of the maintenance windows.")
     waves: tuple[tuple[str, ...], ...] = Field(default=(), description="ARNs of the robots of each wave, in order.")

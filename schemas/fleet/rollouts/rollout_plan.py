@@ -1,10 +1,10 @@
-"""The plan of a rollout: which robots, in which order, how many at a time, and when it stops.
+"""Plan of a rollout: the robots in order, how many at a time, and when the rollout stops.
 
-Nothing published says which percentages hold if a request has none. Here both are 20:
+AWS does not document which percentages apply if a request has none. Here both are 20:
 
-* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds.
-* A version that breaks each robot of the first round stops there. A good version is not stopped by robots that are
-  away, unless a fifth of the fleet is.
+* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds. * A version
+that breaks each robot of the first round stops there. A good version is not stopped by robots that are   offline,
+unless a fifth of the fleet is.
 """
 
 from typing import Annotated, Any, Literal, Self
@@ -17,20 +17,20 @@ from ...wire.errors import InvalidParameterException
 from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentLaunchConfig, MaintenanceWindow
 
 MAX_ACTION_ID = 2**31 - 1
-"""Largest number of an order: what clients of hawkBit hold as a signed integer of 32 bits."""
+"""Maximum number of an order: clients of hawkBit store it as a signed 32-bit integer."""
 
 ActionId = Annotated[int, Field(ge=1, le=MAX_ACTION_ID)]
-"""The number of one order to one robot, unlike that of any other order of the catalog."""
+"""Number of an order to one robot, unique in the catalog."""
 
 TimeS = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-"""A moment, in seconds since the epoch."""
+"""Time in seconds since the epoch."""
 
 
 class StoredPart(BaseModel):
     """Immutable base class of the objects of a stored rollout; members added by newer releases are kept unread.
 
-    `documents.base.Part` is the same for small documents: it makes its JSON in Python, which takes five times as long,
-    and the rollout of a large fleet is written again and again.
+    `documents.base.Part` does the same for small documents, but converts to JSON in Python, which takes five times as
+    long; the rollout of a large fleet is written very often.
     """
 
     model_config = ConfigDict(
@@ -53,10 +53,10 @@ class StoredPart(BaseModel):
 
 
 DEFAULT_CONCURRENT_PERCENTAGE = 20
-"""Share of a fleet that is deployed to at the same time if a request does not say, in percent."""
+"""Default maximum share of a fleet that is deployed to at the same time, in percent."""
 
 DEFAULT_THRESHOLD_PERCENTAGE = 20
-"""Share of a fleet that has to fail for a deployment to stop if a request does not say, in percent."""
+"""Default share of a fleet that has to fail for a deployment to stop, in percent."""
 
 JOB_TIMEOUT_S = 30 * 24 * 3600.0
 """Time limit of a whole deployment, in seconds."""
@@ -67,7 +67,7 @@ UnfitCode = Literal[
     "MissingRobotArchitecture",
     "MissingRobotDeploymentResource",
 ]
-"""Reason for a robot not to get the application at all."""
+"""Reasons for which a robot cannot get the application at all."""
 
 
 class PlannedRobot(StoredPart):
@@ -88,47 +88,51 @@ class PlannedRobot(StoredPart):
 class RolloutPlan(StoredPart):
     """Immutable plan of a rollout to a fleet: its robots in order, and its limits (concurrency, failures, time)."""
 
-    robots: tuple[PlannedRobot, ...] = Field(description="The fleet's robots, in the order in which their turn comes.")
+    robots: tuple[PlannedRobot, ...] = Field(
+        description="Robots of the fleet, in the order in which they get the deployment."
+    )
     concurrent_percentage: int = Field(
         default=DEFAULT_CONCURRENT_PERCENTAGE,
         ge=1,
         le=100,
-        description="Share of the robots that is deployed to at the same time, in percent, rounded down to robots; "
-        "one robot at least.",
+        description=(
+            "Maximum share of robots that install at the same time, in percent, rounded down to robots; at "
+            "least one robot."
+        ),
     )
     threshold_percentage: int = Field(
         default=DEFAULT_THRESHOLD_PERCENTAGE,
         ge=1,
         le=100,
-        description="Share of the robots that take part which has to fail for the rollout to stop, in percent.",
+        description="Share of participating robots that has to fail for the rollout to stop, in percent.",
     )
     robot_timeout_s: float = Field(
         default=float(DEFAULT_ROBOT_TIMEOUT_S),
         gt=0,
         allow_inf_nan=False,
-        description="How long a robot may take to fetch its order, and then again to carry it out, in seconds.",
+        description="Time limit in seconds for a robot to fetch its order, and again to execute it.",
     )
     job_timeout_s: float = Field(
-        default=JOB_TIMEOUT_S, gt=0, allow_inf_nan=False, description="How long the whole may take, in seconds."
+        default=JOB_TIMEOUT_S, gt=0, allow_inf_nan=False, description="Time limit of the whole rollout, in seconds."
     )
     canaries: tuple[str, ...] = Field(
         default=(),
-        description="ARNs of robots whose turn comes first; the others wait until all of these have ended.",
+        description="ARNs of robots that come first (canaries); the others wait until all of these have finished.",
     )
     requires_approval: bool = Field(
         default=False,
-        description="Whether robots that are no canaries wait until a person has approved, once the canaries ended.",
+        description="Whether other robots wait for a person's approval after the canaries have finished.",
     )
     windows: tuple[MaintenanceWindow, ...] = Field(
-        default=(), description="When robots may get and fetch orders; empty: at all times."
+        default=(), description="Times at which robots may get and fetch orders; empty: always."
     )
     rolls_back: bool = Field(
-        default=False, description="Whether robots go back to the version before, once the threshold is reached."
+        default=False, description="Whether robots return to the earlier version once the threshold is reached."
     )
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        """Refuses plans whose robots are missing, repeated or unknown."""
+        """Raises an error for a plan whose robots are missing, repeated or unknown."""
         known = _each_once("robots", self.order)
         if not known:
             raise InvalidParameterException(
@@ -163,18 +167,18 @@ def _each_once(member: str, arns: tuple[str, ...]) -> set[str]:
 class Artifact(StoredPart):
     """An installation file in the object store, with the hash and size by which a robot checks its download."""
 
-    bucket: str = Field(description="Its bucket.")
-    key: str = Field(description="Its key.")
-    file_name: str = Field(description="Its name in orders; SWUpdate takes only `.swu`.")
-    size_bytes: int = Field(ge=1, description="Its length, in bytes.")
-    sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
-    sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
-    md5: str = Field(description="Its MD5, in hexadecimal digits.")
+    bucket: str = Field(description="Name of the file's bucket.")
+    key: str = Field(description="Key of the file.")
+    file_name: str = Field(description="File name in orders; SWUpdate accepts only `.swu`.")
+    size_bytes: int = Field(ge=1, description="Size of the file, in bytes.")
+    sha256: str = Field(description="SHA-256 of the file, in hexadecimal.")
+    sha1: str = Field(description="SHA-1 of the file, in hexadecimal.")
+    md5: str = Field(description="MD5 of the file, in hexadecimal.")
     archive_sha256: str | None = optional(
         "SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive."
     )
-    name: str = Field(description="Name of the application in it.")
-    version: str = Field(description="Version of the application in it.")
+    name: str = Field(description="Name of the application in the file.")
+    version: str = Field(description="Version of the application in the file.")
     target: str | None = optional("Path of the signed deployment document that an agent fetches; absent: none.")
 
     @property
@@ -186,11 +190,15 @@ class Artifact(StoredPart):
 class Delivery(StoredPart):
     """Installation files and launch configuration that a rollout gives to its robots; they do not change."""
 
-    artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
-    agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")
-    agents: frozenset[str] = Field(default=frozenset(), description="The robots that have an agent, by ARN.")
-    architectures: dict[str, str] = Field(description="The architecture of each robot that gets one, by ARN.")
-    launch: DeploymentLaunchConfig = Field(description="How the application is started.")
+    artifacts: dict[str, Artifact] = Field(description="Files for third-party updaters, by architecture.")
+    agent_artifacts: dict[str, Artifact] = Field(
+        default={}, description="Files for this project's agent, by architecture."
+    )
+    agents: frozenset[str] = Field(
+        default=frozenset(), description="ARNs of the robots that have this project's agent."
+    )
+    architectures: dict[str, str] = Field(description="Architecture of each robot that gets a file, by ARN.")
+    launch: DeploymentLaunchConfig = Field(description="Launch configuration of the application.")
 
     def by_robot(self) -> dict[str, Artifact]:
         """Returns the installation file of each robot, by robot ARN."""

@@ -1,4 +1,4 @@
-"""Gain of the commands: the robot does so many times as much as its agent commands."""
+"""Axis that scales the agent's commands."""
 
 from typing import Literal
 
@@ -21,7 +21,7 @@ class CommandGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the factors on the robot's commands."""
+        """Returns a function that sets the factor on the robot's commands."""
         gains = rig.command_gains
         built = gains.whole
 

@@ -1,4 +1,4 @@
-"""Strength of one motor: the first of the robot gives so many times the force, and the others theirs."""
+"""Axis that scales the force of the robot's first motor only."""
 
 from typing import Literal
 
@@ -9,7 +9,7 @@ from .motor_gain import scale_motors
 
 
 class FirstMotorGainAxis(NumberAxis):
-    """Factor on the force of the robot's first motor, at the same command and speed, limits of force included."""
+    """Factor on the force of the robot's first motor at the same command and speed, including its force limits."""
 
     varies = "gain of the first motor of the robot's model, a left wheel's of Scout, and the limit of its force"
     applies_to = "environments with a MuJoCo model, and a robot in it whose actuators are motors or servos"
@@ -23,5 +23,5 @@ class FirstMotorGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the robot's first motor."""
+        """Returns a function that scales the force of the robot's first motor."""
         return scale_motors(rig, *rig.first_motor)

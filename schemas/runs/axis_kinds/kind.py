@@ -1,6 +1,6 @@
-"""Parts of a kind of axis: a shape, which requests have, and how one of its values is applied to a simulation.
+"""Base classes of kinds of axes: members in requests, and how a value is applied to a simulation.
 
-Nothing here knows of MuJoCo: an axis changes numbers of a `Rig`.
+This module does not use MuJoCo: an axis changes numbers through a `Rig`.
 """
 
 import re
@@ -20,15 +20,15 @@ Value = str | float
 """Value of an axis: text for an environment variable, a number for all others."""
 
 MAX_VALUES = 1000
-"""Largest number of values that an axis may list."""
+"""Maximum number of values that an axis may list."""
 BINS = 5
-"""Number of equally likely parts of a range that a report shows: fifths, as quintiles of a sample."""
+"""Number of equally likely parts of a range that a report shows: fifths (quintiles)."""
 _LEAST_SHARE = 1e-12
-"""Shares nearer to 0 or 1 than this are taken for it: a normal distribution has no value for them."""
+"""Distance from 0 or 1 below which a probability is rounded to it: a normal distribution has no quantile there."""
 
 
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-"""Numbers as JSON and YAML write them; Python itself would take `1_0` for ten."""
+"""Pattern of numbers in JSON and YAML; Python itself would parse `1_0` as ten."""
 
 
 class AxisError(LaunchError):
@@ -39,28 +39,28 @@ _REFUSED = re.compile(r"trials\.axes\.\w+: \w+ cannot be applied: (.+)")
 
 
 def refusal(name: str, kind: str, why: object) -> str:
-    """Says that an axis cannot be applied.
+    """Makes the error text that an axis cannot be applied.
 
     Args:
-        name: The axis.
-        kind: Its kind.
-        why: The reason.
+        name: Name of the axis.
+        kind: Kind of the axis.
+        why: Reason.
     """
     return f"trials.axes.{name}: {kind} cannot be applied: {why}"
 
 
 def why_not_applicable(reason: str) -> str:
-    """Returns why an axis cannot be applied, if that is why a job failed; empty: it failed for another reason.
+    """Returns the reason why an axis could not be applied, from a job's failure reason; empty for other failures.
 
     Args:
-        reason: The job's reason, in words.
+        reason: Failure reason of the job.
     """
     found = _REFUSED.search(reason)
     return found[1] if found else ""
 
 
 class LidarErrors(Protocol):
-    """Interface to the errors of an environment's lidar, which its next episode begins with."""
+    """Interface to the errors of an environment's lidar, which take effect at the next episode."""
 
     noise_std_m: float
     bias_m: float
@@ -69,17 +69,17 @@ class LidarErrors(Protocol):
 
 
 class CommandDelay(Protocol):
-    """Interface to the delay of an environment's motor commands, which its next episode begins with."""
+    """Interface to the delay of an environment's motor commands, which takes effect at the next episode."""
 
     delay_s: float
 
 
 class CommandGains(Protocol):
-    """Interface to the factors on an environment's motor commands, which its next episode begins with."""
+    """Interface to the factors on an environment's motor commands, which take effect at the next episode."""
 
     whole: float
     turn: float | None
-    """Factor on turning rates besides; None: commands have none."""
+    """Additional factor on turning rates; None: commands have no turning rate."""
 
 
 class Rig(Protocol):
@@ -95,7 +95,7 @@ class Rig(Protocol):
 
     @property
     def touching_geoms(self) -> Any:
-        """Mask of the robot's geoms and the floor's, shape (ngeom,), where they can touch and rub."""
+        """Mask of the geoms of robot and floor whose contacts have friction, shape (ngeom,)."""
         ...
 
     @property
@@ -105,41 +105,41 @@ class Rig(Protocol):
 
     @property
     def motors(self) -> Any:
-        """Numbers of the actuators that move the robot, all of which have forces that can be scaled."""
+        """Numbers of the actuators that move the robot, all with scalable forces."""
         ...
 
     @property
     def motor_joints(self) -> Any:
-        """Numbers of the joints that these move and whose forces are limited."""
+        """Numbers of the joints that the motors move and whose forces are limited."""
         ...
 
     @property
     def lidar(self) -> LidarErrors:
-        """Errors of the robot's lidar."""
+        """Noise, bias, dropout and latency of the robot's lidar."""
         ...
 
     @property
     def first_motor(self) -> Any:
-        """Number of the first one of `motors`, as a list, and of the joint of `motor_joints` that it moves, if any."""
+        """Number of the first of `motors`, as a list, and of the joint of `motor_joints` that it moves, if any."""
         ...
 
     @property
     def commands(self) -> CommandDelay:
-        """Delay of the robot's commands."""
+        """Delay between the agent's commands and the robot's motors."""
         ...
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors on the robot's commands."""
+        """Factors by which the agent's commands to the robot are multiplied."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
-        """Writes a factor times the numbers that a field of the model was built with.
+        """Sets numbers of a model field to a factor times the values that the model was built with.
 
         Args:
-            field: The field's name, `body_mass`.
-            where: Which of its rows.
-            factor: The factor; None: as it was built.
+            field: Name of the field, such as `body_mass`.
+            where: Mask or indices of the field's rows.
+            factor: Factor; None: the original values.
         """
         ...
 
@@ -149,19 +149,19 @@ class Rig(Protocol):
 
 
 Setter = Callable[[float | None], None]
-"""Applies a value of an axis; None: everything is as it was built."""
+"""Function that applies a value of an axis; None: the original values."""
 
 
 def _as_text(value: Any) -> Any:
-    """Numbers as text, which SDKs give them as."""
+    """Converts numbers to text, in which form SDKs send values."""
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def differ(values: list[str]) -> list[str]:
-    """Refuses a list that has a value twice.
+    """Raises an error for a list with equal values.
 
     Raises:
-        ValueError: It has.
+        ValueError: A value occurs twice.
     """
     if twice := sorted({value for value in values if values.count(value) > 1}):
         raise ValueError(f"values have to differ; {', '.join(map(repr, twice))} appears more than once")
@@ -169,9 +169,9 @@ def differ(values: list[str]) -> list[str]:
 
 
 AxisValue = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float), ShapeName("AxisValue")]
-"""A value in a request: text, or a number, which becomes its text."""
+"""Value of an axis in a request: text, or a number, which is converted to text."""
 AxisText = Annotated[str, ShapeName("AxisValue")]
-"""A value in a request that has to be text."""
+"""Value of an axis in a request that has to be text."""
 AxisValues = Annotated[
     list[AxisValue], ShapeName("AxisValues"), Field(min_length=1, max_length=MAX_VALUES), AfterValidator(differ)
 ]
@@ -184,7 +184,7 @@ AxisSpread = Annotated[float, ShapeName("AxisSpread"), Field(gt=0, le=10_000, al
 
 
 class NormalDistribution(Shape):
-    """A normal distribution, of which only what lies between two bounds is taken."""
+    """Normal distribution truncated to two bounds."""
 
     mean: AxisBound = Field(description="Its mean, in the unit of the axis.")
     std: AxisSpread = Field(description="Its standard deviation, in the unit of the axis.")
@@ -193,14 +193,14 @@ class NormalDistribution(Shape):
 
 
 class Axis(Shape):
-    """Base class of kinds of axes."""
+    """Base class of kinds of axes: quantities that vary between the trials of a simulation job."""
 
     kind: Any = Field(description="Name of its kind.")
 
     varies: ClassVar[str]
-    """Words for the table of kinds in `docs/trials.md`."""
+    """Description of the varied quantity for the table of kinds in `docs/trials.md`."""
     applies_to: ClassVar[str]
-    """Words for the same table: the environments and robots that have it."""
+    """Environments and robots with that quantity, for the same table."""
     is_number: ClassVar[bool] = True
 
     @staticmethod
@@ -211,34 +211,36 @@ class Axis(Shape):
     @property
     @abstractmethod
     def listed(self) -> Sequence[Value] | None:
-        """Its values, if it lists them; None: it has a range or a distribution."""
+        """Values that the axis lists; None: it has a range or a distribution."""
 
     @abstractmethod
     def parse(self, text: str) -> Value:
-        """Returns the value that a text means.
+        """Converts a text to a value of the axis.
 
         Raises:
-            ValueError: It is no possible value.
+            ValueError: The text is not a possible value.
         """
 
     @abstractmethod
     def at(self, share: float) -> Value:
-        """Returns the value below which a share, 0 to 1, of its values lies."""
+        """Returns the quantile of the axis's values at a probability, 0 to 1."""
 
 
 class NumberAxis(Axis):
     """Base class of kinds of axes whose values are numbers."""
 
     unit: ClassVar[str]
-    """Unit of its values, as messages show it; `factor` and `share` are of none."""
+    """Unit of the values for messages; the words `factor` and `share` mean no unit."""
     least: ClassVar[float]
-    """Least possible value."""
+    """Minimum possible value."""
     most: ClassVar[float]
-    """Largest possible value."""
+    """Maximum possible value."""
     neutral: ClassVar[str]
-    """The value that changes nothing, in words."""
+    """Value that changes nothing, as text."""
     subject: ClassVar[str] = ""
-    """Words for what it changes, if other kinds change the same, so that a job has one of them; empty: none does."""
+    """Description of the changed quantity if other kinds change the same, so that a job can have only one of them;
+    empty: none does.
+    """
 
     values: AxisValues | None = optional("Its values, numbers in the unit of the kind; all or some of them are taken.")
     range: AxisRange | None = optional("Least and largest value; all between are equally likely.")
@@ -247,15 +249,15 @@ class NumberAxis(Axis):
     @classmethod
     @abstractmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds what the axis changes, and returns a function that applies a value.
+        """Finds the quantity in the simulated robot, and returns a function that applies a value.
 
         Raises:
-            AxisError: The robot or its environment has nothing that it could change.
+            AxisError: The robot or its environment does not have the quantity.
         """
 
     @classmethod
     def possible(cls) -> str:
-        """Says in words which values are possible: `a factor from 0.1 to 10`."""
+        """Describes the possible values: `a factor from 0.1 to 10`."""
         bounds = f"from {cls.least:g} to {cls.most:g}"
         return f"a {cls.unit} {bounds}" if cls.unit in ("factor", "share") else f"{bounds} {cls.unit}"
 
@@ -278,7 +280,7 @@ class NumberAxis(Axis):
         return self
 
     def _numbers(self, values: Sequence[str]) -> list[float]:
-        """The numbers that values mean; an error tells all that mean none."""
+        """Converts texts to numbers; the error names all texts that are invalid."""
         numbers: list[float] = []
         wrong: list[str] = []
         for place, text in enumerate(values):
@@ -302,21 +304,21 @@ class NumberAxis(Axis):
 
     @property
     def listed(self) -> Sequence[float] | None:
-        """Its values as numbers, if it lists them."""
+        """Values that the axis lists, as numbers; None: it has a range or a distribution."""
         return None if self.values is None else [float(text) for text in self.values]
 
     def parse(self, text: str) -> float:
-        """Returns the number that a text means.
+        """Converts a text to a number.
 
         Raises:
-            ValueError: It is no number, or none that is possible.
+            ValueError: The text is not a number, or not a possible one.
         """
         if not _NUMBER.fullmatch(text):
             raise ValueError(f"{text!r} is no number; {self.kind} is {self.possible()}")
         return self._check(float(text))
 
     def at(self, share: float) -> float:
-        """Returns the value below which a share, 0 to 1, of its values lies."""
+        """Returns the quantile of the axis's values at a probability, 0 to 1."""
         if (listed := self.listed) is not None:
             return listed[min(int(share * len(listed)), len(listed) - 1)]
         low, high = self._bounds
@@ -328,12 +330,12 @@ class NumberAxis(Axis):
         return min(max(normal.inv_cdf(inside), low), high)
 
     def edges(self) -> list[float]:
-        """Returns the bounds of `BINS` equally likely parts of a range or a distribution, least first."""
+        """Returns the bounds of `BINS` equally likely parts of a range or a distribution, in ascending order."""
         return [self.at(number / BINS) for number in range(BINS + 1)]
 
     @property
     def _bounds(self) -> tuple[float, float]:
-        """Least and largest value of a range or a distribution."""
+        """Returns the minimum and maximum of a range or a distribution."""
         if self.range is not None:
             return self.range[0], self.range[1]
         assert self.normal is not None
@@ -346,11 +348,11 @@ class LidarAxis(NumberAxis):
 
     applies_to = "`indoor-navigation` with a robot that has a lidar, and environments that have `lidar_errors`"
     error: ClassVar[str]
-    """Name of the error, an attribute of `LidarErrors`."""
+    """Name of the lidar error: an attribute of `LidarErrors`."""
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the errors of the robot's lidar."""
+        """Returns a function that sets one of the errors of the robot's lidar."""
         lidar = rig.lidar
         built = getattr(lidar, cls.error)
 

@@ -1,4 +1,4 @@
-"""Bias of the lidar: its ranges are all too long, or too short, by the same length."""
+"""Axis that adds a constant length to all ranges of the lidar."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Dropout of the lidar: some of its rays come back with nothing."""
+"""Axis for the share of lidar rays that return nothing."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from .kind import LidarAxis
 
 
 class LidarDropoutAxis(LidarAxis):
-    """Share of the lidar's rays that see nothing, other ones in every scan."""
+    """Probability that a ray of the lidar returns nothing, independently in every scan."""
 
     varies = "share of the lidar's rays that see nothing, other ones in every scan"
     error = "dropout"

@@ -1,4 +1,4 @@
-"""Latency of the lidar: its scans come later than they were measured."""
+"""Axis for the latency of lidar scans."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from .kind import LidarAxis
 
 
 class LidarLatencyAxis(LidarAxis):
-    """Time in seconds from a scan to the observation that has it; it is rounded up to the control step."""
+    """Time in seconds from a scan to the observation that contains it; it is rounded up to the control step."""
 
     varies = "time from a scan to the observation that has it, rounded up to the control step of 50 ms"
     error = "latency_s"

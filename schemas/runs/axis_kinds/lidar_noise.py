@@ -1,4 +1,4 @@
-"""Noise of the lidar: its ranges scatter around the true ones."""
+"""Axis for the noise of the lidar's ranges."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from .kind import LidarAxis
 
 
 class LidarNoiseAxis(LidarAxis):
-    """Standard deviation in metres of the ranges that the lidar measures."""
+    """Standard deviation in metres of the noise of the lidar's ranges."""
 
     varies = "standard deviation of the lidar's ranges"
     error = "noise_std_m"

@@ -1,4 +1,4 @@
-"""Noise of the lidar in multiples of the robot's own."""
+"""Axis for the noise of the lidar, as a multiple of the robot's default noise."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from .kind import NumberAxis, Rig, Setter
 
 
 class LidarNoiseFactorAxis(NumberAxis):
-    """Factor on the standard deviation of the ranges that the lidar measures."""
+    """Factor on the standard deviation of the noise of the lidar's ranges."""
 
     varies = "standard deviation of the lidar's ranges, in multiples of the robot's own"
     applies_to = "`indoor-navigation` with a robot that has a lidar, and environments that have `lidar_errors`"
@@ -22,7 +22,7 @@ class LidarNoiseFactorAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the noise of the robot's lidar."""
+        """Returns a function that scales the noise of the robot's lidar."""
         lidar = rig.lidar
         built = lidar.noise_std_m
 

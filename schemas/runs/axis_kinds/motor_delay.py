@@ -1,4 +1,4 @@
-"""Delay of the motors: commands of the agent take so long until the robot begins to carry them out."""
+"""Axis for the delay between the agent's commands and the motors."""
 
 from typing import Literal
 
@@ -21,7 +21,7 @@ class MotorDelayAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the delay of the robot's commands."""
+        """Returns a function that sets the delay of the robot's commands."""
         commands = rig.commands
         built = commands.delay_s
 

@@ -1,4 +1,4 @@
-"""Strength of the motors: the same command, at the same speed, gives so many times the force."""
+"""Axis that scales the force of the robot's motors."""
 
 from typing import Any, Literal
 
@@ -8,7 +8,7 @@ from .kind import NumberAxis, Rig, Setter
 
 
 class MotorGainAxis(NumberAxis):
-    """Factor on the force of all motors of the robot, at the same command and speed, limits of force included."""
+    """Factor on the force of all motors of the robot at the same command and speed, including their force limits."""
 
     varies = "gains of all motors of the robot, and the limits of their forces"
     applies_to = "environments with a MuJoCo model, and a robot in it whose actuators are motors or servos"
@@ -22,7 +22,7 @@ class MotorGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the robot's motors."""
+        """Returns a function that scales the forces of the robot's motors."""
         return scale_motors(rig, rig.motors, rig.motor_joints)
 
 
@@ -30,9 +30,9 @@ def scale_motors(rig: Rig, motors: Any, joints: Any) -> Setter:
     """Returns a function that scales the forces of motors, with their limits.
 
     Args:
-        rig: The robot.
+        rig: Simulated robot.
         motors: Numbers of the actuators.
-        joints: Numbers of the joints whose limits of force are scaled too.
+        joints: Numbers of the joints whose force limits are scaled, too.
     """
 
     def set_factor(factor: float | None) -> None:

@@ -1,4 +1,4 @@
-"""Friction between robot and floor: tyres or feet grip so many times as well."""
+"""Axis that scales the friction between robot and floor."""
 
 from typing import Literal
 
@@ -10,8 +10,8 @@ from .kind import NumberAxis, Rig, Setter
 class RobotFrictionAxis(NumberAxis):
     """Factor on the friction between the robot and the floor.
 
-    MuJoCo takes the larger friction of two things that touch, or that of the one with priority. So that the factor
-    counts on every floor, it scales both; what lies loose on the floor may slide as much more easily.
+    MuJoCo uses the larger friction of two touching geoms, or that of the geom with priority. The factor therefore
+    scales both, so that it has an effect on every floor; loose objects may slide more or less easily, too.
     """
 
     varies = "friction of the robot and of the floor, of which MuJoCo takes the larger where they touch"
@@ -25,7 +25,7 @@ class RobotFrictionAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds what of the robot touches the floor."""
+        """Returns a function that scales the friction of the geoms of robot and floor that touch."""
         geoms, pairs = rig.touching_geoms, rig.touching_pairs
 
         def set_factor(factor: float | None) -> None:

@@ -1,4 +1,4 @@
-"""Mass of the robot: all of its bodies are so many times as heavy, with inertias to match."""
+"""Axis that scales the mass and inertia of the robot."""
 
 from typing import Literal
 
@@ -21,7 +21,7 @@ class RobotMassAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the robot's bodies."""
+        """Returns a function that scales the masses and inertias of the robot's bodies."""
         bodies = rig.robot_bodies
 
         def set_factor(factor: float | None) -> None:

@@ -1,4 +1,4 @@
-"""Gain of turning: the robot turns so many times as fast as its agent commands, or the other way."""
+"""Axis that scales the agent's turning rate; a negative factor reverses it."""
 
 from typing import Literal
 
@@ -23,10 +23,10 @@ class TurnGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the factors on the robot's commands.
+        """Returns a function that sets the factor on the robot's turning rate.
 
         Raises:
-            AxisError: They have no turning rate.
+            AxisError: The commands have no turning rate.
         """
         gains = rig.command_gains
         built = gains.turn

@@ -1,4 +1,4 @@
-"""Environment variables: values of a launch variable, which applications read."""
+"""Axis over values of an environment variable that applications read."""
 
 from collections.abc import Sequence
 from typing import Literal, Self
@@ -8,11 +8,11 @@ from pydantic import Field, model_validator
 from .kind import Axis, AxisTexts
 
 _MAX_CHARACTERS = 1024
-"""As of all launch variables."""
+"""Maximum length of a value, as for all launch variables."""
 
 
 class VariableAxis(Axis):
-    """Values of the environment variable that the axis is named after, in place of launch variables of that name."""
+    """Values of the environment variable with the axis's name; they replace a launch variable of that name."""
 
     varies = "the environment variable of that name, for both applications; values are text"
     applies_to = "all applications that are factories"
@@ -29,14 +29,14 @@ class VariableAxis(Axis):
 
     @property
     def listed(self) -> Sequence[str]:
-        """Its values."""
+        """Values of the environment variable that the axis lists."""
         return self.values
 
     def parse(self, text: str) -> str:
-        """Returns the text itself.
+        """Returns the text itself, after a check.
 
         Raises:
-            ValueError: No environment variable can have it.
+            ValueError: An environment variable cannot have the text as its value.
         """
         if "\0" in text:
             raise ValueError("no variable can hold a NUL character; remove it")
@@ -45,5 +45,5 @@ class VariableAxis(Axis):
         return text
 
     def at(self, share: float) -> str:
-        """Returns one of the values, all of which are equally likely."""
+        """Returns the value at a quantile, 0 to 1; all values are equally likely."""
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]

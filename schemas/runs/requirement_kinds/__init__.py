@@ -1,5 +1,5 @@
-"""Kinds of requirements, one module each: the shape that requests have, the rule that judges a run, and its words.
+"""Kinds of requirements, one module each: members in requests, the rule that judges a run, and its texts.
 
-A module is found by being here, or in a package that a distribution names with an entry point of the group
+A module is found if it is in this package, or in a package that a distribution names with an entry point of the group
 `prefect_robomaker.requirements`.
 """

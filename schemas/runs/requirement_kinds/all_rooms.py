@@ -1,4 +1,4 @@
-"""All rooms: the robot has to visit every room."""
+"""Requirement that the robot visits every room."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -21,11 +21,11 @@ from .kind import (
 )
 
 _MOST_NAMED = 5
-"""Rooms that were not visited which a detail names."""
+"""Maximum number of unvisited rooms that a result names."""
 
 
 class AllRoomsRequirement(RobotRequirement):
-    """The robot has to visit every room of the world."""
+    """Pass criterion: the robot visits every room of the world."""
 
     violated_when = "its body was not in every room of the world; or not before `by_s`"
     more_members = "`ignore`: names of rooms that do not count, `*` for any text"
@@ -39,7 +39,7 @@ class AllRoomsRequirement(RobotRequirement):
 
 
 class AllRoomsRule(Rule[AllRoomsRequirement]):
-    """Rooms that were visited, each with its time."""
+    """Records when each room was visited, and judges the requirement to visit all rooms."""
 
     is_reached = False
 
@@ -90,11 +90,11 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
 
     @property
     def planned_s(self) -> float:
-        """Simulated time by which all have to be visited."""
+        """Simulated time in seconds by which all rooms have to be visited."""
         return self.asked.by_s or 0.0
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds how many rooms were visited, and the share of those that count."""
+        """Adds the number of visited rooms, and their share of the required ones, to the run's metrics."""
         if self._rooms:
             metrics["visited_rooms_share"] = round(len(self.visited_s) / len(self._rooms), 6)
 

@@ -1,4 +1,4 @@
-"""Clearance: the robot has to keep its distance."""
+"""Requirement that the robot keeps a distance from objects."""
 
 import math
 from typing import Literal
@@ -23,7 +23,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
     """Measures the smallest clearance of the robot, and judges the clearance requirement."""
 
     nearest_m = math.inf
-    """The smallest distance so far."""
+    """Smallest distance so far, in metres."""
     _other = ""
 
     def bind(self, scene: Scene) -> Look:

@@ -1,4 +1,4 @@
-"""Coverage: the robot has to pass over a share of the floor."""
+"""Requirement that the robot passes over a share of the floor."""
 
 import math
 from collections.abc import Set
@@ -14,7 +14,7 @@ DiscRadius = Annotated[float, ShapeName("DiscRadius"), Field(gt=0, le=10, allow_
 
 
 class CoverageRequirement(RobotRequirement):
-    """The robot has to pass over a share of the floor of a room, or of the whole world."""
+    """Pass criterion: the robot passes over a share of the floor of a room, or of the whole world."""
 
     violated_when = "a disc of `radius_m` around its body passes over less than `min_share` of the free floor"
     more_members = "`room`: absent, all rooms; `by_s`"
@@ -33,12 +33,12 @@ class CoverageRequirement(RobotRequirement):
 
     @property
     def asked_room(self) -> str | None:
-        """The room whose floor is meant."""
+        """Name of the room whose floor counts; `None` for the whole world."""
         return self.room
 
 
 class CoverageRule(Rule[CoverageRequirement]):
-    """Share of the floor that was passed over."""
+    """Records the passed share of the free floor, and judges the coverage requirement."""
 
     is_reached = False
 
@@ -91,11 +91,11 @@ class CoverageRule(Rule[CoverageRequirement]):
 
     @property
     def planned_s(self) -> float:
-        """Simulated time by which it has to be covered."""
+        """Simulated time in seconds by which the floor has to be covered."""
         return self.asked.by_s or 0.0
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the share; of several requirements the smallest."""
+        """Adds the covered share to the run's metrics; of several requirements the smallest."""
         if self.error is None:
             metrics["floor_coverage"] = min(metrics.get("floor_coverage", 1.0), round(self.share, 6))
 

@@ -1,4 +1,4 @@
-"""Expressions: a formula of signal temporal logic has to hold of the run."""
+"""Requirement that a signal temporal logic formula holds for the run."""
 
 import importlib.util
 import math
@@ -30,11 +30,11 @@ SIGNALS: Mapping[str, str] = {
 _RATES = ("speed", "turn_rate")
 """Signals that are rates over the time since the last sample."""
 _MAX_SAMPLES = 100_000
-"""Samples of a run: almost three hours at 0.1 s. Judging them takes some seconds an operator."""
+"""Maximum number of samples of a run: almost three hours at 0.1 s. Judging them takes some seconds per operator."""
 _MAX_BOUND = 3000
-"""Samples that bounds may span: five minutes at 0.1 s; the time it takes to judge grows with it."""
+"""Maximum number of samples that time bounds may span: five minutes at 0.1 s; judging time grows with it."""
 _FAR_M = 1e6
-"""Clearance where nothing is near."""
+"""Clearance in metres if nothing is near."""
 
 Text = Annotated[str, ShapeName("FormulaText"), text(1, 500)]
 SignalName = Annotated[str, ShapeName("SignalName"), text(1, 64, r"[a-zA-Z_][a-zA-Z0-9_]*")]
@@ -42,7 +42,7 @@ SignalFunctions = Annotated[dict[SignalName, DottedName], ShapeName("SignalFunct
 
 
 class ExpressionRequirement(ThingsRequirement):
-    """A formula of signal temporal logic has to hold of the run."""
+    """Pass criterion: a signal temporal logic formula holds for the run."""
 
     violated_when = "`formula`, of signal temporal logic, does not hold"
     more_members = "`signals`: functions of the application by name; `others`, `ignore`: as for `clearance`"
@@ -90,14 +90,14 @@ class ExpressionRequirement(ThingsRequirement):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """The packages of the functions."""
+        """Returns the Python packages of the formula's functions."""
         signals = requirement.get("signals")
         for attribute in signals.values() if is_mapping(signals) else ():
             yield str(attribute).partition(".")[0]
 
 
 class ExpressionRule(Rule[ExpressionRequirement]):
-    """Samples of the signals of a formula."""
+    """Samples the signals of a formula, and judges its requirement."""
 
     def __init__(self, asked: ExpressionRequirement) -> None:
         super().__init__(asked)
@@ -108,7 +108,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         self._found: Robustness | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Reads the signals that the formula uses.
+        """Connects the rule to the signals that the formula uses.
 
         Raises:
             RequirementError: A function or body that the formula names does not exist, or rtamt is not installed.
@@ -159,7 +159,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def _rates(self, time_s: float, here: tuple[float, ...], yaw: float) -> tuple[float, float]:
-        """Speed in m/s and turn rate in deg/s since the last sample."""
+        """Returns speed in m/s and turn rate in deg/s since the last sample."""
         last, self._last = self._last, (time_s, here, yaw)
         if last is None or time_s <= last[0]:
             return 0.0, 0.0
@@ -167,7 +167,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return math.dist(here, last[1]) / passed_s, math.remainder(yaw - last[2], 360.0) / passed_s
 
     def update(self, time_s: float, values: Mapping[str, float]) -> None:
-        """Takes a sample of all signals."""
+        """Records a sample of all signals of the formula."""
         count = len(next(iter(self.samples.values())))
         # A look that came late is the sample of the next period; the last of a run may come before its time.
         number = max(count, math.ceil(time_s / self.asked.period_s - 1e-6))
@@ -209,7 +209,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a line about conditions that never held."""
+        """Returns a note about conditions that were never true."""
         if self.error is not None or self._found is None or not self._found.idle:
             return None
         never = ", ".join(in_words(each) for each in self._found.idle)

@@ -1,4 +1,4 @@
-"""Goals: the robot has to get somewhere."""
+"""Requirement that the robot reaches a room or a point."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +27,9 @@ from .kind import (
 
 _WITHIN_M = 0.5
 _MAKES_SENSE = ("after", "by_s", "body")
-"""Members of a goal that another one counts from, or that is not about the place of the robot."""
+"""Members with which a goal at the robot's start makes sense: it is a place to begin at, has a time limit, or is about
+another body.
+"""
 
 
 class GoalRequirement(RobotRequirement):
@@ -65,15 +67,15 @@ class GoalRequirement(RobotRequirement):
         return self.room
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal that has to be reached first is listed above."""
+        """Checks that the goal that has to be reached first is listed above this one."""
         check_goal(self, "after", before)
 
 
 def check_goal(requirement: RequirementKind, member: str, before: Sequence[RequirementKind]) -> None:
-    """Checks that a member of a requirement, if it is given, names one of the goals above it.
+    """Checks that a member of a requirement, if given, names one of the goals listed above it.
 
     Raises:
-        ValueError: No goal of this name stands above the requirement in the list.
+        ValueError: No goal of this name is listed above the requirement.
     """
     name = getattr(requirement, member)
     goals = [each.name for each in before if isinstance(each, GoalRequirement)]
@@ -99,11 +101,11 @@ class GoalRule(Rule[GoalRequirement]):
         """Smallest distance since it is its turn; None: it never was."""
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the goal that has to be reached first."""
+        """Finds the rule of the goal that has to be reached first."""
         self._before = goal_named(self.asked.after, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation."""
+        """Connects the goal's rule to a simulation: each check measures the distance to the goal."""
         goal, position = self.asked, scene.position(self)
         if goal.room is None:
             x, y = goal.x or 0.0, goal.y or 0.0
@@ -173,18 +175,18 @@ class GoalRule(Rule[GoalRequirement]):
 
 
 def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None:
-    """Finds the rule of a goal among those of requirements."""
+    """Finds the rule of a goal by name among the rules of requirements."""
     return next((rule for rule in before if isinstance(rule, GoalRule) and rule.asked.name == name), None)
 
 
 def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
     """Finds goals that are reached before the robot moves.
 
-    Goals that another goal follows are places to begin at, and goals with `by_s` are meant so.
+    Goals that another goal follows are starting places, and goals with `by_s` are intended; both are left out.
 
     Args:
         requirements: Requirements of a request, as JSON; those that are no goals are ignored.
-        start_room: Name of the room that the origin is in; None: that is not known.
+        start_room: Name of the room at the origin; None: unknown.
     """
     goals = [
         (index, each) for index, each in enumerate(requirements) if is_mapping(each) and each.get("kind") == "goal"

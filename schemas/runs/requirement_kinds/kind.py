@@ -1,6 +1,6 @@
-"""Parts of a kind of requirement: a shape, which requests have, and a rule, which judges a run.
+"""Base classes of kinds of requirements: members in requests, and a rule that judges a run.
 
-Nothing here knows of MuJoCo: rules measure in a `Scene`. Times are simulated seconds.
+This module does not use MuJoCo: rules measure in a `Scene`. Times are simulated seconds.
 """
 
 import math
@@ -37,14 +37,14 @@ NamePatterns = Annotated[
 ]
 
 ROUNDING_S = 1e-6
-"""Times that differ by less are the same: sums of time steps are no round numbers."""
+"""Tolerance in seconds within which times are equal, as sums of time steps have rounding errors."""
 STOP = "Whether the run ends as soon as it is violated"
 STOP_OR_REACHED = f"{STOP}, or once all goals that say so are reached; the verdict stands then."
 _MAX_TEXT = 300
-"""Characters of an error, or of a reason, that results keep."""
+"""Maximum number of characters of an error or a reason in results."""
 
 Look = Callable[[float], None]
-"""Measures at a simulated time and tells the rule."""
+"""Function that measures at a simulated time and updates the rule."""
 
 
 class Requirement(Model):
@@ -87,13 +87,13 @@ class RequirementKind(Shape):
     stop: bool = Field(default=False, description=f"{STOP}.")
 
     violated_when: ClassVar[str]
-    """Words for the table of kinds in `docs/verdicts.md`."""
+    """Condition of a violation, for the table of kinds in `docs/verdicts.md`."""
     more_members: ClassVar[str] = ""
-    """The same table's words about members that those words do not name."""
+    """Text about further members, for the same table."""
     rule: ClassVar[type["Rule[Any]"]]
-    """Its score: the class that is a `Rule` of it."""
+    """Class of the rule that judges the requirement."""
     margins_compare: ClassVar[bool] = True
-    """True: margins of different runs have one unit, so that the smallest is the worst."""
+    """Whether margins of different runs have one unit, so that the smallest is the worst."""
 
     @staticmethod
     def names(kind: "type[RequirementKind]") -> tuple[str, ...]:
@@ -108,9 +108,9 @@ class RequirementKind(Shape):
         return names
 
     needs_world: ClassVar[bool] = False
-    """True: there is nothing to judge without a world."""
+    """Whether the requirement can only be judged with a world."""
     without_world: ClassVar[str] = "leave out `room`"
-    """Remedy for a request that asks for a room and names no world."""
+    """Remedy in the error for a request that names a room but no world."""
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it
@@ -121,7 +121,7 @@ class RequirementKind(Shape):
 
     @property
     def by_topics(self) -> bool:
-        """Whether it is measured by recorded topics only, when the run has ended."""
+        """Whether the requirement is measured by recorded topics only, after the run."""
         return False
 
     @property
@@ -158,23 +158,23 @@ class ThingsRequirement(RobotRequirement):
 
 
 class Floor(Protocol):
-    """The floor of a world as its map has it, in cells; a cell is known by its number."""
+    """Free floor of a world from its map, as numbered grid cells."""
 
     @property
     def cell_m2(self) -> float:
-        """Area of a cell."""
+        """Area of a grid cell of the floor, in m²."""
         ...
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> Set[int]:
-        """Cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
+        """Returns the cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
         ...
 
     def passed(self, start: Point, end: Point, radius_m: float) -> Set[int]:
-        """Cells that a disc of a radius passes over on a straight way."""
+        """Returns the cells that a disc of a radius passes over on a straight line."""
         ...
 
     def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
-        """Length in metres of a disc's shortest path from a point to another, or into a polygon; `None`: no path."""
+        """Returns the length in metres of a disc's shortest path to a point, or into a polygon; `None`: no path."""
         ...
 
 
@@ -183,12 +183,12 @@ class Scene(Protocol):
 
     @property
     def environment(self) -> Any:
-        """The simulation's environment."""
+        """The simulation's environment (dm_env)."""
         ...
 
     @property
     def world(self) -> World | None:
-        """World of the run, if any."""
+        """Description of the run's world, if it has one."""
         ...
 
     def position(self, rule: "Rule[Any]") -> Sequence[float]:
@@ -196,11 +196,11 @@ class Scene(Protocol):
         ...
 
     def orientation(self, rule: "Rule[Any]") -> Sequence[float]:
-        """Orientation of the robot's body, a quaternion with w first, which changes with the simulation."""
+        """Returns the robot's orientation (quaternion, w first), as an array that follows the simulation."""
         ...
 
     def messages(self, rule: "Rule[Any]", topic: str) -> Iterator[tuple[float, Any]]:
-        """Messages that were recorded on a topic, each with its time in s, in recorded order.
+        """Yields the messages that were recorded on a topic, each with its time in seconds, in recorded order.
 
         Raises:
             NotMeasuredError: The run has no recording, or the recording has no such topic.
@@ -208,7 +208,7 @@ class Scene(Protocol):
         ...
 
     def pose_pairs(self, rule: "Rule[Any]", estimate: str, truth: str) -> "Iterator[PosePair]":
-        """Estimated poses on a recorded topic, each with the true one on another at the same time.
+        """Yields the estimated poses on a recorded topic, each with the true pose on another topic at the same time.
 
         Raises:
             NotMeasuredError: The run has no recording, or the recording lacks one of the topics.
@@ -216,11 +216,11 @@ class Scene(Protocol):
         ...
 
     def can_tilt(self, rule: "Rule[Any]") -> bool:
-        """Whether the robot's body can be tilted at all: no joint may let it."""
+        """Returns whether the robot's body can tilt; some robots have no joint that lets it."""
         ...
 
     def can_rise(self, rule: "Rule[Any]") -> bool:
-        """Whether the height of the robot's body can change at all: no joint may let it."""
+        """Returns whether the height of the robot's body can change; some robots have no joint that lets it."""
         ...
 
     def expect_end(self, rule: "Rule[Any]") -> None:
@@ -228,7 +228,7 @@ class Scene(Protocol):
         ...
 
     def floor(self, rule: "Rule[Any]") -> Floor | None:
-        """The floor of the world; `None`: there is no world.
+        """Returns the free floor of the world; `None`: there is no world.
 
         Raises:
             RequirementError: The world has no map.
@@ -256,18 +256,18 @@ class Numbers:
     limit: float | None = None
     unit: str | None = None
     at_least: bool = False
-    """True: the limit is a lower one."""
+    """Whether the limit is a minimum; else it is a maximum."""
 
     @property
     def margin(self) -> float | None:
-        """Margin between value and limit, positive when satisfied."""
+        """Difference between value and limit, positive if the requirement is met."""
         if self.value is None or self.limit is None:
             return None
         return self.value - self.limit if self.at_least else self.limit - self.value
 
 
 PlanarPose = tuple[float, float, float]
-"""x and y in m, and yaw in rad."""
+"""Pose on the floor: x and y in m, yaw in rad."""
 
 
 @dataclass(frozen=True)
@@ -282,11 +282,11 @@ class PosePair:
 
 @dataclass(frozen=True)
 class Blind:
-    """Distance from the robot's surface below which its sensor sees nothing."""
+    """Distance from the robot's surface below which its sensor measures nothing."""
 
     below_m: float
     why: str
-    """The sensor and its least range, in words."""
+    """Text with the sensor and its minimum range."""
 
 
 Asked = TypeVar("Asked", bound=RequirementKind)
@@ -296,11 +296,11 @@ class Rule(ABC, Generic[Asked]):
     """Judges one requirement during a run; its state can be saved in checkpoints."""
 
     looks_within_steps: ClassVar[bool] = False
-    """True: the rule is also checked between two steps of an environment, if the environment allows that."""
+    """Whether the rule is also checked between two environment steps, if the environment supports that."""
     is_reached: bool | None = None
-    """True: the requirement's goal is reached; `None`: the requirement has no goal."""
+    """Whether the requirement's goal is reached; `None`: the requirement has no goal."""
     blind: Blind | None = None
-    """Distances that were not seen; `None`: all were."""
+    """Distance below which the sensor measured nothing; `None`: there is no such distance."""
 
     def __init_subclass__(cls) -> None:
         kinds = [get_args(base)[0] for base in vars(cls).get("__orig_bases__", ()) if get_origin(base) is Rule]
@@ -330,10 +330,10 @@ class Rule(ABC, Generic[Asked]):
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
-        """Passes the rules of the requirements above it to the rule."""
+        """Receives the rules of the requirements listed above, for a rule that depends on one of them."""
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the rule's numbers to the run's metrics."""
+        """Adds the figures that the rule has measured to the run's metrics."""
 
     @property
     def first_look_s(self) -> float:
@@ -342,7 +342,7 @@ class Rule(ABC, Generic[Asked]):
 
     @property
     def planned_s(self) -> float:
-        """Longest simulated time in seconds that the requirement allows; 0 if it says nothing."""
+        """Longest simulated time in seconds that the requirement allows; 0 if it has no time limit."""
         return 0.0
 
     @property
@@ -359,7 +359,7 @@ class Rule(ABC, Generic[Asked]):
         return RequirementError(f"requirement {self.asked.name} ({self.asked.kind}): {why}")
 
     def polygon(self, room: str, scene: Scene) -> Sequence[Point]:
-        """Outline of a room of the world.
+        """Returns the outline of a room of the world.
 
         Raises:
             RequirementError: The simulation has no world, or the world has no room of this name.
@@ -382,7 +382,7 @@ class Rule(ABC, Generic[Asked]):
         """Judges the requirement at the end of the run.
 
         Args:
-            end_s: Simulated time at its end.
+            end_s: Simulated time at the end of the run.
             ended_by: Cause of the run's end.
         """
         self._end_s, self._ended_by = end_s, ended_by
@@ -409,15 +409,15 @@ class Rule(ABC, Generic[Asked]):
         )
 
     def _unjudgeable(self) -> str | None:
-        """Returns why the requirement cannot be judged, now that the run has ended; None: it can."""
+        """Returns the reason why the requirement cannot be judged after the run; None if it can."""
         return None
 
     def remark(self) -> str | None:
-        """Returns a remark to show beside the verdict, or `None`."""
+        """Returns a note to show with the verdict, or `None`."""
         return None
 
     def _until(self) -> str:
-        """Returns when it was violated, in words; empty: it was not."""
+        """Describes when the requirement was violated; empty if it was not."""
         return "" if self.violated_s is None else f", first at {self.violated_s:.2f} s"
 
     @abstractmethod
@@ -425,11 +425,11 @@ class Rule(ABC, Generic[Asked]):
 
     @abstractmethod
     def _detail(self) -> str:
-        """Returns the value found and the value asked for, in words."""
+        """Describes the measured and the required value."""
 
 
 def is_meant(name: str, others: Sequence[str] | None, ignore: Sequence[str] | None) -> bool:
-    """Whether an object counts for a requirement: its name matches `others` and none of `ignore`."""
+    """Returns whether an object counts for a requirement: its name matches `others` and none of `ignore`."""
     wanted = others is None or any(fnmatchcase(name, pattern) for pattern in others)
     return wanted and not any(fnmatchcase(name, pattern) for pattern in ignore or ())
 

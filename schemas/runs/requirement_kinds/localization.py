@@ -1,4 +1,4 @@
-"""Localization: the robot has to know where it is."""
+"""Requirement that the robot's pose estimate is correct."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -12,13 +12,13 @@ from .kind import DottedName, Look, Metres, Numbers, RobotRequirement, RosTopic,
 Angle = Annotated[float, ShapeName("Angle"), Field(gt=0, le=180, allow_inf_nan=False)]
 Delay = Annotated[float, ShapeName("Delay"), Field(ge=0, allow_inf_nan=False)]
 Pose = tuple[float, float, float | None]
-"""x and y in m, and yaw in rad where it is known."""
+"""Estimated pose: x and y in m, and yaw in rad if known."""
 
 _RIGHT = "x and y in m, x, y and the yaw in rad, or None as long as it does not know would be right"
 
 
 class LocalizationRequirement(RobotRequirement):
-    """The robot has to know where it is."""
+    """Pass criterion: the robot's estimated pose stays close to its true pose."""
 
     violated_when = (
         "the estimated pose is farther than `max_m` from the true one, or missing: that of a function of the "
@@ -61,18 +61,18 @@ class LocalizationRequirement(RobotRequirement):
 
     @property
     def by_topics(self) -> bool:
-        """Whether both poses are those of recorded topics."""
+        """Whether both the estimated and the true pose come from recorded topics."""
         return self.estimate is not None
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """The function's package."""
+        """Returns the Python package of the function that returns the estimated pose."""
         if attribute := requirement.get("attribute"):
             yield str(attribute).partition(".")[0]
 
 
 class LocalizationRule(Rule[LocalizationRequirement]):
-    """Largest error of the estimated place and yaw."""
+    """Records the largest error of the estimated position and yaw, and judges the localization requirement."""
 
     def __init__(self, asked: LocalizationRequirement) -> None:
         super().__init__(asked)
@@ -80,7 +80,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         self._checks = self._missing = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Asks the function and measures where the body is, or reads both poses from topics."""
+        """Connects the rule to a function and the body's pose, or to recorded topics with both poses."""
         asked, environment = self.asked, scene.environment
         if asked.attribute is None:
             return self._bind_topics(scene)
@@ -104,7 +104,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         return look
 
     def _bind_topics(self, scene: Scene) -> Look:
-        """Reads poses from topics, and compares each estimate with the true pose at its time."""
+        """Connects the rule to recorded topics, and compares each estimate with the true pose at its time."""
         asked = self.asked
         assert asked.estimate is not None
         assert asked.truth is not None
@@ -143,14 +143,14 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the largest error."""
+        """Adds the largest localization error to the run's metrics."""
         if self._checks > self._missing:
             metrics["max_localization_error_m"] = max(
                 metrics.get("max_localization_error_m", 0.0), round(self.worst_m, 6)
             )
 
     def remark(self) -> str | None:
-        """Returns a line about an estimate that is the truth itself, such as one that reads the simulation."""
+        """Returns a note about an estimate that always equals the true pose, such as one read from the simulation."""
         if self.error is None and self._checks > self._missing and self.worst_m == 0.0:
             return f"{self.asked.name}: the estimate is the true place to the last digit; it may read the simulation"
         return None

@@ -1,4 +1,4 @@
-"""Collisions: the robot must not touch anything harder than so."""
+"""Requirement that the robot does not hit objects harder than a limit."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from pydantic import Field
 from .kind import ROUNDING_S, Count, Look, Newtons, Numbers, Rule, Scene, Seconds, ThingsRequirement, is_meant
 
 SEPARATION_S = 0.1
-"""A touch is over when nothing was felt for this long; shorter gaps are bouncing."""
+"""Seconds without contact after which a collision is over; shorter gaps are bouncing."""
 
 
 class CollisionRequirement(ThingsRequirement):

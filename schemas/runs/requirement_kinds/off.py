@@ -1,4 +1,4 @@
-"""Switching off: a requirement of the environment's own does not count in this job."""
+"""Requirement kind that switches off one of the environment's own requirements for a job."""
 
 from typing import Literal
 
@@ -25,7 +25,7 @@ class OffRequirement(RequirementKind):
 
 
 class OffRule(Rule[OffRequirement]):
-    """Judges nothing, but is an error where the environment has no requirement of that name."""
+    """Judges nothing, but is an error if the environment has no requirement of that name."""
 
     def __init__(self, asked: OffRequirement) -> None:
         super().__init__(asked)
@@ -33,11 +33,11 @@ class OffRule(Rule[OffRequirement]):
         """Whether the environment's `requirements()` have one of this name; its report may have one still."""
 
     def bind(self, scene: Scene) -> Look:  # noqa: ARG002 - as of other rules
-        """Measures nothing."""
+        """Returns a check that does nothing, as this rule measures nothing."""
         return lambda _time_s: None
 
     def judged(self, end_s: float, ended_by: str) -> Requirement:  # noqa: ARG002 - as of other rules
-        """Returns what is listed in place of the environment's requirement; an error where none was found yet."""
+        """Returns the entry that replaces the environment's requirement; an error as long as none was found."""
         name, error = self.asked.name, self.error or (None if self.is_there else NOT_THERE)
         if error is not None:
             return Requirement(

@@ -1,4 +1,4 @@
-"""Path length: the robot has to get to a goal without long detours."""
+"""Requirement that the robot reaches a goal without long detours."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ Radius = Annotated[float, ShapeName("Radius"), Field(ge=0, le=10, allow_inf_nan=
 
 
 class PathLengthRequirement(RobotRequirement):
-    """The robot has to get to a goal without long detours."""
+    """Pass criterion: the robot reaches a goal on a path that is not much longer than the shortest one."""
 
     violated_when = (
         "it does not reach `goal`, or the shortest way there is less than `min_ratio` of the way that it took"
@@ -35,27 +35,27 @@ class PathLengthRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal is one of those above."""
+        """Checks that the goal is listed above this requirement."""
         check_goal(self, "goal", before)
 
 
 class PathLengthRule(Rule[PathLengthRequirement]):
-    """Length of the way to a goal, and of the shortest one."""
+    """Measures the driven path to a goal and the shortest path, and judges the path length requirement."""
 
     driven_m = 0.0
-    """Length of the way since it is the goal's turn, in metres."""
+    """Length in metres of the path driven since the goal became due."""
     shortest_m: float | None = None
-    """Length of the shortest way; None: the way has not begun, or there is none."""
+    """Length in metres of the shortest path; None: the path has not begun, or no path exists."""
     _last: tuple[float, ...] | None = None
     _reached = False
     _goal: GoalRule | None = None
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the goal."""
+        """Finds the rule of the goal whose path is judged."""
         self._goal = goal_named(self.asked.goal, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Adds up the way, and measures the shortest one where it begins."""
+        """Connects the rule to a simulation: sums up the path, and measures the shortest path at its start."""
         position, floor = scene.position(self), scene.floor(self)
         goal = self._goal.asked if self._goal is not None else None
         polygon = None if goal is None or goal.room is None else self.polygon(goal.room, scene)

@@ -1,4 +1,4 @@
-"""Predicates: a function of the application has to say yes."""
+"""Requirement that a function of the application returns true."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
@@ -23,7 +23,7 @@ class PredicateRequirement(RequirementKind):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """Returns the Python package of the function."""
+        """Returns the Python package of the predicate function."""
         yield str(requirement.get("attribute", "")).partition(".")[0]
 
 

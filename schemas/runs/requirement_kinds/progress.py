@@ -1,4 +1,4 @@
-"""Progress: the robot must not be stuck."""
+"""Requirement that the robot does not get stuck."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from .kind import (
 
 
 class ProgressRequirement(RobotRequirement):
-    """The robot must not be stuck."""
+    """Pass criterion: the robot does not stay near one place for longer than a limit."""
 
     violated_when = "it gets no farther than `within_m` (0.1) from a place for longer than `max_stuck_s`"
     more_members = "`until`: name of a goal above; nothing is asked for once that is reached"
@@ -39,26 +39,26 @@ class ProgressRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal it counts until is one of those above."""
+        """Checks that the goal until which it counts is listed above this requirement."""
         check_goal(self, "until", before)
 
 
 class ProgressRule(Rule[ProgressRequirement]):
-    """Longest time near one place."""
+    """Records the longest time near one place, and judges the progress requirement."""
 
     longest_s: float | None = None
-    """The longest time so far; None: it was not measured."""
+    """Longest time near one place so far, in seconds; None: it was not measured."""
     _place: Point = (math.inf, math.inf)
     _since_s = 0.0
     _longest_at: Point = (math.inf, math.inf)
     _goal: GoalRule | None = None
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the goal until which it counts."""
+        """Finds the rule of the goal until which the requirement counts."""
         self._goal = goal_named(self.asked.until, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Measures for how long the body stays within a radius."""
+        """Connects the rule to a simulation: measures how long the body stays within a radius."""
         position = scene.position(self)
         return lambda time_s: self.update(time_s, (float(position[0]), float(position[1])))
 
@@ -75,7 +75,7 @@ class ProgressRule(Rule[ProgressRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the longest time near one place."""
+        """Adds the longest time near one place to the run's metrics."""
         if self.longest_s is not None:
             metrics["longest_stuck_s"] = max(metrics.get("longest_stuck_s", 0.0), round(self.longest_s, 6))
 
@@ -93,7 +93,7 @@ class ProgressRule(Rule[ProgressRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a line about a run that was too short to be stuck in."""
+        """Returns a note about a run that was too short to detect a stuck robot."""
         if self.error is None and self._is_short:
             took = f"the run took {self._end_s:.2f} s"
             return f"{self.asked.name}: {took}, so the robot could not be stuck for {self.asked.max_stuck_s:g} s"

@@ -1,4 +1,4 @@
-"""Speed limits: the robot must not drive faster than so, anywhere or in a room."""
+"""Requirement that the robot does not exceed a speed, anywhere or in a room."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from .kind import Look, MetresPerSecond, Numbers, RobotRequirement, RoomName, Ru
 
 
 class SpeedRequirement(RobotRequirement):
-    """The robot must not drive faster than so."""
+    """Pass criterion: the robot does not exceed a speed."""
 
     violated_when = "its body moves faster than `max_mps`, on average from one check to the next"
     more_members = "`room`: only checks in this room count"
@@ -24,19 +24,19 @@ class SpeedRequirement(RobotRequirement):
 
     @property
     def asked_room(self) -> str | None:
-        """The room in which the limit holds."""
+        """Name of the room in which the limit applies; `None`: everywhere."""
         return self.room
 
 
 class SpeedRule(Rule[SpeedRequirement]):
-    """Highest mean speed between two checks."""
+    """Records the highest mean speed between two checks, and judges the speed requirement."""
 
     fastest_mps: float | None = None
-    """The highest speed so far; None: there was none that counts."""
+    """Highest counted speed so far, in m/s; None: there was none."""
     _last: tuple[float, tuple[float, ...]] | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Measures the distance that the body has moved since the last check."""
+        """Connects the rule to a simulation: measures the body's distance since the last check."""
         position = scene.position(self)
         polygon = None if self.asked.room is None else self.polygon(self.asked.room, scene)
 
@@ -50,8 +50,8 @@ class SpeedRule(Rule[SpeedRequirement]):
 
         Args:
             time_s: Simulated time.
-            here: The position, x, y, z in m.
-            counts: Whether the limit holds there.
+            here: Position x, y, z in metres.
+            counts: Whether the limit applies there.
         """
         if math.isnan(here[0]) or (self._last is not None and time_s <= self._last[0]):
             return
@@ -63,7 +63,7 @@ class SpeedRule(Rule[SpeedRequirement]):
         self._last = (time_s, here)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the highest speed."""
+        """Adds the highest speed to the run's metrics."""
         if self.fastest_mps is not None:
             metrics["max_speed_mps"] = max(metrics.get("max_speed_mps", 0.0), round(self.fastest_mps, 6))
 

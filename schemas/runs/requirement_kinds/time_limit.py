@@ -1,4 +1,4 @@
-"""Time limits: the run has to be over in time."""
+"""Requirement that the run ends within a simulated time."""
 
 from typing import Literal
 
@@ -32,7 +32,7 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
         return self.update
 
     def update(self, time_s: float) -> None:
-        """Records the simulated time."""
+        """Records the current simulated time, and whether the limit is exceeded."""
         if time_s > self.asked.limit_s + ROUNDING_S:
             self.violate(time_s)
 
@@ -43,7 +43,7 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
 
     @property
     def planned_s(self) -> float:
-        """Time limit in seconds."""
+        """Simulated time limit of the run, in seconds."""
         return self.asked.limit_s
 
     def _unjudgeable(self) -> str | None:

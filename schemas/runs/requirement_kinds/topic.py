@@ -1,4 +1,4 @@
-"""Topics: what nodes publish has to come often enough, within a range, or without errors."""
+"""Requirement on messages of a ROS topic: rate, range of a field, or absence of errors."""
 
 import math
 from collections.abc import Iterator
@@ -16,14 +16,14 @@ FieldPath = Annotated[str, ShapeName("FieldPath"), text(1, 255, r"[a-zA-Z_][a-zA
 Bound = Annotated[float, ShapeName("Bound"), Field(allow_inf_nan=False)]
 
 _ERROR, _ERROR_OF_ROS1 = 40, 8
-"""Levels of `/rosout` from which on a line is an error, in ROS 2 and ROS 1."""
+"""Log levels of `/rosout` from which a line is an error, in ROS 2 and ROS 1."""
 _QUESTIONS = ("min_hz", "max_gap_s", "field", "nodes")
 _SHOWN = 12
-"""Fields of a message that an error names."""
+"""Maximum number of message fields that an error names."""
 
 
 class TopicRequirement(RequirementKind):
-    """Messages on a topic have to come often enough, within a range, or without errors."""
+    """Pass criterion: messages on a ROS topic come often enough, within a range, or without errors."""
 
     violated_when = (
         "messages on `topic` come less often than `min_hz`, or with a longer gap than `max_gap_s`; or `field` is below "
@@ -46,7 +46,7 @@ class TopicRequirement(RequirementKind):
 
     @property
     def by_topics(self) -> bool:
-        """Whether it is measured by recorded topics only: it is."""
+        """True: the requirement is measured by recorded topics only."""
         return True
 
     @model_validator(mode="after")
@@ -66,7 +66,7 @@ class TopicRequirement(RequirementKind):
 
 
 class TopicRule(Rule[TopicRequirement]):
-    """Judges the messages of a topic, in the order in which they were recorded."""
+    """Judges the recorded messages of a topic, in recorded order."""
 
     def __init__(self, asked: TopicRequirement) -> None:
         super().__init__(asked)
@@ -81,7 +81,7 @@ class TopicRule(Rule[TopicRequirement]):
         self._first_error = ""
 
     def bind(self, scene: Scene) -> Look:
-        """Reads the recording of the topic.
+        """Connects the rule to the recorded messages of the topic.
 
         Raises:
             NotMeasuredError: The run has no recording, or the recording has no such topic.
@@ -98,7 +98,7 @@ class TopicRule(Rule[TopicRequirement]):
         return look
 
     def update(self, time_s: float, message: Any) -> None:
-        """Judges the gap before a message, and its field or diagnostic status."""
+        """Judges the gap before a message, and the message's field or diagnostic status."""
         asked = self.asked
         self.count += 1
         self.note_silence(time_s)
@@ -176,7 +176,7 @@ class TopicRule(Rule[TopicRequirement]):
 
     @property
     def rate_hz(self) -> float:
-        """Messages a second, on average over the run."""
+        """Mean rate of messages over the run, in Hz."""
         return self.count / self._end_s if self._end_s > 0 else 0.0
 
     def _numbers(self) -> Numbers:
@@ -207,7 +207,7 @@ class TopicRule(Rule[TopicRequirement]):
 
 
 def _numbers_in(value: Any) -> Iterator[float]:
-    """Numbers of a field; of a list those that are finite.
+    """Yields the numbers of a field; of a list, the finite ones.
 
     Raises:
         TypeError: The value is not a number.

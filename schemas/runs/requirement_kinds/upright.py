@@ -1,4 +1,4 @@
-"""Tilt: the robot has to stay upright."""
+"""Requirement that the robot does not tilt or fall over."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def tilt_deg(orientation: Sequence[float]) -> float:
 
 
 class UprightRequirement(RobotRequirement):
-    """The robot has to stay upright."""
+    """Pass criterion: the robot's body does not tilt beyond an angle."""
 
     violated_when = "its body's z axis is more than `max_tilt_deg` off the vertical"
 
@@ -35,13 +35,13 @@ class UprightRequirement(RobotRequirement):
 
 
 class UprightRule(Rule[UprightRequirement]):
-    """Largest tilt of the robot's body."""
+    """Records the largest tilt of the robot's body, and judges the requirement to stay upright."""
 
     largest_deg: float | None = None
-    """The largest tilt so far; None: it was not measured."""
+    """Largest tilt so far, in degrees; None: it was not measured."""
 
     def bind(self, scene: Scene) -> Look:
-        """Measures the tilt; a body that nothing lets tilt is an error."""
+        """Connects the rule to a simulation's tilt; a body that cannot tilt is an error."""
         orientation = scene.orientation(self)
         if not scene.can_tilt(self):
             self.fail("no joint lets the robot's body tilt, so it could not be missed")
@@ -56,7 +56,7 @@ class UprightRule(Rule[UprightRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the largest tilt."""
+        """Adds the largest tilt to the run's metrics."""
         if self.largest_deg is not None:
             metrics["max_tilt_deg"] = max(metrics.get("max_tilt_deg", 0.0), round(self.largest_deg, 6))
 

@@ -1,4 +1,4 @@
-"""Names of applications in jobs that neither come with this package nor are made by a step: they may be misspelt."""
+"""Finds possibly misspelt application names in jobs: neither built in, nor created by a step."""
 
 from collections.abc import Iterator, Mapping
 
@@ -12,14 +12,14 @@ BUILT_IN: Mapping[str, tuple[str, ...]] = {
     "robot": ("scout", "walker"),
     "simulation": ("indoor-navigation", RECORDED_RUN),
 }
-"""Names of the built-in applications, by what they are."""
+"""Names of the built-in applications, by role."""
 
 _MAKERS = {"CreateRobotApplication": "robot", "CreateSimulationApplication": "simulation"}
 _OPENING = "${{"
 
 
 def application_notes(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
-    """Finds names of applications that only the catalog may know, which is asked when a specification is run.
+    """Yields names of applications that only the catalog may know, which is asked when the specification runs.
 
     Args:
         steps: the steps, whose inputs may have problems.
@@ -41,7 +41,7 @@ def application_notes(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
 
 
 def _named(node: Node, location: Location) -> Iterator[tuple[Location, str, ScalarNode]]:
-    """The names of applications in a request, each after its location and what the application is."""
+    """Yields the names of applications in a request, each with its location and role."""
     if isinstance(node, ListNode):
         for index, item in enumerate(node.items):
             yield from _named(item, (*location, index))
@@ -61,5 +61,5 @@ def _named(node: Node, location: Location) -> Iterator[tuple[Location, str, Scal
 
 
 def _is_name(text: str) -> bool:
-    """Whether a text is a name: ARNs are looked up elsewhere, and references have no value yet."""
+    """Returns whether a text is a plain name, and no ARN or reference."""
     return bool(text) and ":" not in text and _OPENING not in text

@@ -1,7 +1,7 @@
-"""Checks one step's input before anything runs: references, their kinds, the request's shape, template bodies.
+"""Checks a step's input before anything runs: references, their types, the request's shape, template bodies.
 
-References have no values yet. Placeholders that fit stand in for them while the request is validated;
-what the validator then says about a placeholder itself is left out.
+References have no values yet. Fitting placeholders replace them during validation, and errors about a placeholder
+itself are ignored.
 """
 
 import json
@@ -38,7 +38,7 @@ from .rounds import Rounds, within
 Scope: TypeAlias = Mapping[str, Kind]
 
 _ANY_NAME = ""
-"""Name in a scope that has a variable whose name is not known."""
+"""Name in a scope that stands for a variable whose name is unknown."""
 _ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
 TEMPLATE_BODY = "templateBody"
 
@@ -48,9 +48,9 @@ class InputCheck:
     """Checks the input of one step of a specification, before anything runs."""
 
     operation: str | None
-    """`None`: it is not known, so that only references are checked."""
+    """Name of the operation; `None`: unknown, so that only references are checked."""
     node: Node
-    """The input; when it was checked, with misspelt members under the names that they were meant to have."""
+    """Input; after the check, misspelt members have the names that were probably meant."""
     scope: Scope
     location: Location
     """Keys that lead to the input in the file."""
@@ -60,11 +60,11 @@ class InputCheck:
 
     problems: list[Problem] = field(default_factory=list[Problem])
     names: set[str] = field(default_factory=set[str])
-    """Steps it refers to."""
+    """Names of the steps to which it refers."""
 
     _references: list[Location] = field(default_factory=list[Location])
     _wrong_names: set[str] = field(default_factory=set[str])
-    """Names that no variable may have, which variables have; what references say of these comes of that."""
+    """Invalid variable names; errors of references to them are ignored."""
     _respelling: Respelling | None = None
 
     def run(self) -> "InputCheck":
@@ -86,7 +86,7 @@ class InputCheck:
         return self
 
     def _report(self, location: Location, message: str, *, at_key: bool = False) -> None:
-        """Tells what is wrong at a location of the request."""
+        """Adds a problem at a location of the request to the list."""
         self._report_at(as_written(self.node, location), message, at_key=at_key)
 
     def _report_at(self, written: Location, message: str, *, at_key: bool = False) -> None:
@@ -94,14 +94,14 @@ class InputCheck:
         self.problems.append(Problem(place, self._path(written), message))
 
     def _path(self, written: Location) -> str:
-        """The path of a member, by the names that the file has."""
+        """Returns the path of a member, with the names in the file."""
         inside = written if self._respelling is None else self._respelling.path(written)
         return path_text((*self.location, *inside))
 
     # References
 
     def _walk(self, node: Node, location: Location, annotation: Any, scope: Scope) -> Any:
-        """The request with placeholders; locations are those in the request."""
+        """Converts a node of the request to plain values with placeholders; locations are those in the request."""
         if construct := for_each_of(node):
             return self._for_each(construct, location, annotation, scope)
         if isinstance(node, MappingNode):
@@ -129,7 +129,7 @@ class InputCheck:
         return Placeholder(annotation)
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
-        """The kind of value that a text with references gives; `None` for one without."""
+        """Returns the type of the value of a text with references; `None` for a text without references."""
         try:
             template = parse_template(text)
             if not template.references:
@@ -160,7 +160,7 @@ class InputCheck:
         return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
 
     def _variables(self, construct: MappingNode, item: Kind, problems: list[RequestProblem]) -> dict[str, Kind]:
-        """The variables that the value of a `forEach` may use; of a wrong one only that it is there."""
+        """Returns the variables that a `forEach` defines; of an invalid one, only their existence."""
         variable = variable_of(construct)
         if any(problem.location == ("as",) for problem in problems):
             self._wrong_names |= set() if is_step_name(variable) else {variable}
@@ -171,7 +171,7 @@ class InputCheck:
         return {**{name: kind for name, kind in named.items() if isinstance(name, str)}, variable: item}
 
     def _unknown(self, location: Location, annotation: Any) -> Placeholder:
-        """Stands for what cannot be checked before something else is put right."""
+        """Makes a placeholder for a value that cannot be checked because of another error."""
         self._references.append(location)
         return Placeholder(annotation)
 
@@ -197,7 +197,7 @@ class InputCheck:
         return problems
 
     def _source_item(self, source: Node, location: Location, scope: Scope) -> Kind:
-        """The kind of the entries that a `forEach` goes through."""
+        """Returns the type of the items over which a `forEach` iterates."""
         if isinstance(source, ListNode):
             self._walk(source, location, list, scope)
             return ANYTHING
@@ -231,7 +231,7 @@ class InputCheck:
         return Problem(place_of(problem, self.node, self.place), self._path(written), message)
 
     def _check_body(self, body: Any) -> None:
-        """Checks a template body that is written out in the file, as a mapping or as JSON text."""
+        """Checks a template body that is written in the file, as a mapping or as JSON text."""
         written = child(self.node, TEMPLATE_BODY)
         if isinstance(body, str):
             try:
@@ -254,7 +254,7 @@ class InputCheck:
 
 
 def _inner(annotation: Any, key: str, value: Node) -> Any:
-    """The annotation of a member; a template body that is a mapping is one, though the wire has its text."""
+    """Returns the type annotation of a member; a template body may be a mapping although the API has its text."""
     is_body = key == TEMPLATE_BODY and isinstance(value, MappingNode) and kind_of(annotation) != TEXT
     return WorldTemplateBody if is_body and _has_body(annotation) else inner(annotation, key)
 
@@ -264,7 +264,7 @@ def _has_body(annotation: Any) -> bool:
 
 
 def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
-    """Whether a problem of a template body may be due to the wrong name of a room, or to rooms that are not known."""
+    """Returns whether a problem of a template body may be caused by a wrong or unknown room name."""
     if "no such room" not in problem.message:
         return False
     return within(_ROOMS, blamed) or (within(blamed, _ROOMS) and blamed[len(_ROOMS) + 1 :] in ((), ("Name",)))

@@ -1,4 +1,4 @@
-"""Placeholders: what stands for values that are not known yet, and values that fit in their place."""
+"""Placeholders for values that are unknown before a run, and fitting values for validation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ from ..reference_typing import (
 )
 
 KIND = "kind"
-"""Member that says which of several models a mapping is."""
+"""Name of the member that selects one of several models for a mapping."""
 
 
 class Filling(NamedTuple):
-    """Values for all placeholders of a request."""
+    """Values that replace all placeholders of a request during validation."""
 
     texts: tuple[str, ...]
-    """The first one that fits is taken."""
+    """Texts, of which the first that fits is taken."""
 
     numbers: tuple[int, ...]
-    """The first one that fits is taken."""
+    """Numbers, of which the first that fits is taken."""
 
 
 # One of these fits every text that the requests ask for: words, files, numbers of axes, versions, roles.
@@ -41,27 +41,27 @@ FILLINGS = (
     Filling(("placeholder", "0.75", "1", "arn:aws:iam::000000000000:role/placeholder", "a.zip"), (1, 0, 100)),
     Filling(("placeholder.zip", "0.875", "2", "arn:aws:iam::000000000000:role/other", "other"), (100, 1, 0)),
 )
-"""Two fillings that have little in common: what is wrong in one of them only is not known to be wrong."""
+"""Two sets of values with little in common: only errors that occur with both are certain."""
 
 MOST_ATTEMPTS = max(len(filling.texts) for filling in FILLINGS)
-"""Values that may be tried in a place: rules may refuse what its type allows."""
+"""Maximum number of values tried at a place, as rules may refuse values that the type allows."""
 
 
 _LIKE_KINDS = 0.7
-"""Likeness of two kinds from which on one is read as the other: kinds have short names, and there are few."""
+"""Similarity of two kinds from which one is read as the other; kinds are short names, and there are few."""
 
 
 @dataclass(frozen=True)
 class Placeholder:
-    """Stands for a value that is not known yet."""
+    """Placeholder for a value that is not known yet."""
 
     annotation: Any
     attempt: int = 0
-    """Number of other values that were refused before."""
+    """Number of values that were refused before at this place."""
 
 
 def inner(annotation: Any, step: str | int) -> Any:
-    """Returns the annotation of a member or an entry of something so annotated."""
+    """Returns the type annotation of a member or an item of an annotated type."""
     core = without_none(annotation)
     if get_origin(core) is (list if isinstance(step, str) else dict):
         return Any  # the wrong kind of collection; its entries are not at fault
@@ -74,7 +74,7 @@ def inner(annotation: Any, step: str | int) -> Any:
 
 
 def choices_of(annotation: Any) -> Mapping[str, type[BaseModel]]:
-    """Returns the models of a choice by their kinds; empty if the annotation is no choice."""
+    """Returns the models of a tagged union by their kinds; empty for other annotations."""
     models = get_args(without_none(annotation))
     choices = (model for model in models if isinstance(model, type) and issubclass(model, BaseModel))
     with_kinds = ((model, model.model_fields[KIND]) for model in choices if KIND in model.model_fields)
@@ -82,18 +82,18 @@ def choices_of(annotation: Any) -> Mapping[str, type[BaseModel]]:
 
 
 def chosen(annotation: Any, kind: object) -> Any:
-    """Returns the one of several models that a mapping says it is, or nearly says.
+    """Returns the model of a union that a mapping's kind names, or nearly names.
 
     Args:
-        annotation: the annotation, which is returned if it is no choice, or has no such model.
-        kind: what the mapping says.
+        annotation: Annotation, which is returned if it is no union, or has no such model.
+        kind: Kind that the mapping names.
     """
     choices = choices_of(annotation)
     return choices.get(meant_kind(annotation, kind) or "", annotation)
 
 
 def meant_kind(annotation: Any, kind: object) -> str | None:
-    """Returns the kind of a choice that a mapping says it is, or nearly says; `None` if there is none."""
+    """Returns the kind of a union that a mapping names, or nearly names; `None` if there is none."""
     choices = choices_of(annotation)
     if not isinstance(kind, str) or not choices:
         return None
@@ -104,8 +104,8 @@ def annotation_at(annotation: Any, value: Any, location: tuple[str | int, ...]) 
     """Returns the annotation of the value at a location of a request.
 
     Args:
-        annotation: that of the request.
-        value: the request, whose mappings say which of several models they are.
+        annotation: Annotation of the request.
+        value: Request, whose mappings name their kinds.
         location: members and list positions that lead to the value.
     """
     for step in location:
@@ -127,7 +127,7 @@ def value_at(value: Any, location: tuple[str | int, ...]) -> Any:
 
 
 def filled(value: Any, filling: Filling) -> Any:
-    """Returns plain data with values that fit in place of placeholders."""
+    """Returns plain data with fitting values in place of placeholders."""
     if isinstance(value, Placeholder):
         return _example(value.annotation, filling, value.attempt)
     if is_object(value):
@@ -138,7 +138,7 @@ def filled(value: Any, filling: Filling) -> Any:
 
 
 def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
-    """A value that fits, if one is easily found; another one for each attempt, if there is another."""
+    """Returns a value that fits an annotation, if one is easily found; another one for each attempt, if possible."""
     if choices := choices_of(annotation):
         return _example_of_choice(choices, filling)
     kind = kind_of(annotation)
@@ -159,7 +159,7 @@ def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
 
 
 def _listed(annotation: Any) -> Sequence[Any]:
-    """The values that an annotation lists, if it lists all that are right."""
+    """Returns the values that an annotation allows, if it lists all of them."""
     metadata = getattr(annotation, "__metadata__", ())
     extras = (each.json_schema_extra for each in metadata if isinstance(each, FieldInfo))
     listed = next((extra["enum"] for extra in extras if is_object(extra) and "enum" in extra), ())

@@ -1,4 +1,4 @@
-"""Reads misspelt members of a specification as those that were meant, so that what they hold is checked too."""
+"""Renames misspelt members of a specification to the ones that were probably meant, and so checks their content."""
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
@@ -11,19 +11,19 @@ from ..text import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
 
 _OF_REQUIRED = 0.7
-"""Likeness from which on a key is taken for a member that has to be there and is not, such as `stages` for `steps`."""
+"""Similarity from which a key is taken for a required member that is missing, such as `stages` for `steps`."""
 
 
 @dataclass
 class Respelling:
-    """A part of a specification with misspelt members under the names that they were meant to have."""
+    """A part of a specification with misspelt members renamed to the ones that were probably meant."""
 
     node: Node
     written: dict[Location, str] = field(default_factory=dict[Location, str])
-    """Names as they were written, by the locations that they have now."""
+    """Original names, by present location."""
 
     def path(self, location: Location) -> Location:
-        """Returns the location in the file of a location in the respelt part."""
+        """Converts a location in the renamed part to the location in the file."""
         return tuple(
             self.written.get(location[: length + 1], step) if isinstance(step, str) else step
             for length, step in enumerate(location)
@@ -31,12 +31,12 @@ class Respelling:
 
 
 def respelt(node: Node, annotation: Any, known: Mapping[str, Any] | None = None) -> Respelling:
-    """Renames members whose names are very like that of one that is absent.
+    """Renames members whose names are very similar to that of a missing member.
 
     Args:
-        node: the part as written.
-        annotation: its kind.
-        known: names that members may have besides those of its model, with the kinds of their values.
+        node: Part of the specification as written.
+        annotation: Type annotation of the part.
+        known: Further allowed names, with the types of their values.
     """
     respelling = Respelling(node)
     respelling.node = _respelt(node, annotation, (), respelling.written, known or {})
@@ -67,7 +67,7 @@ def _respelt(
 
 
 def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
-    """The names that a mapping's keys may have, with the kinds of their values; empty where any name is right."""
+    """Returns the names that a mapping's keys may have, with their types; empty if any name is allowed."""
     kind = kind_of(annotation)
     if isinstance(kind, Structure):
         return {name: inner(annotation, name) for name in kind.model.model_fields}
@@ -77,14 +77,14 @@ def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
 
 
 def _required(annotation: Any) -> Set[str]:
-    """The members that a mapping has to have."""
+    """Returns the required members of a mapping."""
     kind = kind_of(annotation)
     fields = kind.model.model_fields if isinstance(kind, Structure) else {}
     return {name for name, field_info in fields.items() if field_info.is_required()}
 
 
 def _meant(node: MappingNode, names: Mapping[str, Any], required: Set[str]) -> dict[str, str]:
-    """The absent members that keys are taken for, by key; members that have to be there go first."""
+    """Returns the missing members for which keys are taken, by key; required members take precedence."""
     meant: dict[str, str] = {}
     for key in node.entries:
         absent = [name for name in names if name not in node.entries and name not in meant.values()]

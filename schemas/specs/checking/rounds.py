@@ -1,8 +1,8 @@
-"""Finds everything that is wrong with a request, also what stands behind something else that is wrong.
+"""Finds all problems of a request, including those that other problems hide.
 
-A validator does not ask rules about several values while one of the values is wrong, and does not look into a mapping
-whose kind is misspelt. So a request is checked in rounds: after each, placeholders stand in for what was found wrong,
-until nothing more is found. What only comes of a placeholder is no problem of the request and is left out.
+A validator does not run rules about several values while one of them is invalid, and does not look into a mapping whose
+kind is misspelt. So a request is checked in rounds: after each, placeholders replace the invalid values, until no more
+problems are found. Problems caused by a placeholder are ignored.
 """
 
 import re
@@ -16,43 +16,46 @@ from ..reference_typing import Scalar, Structure, kind_of
 from .placeholders import FILLINGS, KIND, MOST_ATTEMPTS, Placeholder, annotation_at, filled, meant_kind, value_at
 
 _MOST_ROUNDS = 40
-"""Rounds after which no more is looked for. Each tries another value or goes one level up from what is wrong; requests
-are some 10 levels deep, and each round but the first costs what the first one did."""
+"""Maximum number of rounds. Each tries another value or replaces a value one level above the problem; requests are
+about 10 levels deep, and each later round takes as long as the first.
+"""
 
 Validate = Callable[[Any], Sequence[RequestProblem]]
 
 
 def within(location: Location, outer: Location) -> bool:
-    """Whether a location is another one, or inside of it."""
+    """Returns whether a location is equal to another one, or inside of it."""
     return location[: len(outer)] == outer
 
 
 @dataclass
 class Rounds:
-    """Checks a request round by round."""
+    """Check of a request in several rounds."""
 
     model: Any
-    """The request's annotation."""
+    """Type annotation of the request."""
 
     validate: Validate
-    """Finds what is wrong with a request that has values in place of placeholders."""
+    """Function that finds problems of a request in which placeholders are filled with values."""
 
     request: Any
-    """The request with placeholders."""
+    """Request with placeholders."""
 
     unknown: list[Location]
-    """Places whose values are not known yet; what is wrong there is left out."""
+    """Locations whose values are not known yet; problems there are ignored."""
 
     follows_from: Callable[[RequestProblem, Location], bool] = lambda _problem, _blamed: False
-    """Whether a problem of a rule may be due to what is wrong at a place, for what its message does not show."""
+    """Function that returns whether a rule's problem may be caused by a problem at a location, if its message does not
+    show it.
+    """
 
     problems: list[RequestProblem] = field(default_factory=list[RequestProblem])
 
     _blamed: set[Location] = field(default_factory=set[Location])
-    """Places of problems that were found: what rules say about them may be due to these."""
+    """Locations of found problems, which may cause problems of rules."""
 
     def run(self) -> list[RequestProblem]:
-        """Returns everything that is wrong with the request."""
+        """Returns all problems of the request."""
         for number in range(_MOST_ROUNDS):
             first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
             if not first or not second:
@@ -70,7 +73,7 @@ class Rounds:
         return any(within(problem.location, each) for each in self.unknown)
 
     def _is_fresh(self, problem: RequestProblem, *, is_first: bool) -> bool:
-        """Whether a problem is one of the request itself, and not of what stands in for something."""
+        """Returns whether a problem is one of the request itself, and not caused by a placeholder."""
         if (self._is_unknown(problem) and not problem.about_key) or problem in self.problems:
             return False
         return (
@@ -80,7 +83,7 @@ class Rounds:
         )
 
     def _put_right(self, problem: RequestProblem) -> None:
-        """Puts something right in the place of what is wrong."""
+        """Replaces an invalid value of a request by a placeholder that fits."""
         location = self._deepest(problem.location) if problem.is_rule else problem.location
         if not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
             self.request = _changed(self.request, location, kind)
@@ -92,7 +95,7 @@ class Rounds:
             self._place(location)
 
     def _remove(self, location: Location) -> None:
-        """Removes a member; the one that it may have been meant to be is unknown then."""
+        """Removes a member; the member that was probably meant becomes unknown."""
         self.request = _changed(self.request, location, None)
         kind = kind_of(annotation_at(self.model, self.request, location[:-1]))
         parent = value_at(self.request, location[:-1])
@@ -117,7 +120,7 @@ class Rounds:
         return None if meant == kind else meant
 
     def _widen(self, standing: Sequence[RequestProblem]) -> bool:
-        """Takes back what stands in one level above, where no value was found that fits; whether that was possible."""
+        """Replaces values one level above placeholders for which no value fits; returns whether that was possible."""
         stuck = {self._stand_in_of(each.location) for each in standing} - {()}
         tried = {place for place in stuck if self._has_more(place)}
         for place in tried:
@@ -131,18 +134,18 @@ class Rounds:
         return bool(wider)
 
     def _stand_in_of(self, location: Location) -> Location:
-        """The place of what stands in where a problem is; the place of the problem itself, if that is as written."""
+        """Returns the location of the placeholder that contains a problem, else that of the problem."""
         around = [place for place in self.unknown if within(location, place)]
         return max(around, key=len) if around else self._deepest(location)
 
     def _has_more(self, place: Location) -> bool:
-        """Whether there are values for a place that were not tried."""
+        """Returns whether there are values that have not been tried at a location."""
         found = value_at(self.request, place)
         is_single = isinstance(found, Placeholder) and isinstance(kind_of(found.annotation), Scalar)
         return is_single and found.attempt + 1 < MOST_ATTEMPTS
 
     def _deepest(self, location: Location) -> Location:
-        """The part of a location that the request has: what follows is inside of a text."""
+        """Returns the part of a location that exists in the request, as the rest is inside of a text."""
         for length in range(len(location), 0, -1):
             if value_at(self.request, location[:length]) is not None:
                 return location[:length]
@@ -150,18 +153,18 @@ class Rounds:
 
 
 def _in_both(first: Sequence[RequestProblem], second: Sequence[RequestProblem]) -> list[RequestProblem]:
-    """The problems that a request has with either filling."""
+    """Returns the problems that occur with both sets of placeholder values."""
     again = {_identity(each) for each in second}
     return [each for each in first if _identity(each) in again]
 
 
 def _identity(problem: RequestProblem) -> object:
-    """Identity of a problem: where it is and, of a rule, what it says; values in other messages may differ."""
+    """Returns a key that identifies a problem: its location and, for a rule, its message."""
     return (problem.location, problem.message) if problem.is_rule else (problem.location, problem.about_key)
 
 
 def _is_due(problem: RequestProblem, blamed: Location) -> bool:
-    """Whether a rule may have found something only because of what is wrong elsewhere: it names that, or is in it."""
+    """Returns whether a rule's problem may be caused by another problem, which it names or is inside of."""
     if within(problem.location, blamed):
         return True
     shared = next((n for n, (a, b) in enumerate(zip(problem.location, blamed, strict=False)) if a != b), None)
@@ -177,13 +180,13 @@ _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 def _named(message: str) -> Iterator[Location]:
-    """The members that a message may name: every word of it could be one."""
+    """Yields the members that a message may name, as every word could be one."""
     for path in _PATH.findall(message):
         yield tuple(name or int(index) for name, index in _STEP.findall(path))
 
 
 def _changed(value: Any, location: Location, new: Any) -> Any:
-    """Plain data with another value at a location; without the member there, for `None`."""
+    """Returns plain data with another value at a location; `None` removes the member."""
     if not location:
         return new
     step, *rest = location

@@ -1,18 +1,18 @@
-"""The order of steps, and circles of steps that wait for each other."""
+"""Order of steps by their dependencies, and circular dependencies."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from graphlib import TopologicalSorter
 from heapq import heappop, heappush
 
 Graph = Mapping[str, Sequence[str]]
-"""Steps in file order, each with those that have to end before it."""
+"""Steps in file order, each with the steps that have to end before it."""
 
 
 def in_order(graph: Graph) -> tuple[str, ...]:
-    """Returns the steps, each after those it needs, otherwise as in the file.
+    """Returns the steps, each after those it needs, otherwise in file order.
 
     Args:
-        graph: the steps, of which none wait for each other.
+        graph: Steps without circular dependencies.
     """
     sorter = TopologicalSorter(graph)
     sorter.prepare()
@@ -28,12 +28,12 @@ def in_order(graph: Graph) -> tuple[str, ...]:
 
 
 def circles(graph: Graph) -> Iterator[list[str]]:
-    """Yields circles of steps that wait for each other, each as a path that ends where it begins.
+    """Yields circular dependencies of steps, each as a path that ends where it begins.
 
-    If the last arrow of each circle were not there, no step would wait for itself.
+    Removing the last edge of each path removes all circular dependencies.
 
     Args:
-        graph: the steps.
+        graph: Steps with their dependencies.
     """
     ended: set[str] = set()
     for start in graph:

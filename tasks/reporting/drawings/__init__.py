@@ -1,1 +1,1 @@
-"""Plans of worlds for the report, as SVG: walls, furniture, names of rooms, and the way that a robot drove."""
+"""Floor plans of worlds for the report, as SVG: walls, furniture, room names, and the robot's path."""

@@ -1,4 +1,4 @@
-"""Fits names into rooms of a drawn plan."""
+"""Placement of room names in a floor plan."""
 
 import math
 from collections.abc import Sequence
@@ -33,8 +33,8 @@ class Box:
 def largest_box(polygon: Sequence[Point]) -> Box:
     """Returns the largest rectangle inside a room's axis-aligned polygon, as the place for its label.
 
-    Rooms have few corners, so trying all pairs of coordinates is quick; for a polygon of very many
-    corners the box around it has to do.
+    All pairs of coordinates are tried, as rooms have few corners; for a polygon with very many corners, the bounding
+    box is returned.
     """
     xs = sorted({round(x, 6) for x, _ in polygon})
     ys = sorted({round(y, 6) for _, y in polygon})
@@ -59,11 +59,11 @@ def draw_label(
     """Draws a room's name and a note in a floor plan, where they cover least; vertically in narrow rooms.
 
     Args:
-        name: shortened when it does not fit, then the whole name is the tooltip.
-        note: left out when it does not fit.
+        name: Name of the room; it is shortened if it does not fit, and the whole name becomes the tooltip.
+        note: Text below the name; left out if it does not fit.
         polygon: the room's corners in metres.
         frame: the drawing.
-        crowd: points of the drawing that had better stay visible.
+        crowd: Points of the drawing that the label should not cover.
         size: height of the letters in units of the drawing; long names get smaller ones.
     """
     box = largest_box(polygon)
@@ -90,7 +90,7 @@ def draw_label(
 
 
 def _calmest(box: Box, label: tuple[float, float], frame: Frame, crowd: Sequence[Point]) -> Point:
-    """The middle of the label where it covers the fewest points of the crowd, near the box's middle if equal."""
+    """Returns the centre of the label where it covers the fewest points to keep free, nearest to the box's centre."""
     (left, top), (right, bottom) = frame.at((box.left, box.top)), frame.at((box.right, box.bottom))
     middle = (left + right) / 2, (top + bottom) / 2
     near = [(x, y) for x, y in crowd if left < x < right and top < y < bottom]

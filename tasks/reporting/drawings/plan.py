@@ -199,7 +199,7 @@ def _scale_bar(frame: Frame) -> Markup:
 
 
 def _ground(world: World, frame: Frame, fixtures: str) -> tuple[Markup, Markup]:
-    """The floors, and all that stands on them."""
+    """Returns the floors, and the group of furniture, walls and other fixtures on them."""
     floors = group((_floor(room, "floor", frame) for room in world.floorplan.rooms), class_="floors")
     return floors, element("use", href=f"#{fixtures}")
 
@@ -214,7 +214,7 @@ def _line(start: Point, end: Point, frame: Frame) -> Markup:
 
 
 def _wall(wall: Wall, frame: Frame) -> Markup:
-    """A wall is the box from its start to its end; at corners, one of the two reaches around."""
+    """Draws a wall as the box from its start to its end; at corners, one of the two walls includes the corner."""
     (x1, y1), (x2, y2) = frame.at(wall.start), frame.at(wall.end)
     return element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke_width=wall.thickness_m * frame.scale)
 

@@ -1,4 +1,4 @@
-"""Writing SVG safely, and turning metres on the ground to units of a drawing."""
+"""Safe writing of SVG, and conversion of metres on the ground to units of a drawing."""
 
 import math
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ def element(tag: str, *children: str | Markup, **attributes: str | Number | None
     """Makes one SVG or HTML element.
 
     Args:
-        tag: its name.
+        tag: Name of the element.
         *children: content; plain strings are escaped.
         **attributes: `class_` becomes `class`, other underscores become hyphens; None leaves one out.
 
@@ -49,7 +49,7 @@ def points(pairs: Iterable[tuple[float, float]]) -> str:
 
 
 EXTENT = 1000.0
-"""The longer side of every drawing, so that line widths and letters can be fixed in the style sheet."""
+"""Length of the longer side of every drawing, so that the style sheet can have fixed line widths and letters."""
 
 _MARGIN_M = 0.35
 _FOOT = 44.0  # room for the scale bar below the plan
@@ -65,7 +65,7 @@ class Frame:
     """Units of the drawing per metre."""
     width: float
     height: float
-    """Size in units, the strip for the scale bar included."""
+    """Height in units of the drawing, including the strip for the scale bar."""
 
     def at(self, point: Point) -> Point:
         """Converts a point on the ground (metres) to drawing coordinates."""

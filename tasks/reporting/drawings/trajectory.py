@@ -1,4 +1,4 @@
-"""The robot's path and its collisions, drawn on a plan."""
+"""Drawing of the robot's path and its collisions on a floor plan."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from ....schemas.worlds.world import Point
 from .svg_writing import Frame, element, group, number, points
 
 SHADES = 8
-"""Steps of colour along the path, from start to end; the style sheet has the colours."""
+"""Number of colours along the path, from start to end; the style sheet has the colours."""
 
 _ARROWS = 9
 _CLUSTER_M = 0.3
@@ -135,7 +135,7 @@ def covered_points(result: RunResult, frame: Frame) -> list[Point]:
 
 
 def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
-    """Small arrow heads at equal distances along the path."""
+    """Draws small arrow heads at equal distances along the path."""
     lengths = [math.dist(a, b) for a, b in pairwise(drawn)]
     total = sum(lengths)
     if total < 60:
@@ -157,7 +157,7 @@ def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
 
 
 def _mark(at: Point, kind: str) -> Markup:
-    """A disc where the robot started or is now, a chequered square's outline where it ended; each carries a word."""
+    """Draws a disc for the start or present position, and a chequered square for the end, with a label."""
     x, y = at
     shape = (
         element("circle", r=11)

@@ -1,1 +1,1 @@
-"""The page of a specification's history, and words about what changed since when."""
+"""HTML page of a specification's history over its runs, and texts about changes between runs."""

@@ -17,7 +17,7 @@ from ....schemas.reports.changes import (
 from .. import outcomes
 
 _MOST_NAMED = 4
-"""Requirements that a title names."""
+"""Maximum number of requirements in a title."""
 _MOST_MARGINS = 5
 
 
@@ -36,7 +36,7 @@ def change_in_words(change: ChangedInput) -> str:
 
 
 def value_change_in_words(change: ChangedInput) -> str:
-    """Describes a parameter whose value changed: `arm: a → b`; one that a run lacks: `arm: none → b`."""
+    """Describes a parameter whose value changed: `arm: a → b`; a missing one is `none`: `arm: none → b`."""
     before, after = ("none" if value is None else value or '""' for value in (change.before, change.after))
     return f"{change.name}: {before} → {after}"
 
@@ -88,7 +88,7 @@ def place_in_words(place: NewlyMissed) -> str:
 
 
 def _is_certain(change: RequirementChange) -> bool:
-    """Whether all of the trials that a change names did the same until now, as programs that repeat do."""
+    """Returns whether all trials of a change did the same before, as programs that repeat exactly do."""
     return bool(change.places) and all(place.certain for place in change.places)
 
 
@@ -101,7 +101,7 @@ def judged_otherwise_in_words(jobs: int) -> str:
 
 
 def without_earlier_in_words(since: SinceLastRun) -> str:
-    """Says that some jobs are new, or have another world or seed; empty if none or all of them are."""
+    """Returns the text that some jobs are new, or have another world or seed; empty if none or all of them are."""
     if not since.unpaired or not since.paired:
         return ""
     have = "1 job has" if since.unpaired == 1 else f"{since.unpaired} jobs have"
@@ -112,8 +112,8 @@ def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
     """Describes losses against earlier runs, one line for each kind: `1 job is gone: drive: request 3 scout, ...`.
 
     Args:
-        losses: what a run judges less than earlier ones.
-        most: how many jobs a line names at most; None: all.
+        losses: Jobs, requirements and trials that earlier runs had and the new run lacks.
+        most: Maximum number of jobs in a line; None: all.
     """
     kinds = (
         (losses.gone, "is gone", "are gone"),
@@ -152,5 +152,5 @@ def shared_since(changes: Sequence[CellChange]) -> str:
 
 
 def _short(value: str | None) -> str:
-    """Hashes cut, anything else as it is."""
+    """Shortens hashes, and returns other texts unchanged."""
     return re.sub(r"(?:sha256:)?\b([0-9a-f]{8})[0-9a-f]{24,}\b", r"\1", value or "", count=0)

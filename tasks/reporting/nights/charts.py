@@ -1,4 +1,4 @@
-"""Small drawings of nights: pass rates with intervals, strips of outcomes, bars of rates."""
+"""Small SVG charts of a specification's runs: pass rates with intervals, outcomes, bars of rates."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,7 +10,7 @@ from ....schemas.reports.run_record import CaseOutcome
 from ..drawings.svg_writing import element, number, points
 
 WIDTH, HEIGHT = 720.0, 250.0
-"""Size of the chart, in units of its drawing."""
+"""Width and height of the chart in units of its drawing."""
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 12.0, 12.0, 40.0
 _MOST_DATES = 6
@@ -30,8 +30,8 @@ def rate_chart(nights: Sequence[Night], titles: Sequence[str]) -> Markup:
     """Draws the pass rate of each run with its confidence interval; a line marks changed inputs.
 
     Args:
-        nights: the runs, oldest first.
-        titles: what is said of each when it is pointed at.
+        nights: Figures of the runs, oldest first.
+        titles: Tooltip of each run.
     """
     columns = [
         element("g", element("title", title), *_column(night, index, len(nights)), class_="night")

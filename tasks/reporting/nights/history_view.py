@@ -1,4 +1,4 @@
-"""View model of the page of a specification's history; the template only places it."""
+"""View model of the history page of a specification; the template only places its values."""
 
 import os
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from .changes import change_in_words
 from .charts import outcome_strip, rate_chart, rate_strip
 
 _MOST_CELLS = 500
-"""Rows of the table of jobs; those that need a look stand first."""
+"""Maximum number of rows in the table of jobs; those that need attention come first."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,13 @@ class NightView:
 
     night: Night
     link: str
-    """Address of its report from the page; empty where there is none."""
+    """Relative URL of the run's report; empty if there is none."""
     outcome: Outcome
     changed: str
     remark: str
-    """Number of its processes that died, and its answer if it ran beside an earlier one; empty: nothing of both."""
+    """Number of the run's processes that died, and its comparison with an earlier run; empty if there is nothing to
+    say.
+    """
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class HistoryPage:
     state: str
     chart: Markup
     nights: list[NightView]
-    """The latest first."""
+    """Rows of the runs, the latest first."""
     cells: list[CellView]
     cells_hidden: int
     world_rates: list[RateView]
@@ -65,7 +67,7 @@ class HistoryPage:
 
     @property
     def latest(self) -> NightView:
-        """The latest run."""
+        """Row of the latest run."""
         return self.nights[0]
 
     @property
@@ -83,8 +85,8 @@ def view_history(history: History, folder: Path) -> HistoryPage:
     """Computes the values for the HTML page of a specification's history.
 
     Args:
-        history: what to show; of at least one run.
-        folder: the folder the page will be in, which links to reports start from.
+        history: History of at least one run.
+        folder: Folder that will contain the page, to which links are relative.
     """
     nights = [_view_night(night, folder) for night in history.nights]
     last = history.nights[-1]
@@ -102,7 +104,7 @@ def view_history(history: History, folder: Path) -> HistoryPage:
 
 
 def _headline(history: History) -> str:
-    """`3 runs; 18 of 20 passed in the last one`."""
+    """Returns the headline: `3 runs; 18 of 20 passed in the last one`."""
     count, share = len(history.nights), history.nights[-1].success
     runs = f"{count} {'run' if count == 1 else 'runs'}"
     if share.rate is None:
@@ -112,7 +114,7 @@ def _headline(history: History) -> str:
 
 
 def _passed(night: Night) -> str:
-    """`18 of 20 passed`; where jobs have trials, these are counted, and named."""
+    """Returns the number of passed jobs or trials of a run: `18 of 20 passed`."""
     of = f"{night.success.passed} of {night.success.passed + night.success.failed}"
     return f"{of} {'passed' if night.trials == night.jobs else 'trials passed'}"
 

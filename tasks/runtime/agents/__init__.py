@@ -1,1 +1,1 @@
-"""Robots that are programs of their own: the agent protocol, its client, and recorded actions."""
+"""Robot applications that run in a process of their own: agent protocol, its client, and recorded actions."""

@@ -1,4 +1,4 @@
-"""Log of the actions of a robot's program: `actions.bin`, written while it runs and read to repeat the run."""
+"""Log of a robot program's actions: the file `actions.bin`, written during a run and read to repeat the run."""
 
 import hashlib
 import json
@@ -23,22 +23,24 @@ from .agent_layout import Layout
 
 ACTIONS_FILE = "actions.bin"
 CHUNK_ACTIONS = 1024
-"""Most actions of a chunk."""
+"""Maximum number of actions in one compressed chunk of the log."""
 CHUNK_BYTES = 64 * 1024
-"""Actions are compressed when they have so many bytes: what is kept in memory, if one action is not larger."""
+"""Size in bytes at which buffered actions are compressed into a chunk; it bounds the memory that the writer needs."""
 
 MAGIC = b"robomaker actions 1\n"
 PLAIN, PACKED = b"RMAP", b"RMAZ"
-"""Kinds of chunks: one action as it is, several compressed."""
+"""Kinds of chunks in the log: one uncompressed action, or several compressed ones."""
 _CHUNK = struct.Struct("<4sIIQI")
-"""Kind, actions, bytes of the content, number of the first action, CRC-32 of all but kind and this."""
+"""Header of a chunk: kind, number of actions, content size in bytes, number of the first action, and a CRC-32 of all
+other fields and the content.
+"""
 _MOST_HEADER_BYTES = 16 * 1024 * 1024
 _MOST_ACTION_BYTES = 2**30
 _MOST_OVERHEAD_BYTES = 1024
 
 
 class ActionLogError(ValueError):
-    """Raised for a log of robot actions that cannot be read."""
+    """Raised when a log of robot actions cannot be read."""
 
 
 _Bound = bool | int | float | None
@@ -56,7 +58,7 @@ class ActionArray(Model):
     description: str | None = Field(default=None, description="The name that the environment gives it.")
 
     def __str__(self) -> str:
-        """Describes the array: `grip: bool[]`, or `float64[2]` if the action is only this array."""
+        """Describes the array in short: `grip: bool[]`, or `float64[2]` if it is the whole action."""
         where = "/".join(map(str, self.path))
         return (f"{where}: " if where else "") + f"{self.dtype}{self.shape}"
 
@@ -69,7 +71,7 @@ class ActionLogHeader(Model):
     arrays: list[ActionArray] = Field(description="The arrays of one action.")
 
     def __str__(self) -> str:
-        """The form of an action in words: `grip: bool[], wheels: float32[4]`."""
+        """Describes the arrays of an action in short: `grip: bool[], wheels: float32[4]`."""
         return ", ".join(map(str, self.arrays)) or "nothing"
 
 
@@ -92,10 +94,10 @@ class ActionLog:
     """Reader of the actions that a robot program sent during a run, one chunk at a time."""
 
     def __init__(self, path: Path) -> None:
-        """Opens a log, also of a process that was killed.
+        """Opens an action log for reading; the log of a process that was killed can be read, too.
 
         Args:
-            path: The file.
+            path: Path of the action log.
 
         Raises:
             ActionLogError: The file is not an action log, or cannot be read.
@@ -148,7 +150,7 @@ def _checksum(count: int, first: int, content: bytes) -> int:
 
 
 def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
-    """Reads the next chunk's actions; None if no complete chunk follows that begins with the action of that number."""
+    """Reads the actions of the chunk that begins with action `number`; None if no such complete chunk follows."""
     packed = file.read(_CHUNK.size)
     if len(packed) < _CHUNK.size:
         return None
@@ -188,11 +190,11 @@ class ActionLogWriter:
     """Writer of the actions that a robot program sends during a run; for one thread."""
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Begins a log.
+        """Creates an action log.
 
         Args:
-            path: The file; one that exists is replaced.
-            header: What the actions are.
+            path: Path of the log; an existing file is replaced.
+            header: Mode of the robot, and arrays of its actions.
 
         Raises:
             OSError: The log cannot be written.
@@ -240,11 +242,11 @@ class ActionLogWriter:
         )
 
     def abandon(self) -> None:
-        """Closes the log file without completing it, as a crash would leave it."""
+        """Closes the log file without completing it, so that it looks like the log of a crashed process."""
         self._file.close()
 
     def _pack(self) -> None:
-        """Replaces the actions at the end of the file by one compressed chunk; one alone stays as it is."""
+        """Replaces the uncompressed actions at the end of the file by one compressed chunk; a single one stays."""
         count = len(self._kept)
         if count == 1:
             self._settled.update(chunk_of(PLAIN, 1, self._first, self._kept[0]))
@@ -259,7 +261,7 @@ class ActionLogWriter:
         self._kept.clear()
 
     def _write(self, place: int, data: bytes) -> int:
-        """Writes all of it, of which an almost full disk may take a part at a time; returns where it ends."""
+        """Writes all bytes at an offset of the file, repeating partial writes; returns the offset after them."""
         view = memoryview(data)
         while view:
             count = os.pwrite(self._file.fileno(), view, place)
@@ -268,14 +270,14 @@ class ActionLogWriter:
 
 
 class ActionRecorder:
-    """Records the robot's actions during a run; an error of the recording does not fail the run.
+    """Recorder of a robot's actions during a run; if the log cannot be written, the run goes on without it.
 
-    A log that cannot be written fails no run: it is removed, since part of one would be taken for the whole, and the
-    reason goes to the error log.
+    A log that cannot be written completely is deleted, since a part could be taken for the whole log. The reason is
+    written to the error log.
     """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Begins a log; see `ActionLogWriter`."""
+        """Creates the action log of a run; see `ActionLogWriter`."""
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
@@ -288,7 +290,7 @@ class ActionRecorder:
             self._give_up(error)
 
     def keep(self, action: bytes) -> None:
-        """Records the action of the next step."""
+        """Records one robot action, that of the next simulation step."""
         if self._writer is not None:
             try:
                 self._writer.add(action)
@@ -297,7 +299,7 @@ class ActionRecorder:
                 self._give_up(error)
 
     def close(self) -> None:
-        """Completes the action log."""
+        """Completes the action log; it can then be replayed."""
         if self._writer is not None:
             try:
                 self.summary = self._writer.close()
@@ -314,7 +316,7 @@ class ActionRecorder:
 
 
 def _differences(actions: list[bytes], size: int) -> bytes:
-    """Transposes the actions' bytes to columns, each byte as its difference from the action before."""
+    """Transposes actions (rows of bytes) to columns and takes differences between actions, which compress better."""
     columns = np.frombuffer(b"".join(actions), np.uint8).reshape(len(actions), size).T.copy()
     columns[:, 1:] ^= columns[:, :-1].copy()
     return columns.tobytes()

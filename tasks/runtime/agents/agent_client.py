@@ -12,7 +12,7 @@ This one file is all a robot program needs: copy it into a container or a bundle
 `prefect_robomaker.tasks.runtime.agents.agent_client`. It runs on Python 3.8 and newer with nothing but the standard
 library. With numpy installed, observations are arrays; without, they are numbers and (nested) lists.
 
-The protocol is specified in `docs/agents.md`; the constants and `FrameBuffer` below are the simulation's too.
+The protocol is specified in `docs/robot-programs.md`; the constants and `FrameBuffer` below are the simulation's too.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ VERSION = 1
 HELLO, OBSERVATION, ACTION, END, ERROR = 1, 2, 3, 4, 5  # types of messages
 
 HEADER = struct.Struct("<II")
-"""Before every message: bytes that follow, type."""
+"""Header of every message: number of content bytes, and message type."""
 
 OBSERVATION_HEADER = struct.Struct("<QdddBB6x")
-"""Before the arrays of an observation: number, simulated time (s), reward, discount, step type, flags."""
+"""Header of an observation: number, simulated time (s), reward, discount, step type, flags. Arrays follow."""
 
 ACTION_HEADER = struct.Struct("<Q")
-"""Before the arrays of an action: the number of the observation that it answers."""
+"""Header of an action: number of the observation that it answers. Arrays follow."""
 
 HAS_REWARD, HAS_DISCOUNT = 1, 2  # flags of an observation
 
@@ -57,7 +57,7 @@ ITEM_FORMATS = {
     "bool": "?", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
     "int64": "q", "uint64": "Q", "float16": "e", "float32": "f", "float64": "d",
 }  # fmt: skip
-"""Types of array items, always little-endian, with their letters in `struct`."""
+"""Item types of arrays, always little-endian, each with its format character in the module `struct`."""
 
 _MAX_MESSAGE_BYTES = 2**31
 _RETRY_S = 0.05
@@ -75,18 +75,18 @@ class FrameBuffer:
     """Splits a byte stream into messages; it does no input or output itself."""
 
     def __init__(self, limits: dict[int, int]) -> None:
-        """Takes the most bytes that a message may have, by type; other types are errors."""
+        """Creates a buffer; `limits` has the maximum content size in bytes of each allowed message type."""
         self.limits = limits
         self._buffer = bytearray(8192)
         self._start = self._end = 0
 
     @property
     def pending(self) -> int:
-        """Number of received bytes that are not a whole message yet."""
+        """Number of received bytes that belong to a message which is not complete yet."""
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Returns free buffer space for arriving bytes; it invalidates the last result of `next`."""
+        """Returns free buffer space to receive bytes into; the content returned by the last `next` becomes invalid."""
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -101,7 +101,7 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Adds the number of bytes that were written into the buffer's free space."""
+        """Tells the buffer how many bytes were received into its free space."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:
@@ -166,7 +166,7 @@ class ArraySpec:
             self.maximum = self._numpy_bound(self.maximum, np.inf)
 
     def read(self, data: bytearray) -> Any:
-        """Reads the array from a message's content."""
+        """Decodes one array of an observation from a message's content."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
         return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
@@ -194,7 +194,7 @@ class ArraySpec:
             raise ValueError(f"{self}: {error}") from error
 
     def _numpy_bound(self, bound: Any, unbounded: float) -> Any:
-        """An array of one number or of the array's shape, as with dm_env."""
+        """Returns a bound of an observation's or action's array as dm_env has it: one number, or an array."""
         if bound is None:
             return None
         if isinstance(bound, list):
@@ -236,7 +236,7 @@ class _Layout:
 
 
 def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
-    """Builds nested dictionaries of the values by their paths."""
+    """Builds nested dictionaries and lists from values and their paths (keys and indices)."""
     root: dict[str | int, Any] = {}
     for path, value in items:
         if not path:
@@ -255,7 +255,7 @@ class TimeStep(NamedTuple):
     reward: float | None
     discount: float | None
     observation: Any
-    """An array, or arrays by name, or by index."""
+    """Observation: an array, or several arrays by name or by index."""
     step: int
     """Number of the observation, from 0; gaps show how many this program missed."""
     time_s: float
@@ -277,7 +277,7 @@ class Simulation:
     """
 
     def __init__(self, connection: socket.socket, options: dict[str, Any]) -> None:
-        """Greets the simulation.
+        """Does the handshake with the simulation over a connected socket.
 
         Raises:
             SimulationError: The simulation refused the robot; the message has its reason.
@@ -385,7 +385,7 @@ class Simulation:
             self._say(ERROR, {"error": error})
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Closes the robot program's connection to the simulation."""
         self._socket.close()
 
     def __iter__(self) -> Iterator[TimeStep]:
@@ -429,7 +429,7 @@ class Simulation:
             self._fill(0)
 
     def _receive_waiting(self) -> tuple[int, memoryview] | None:
-        """The next message, if it is there already."""
+        """Returns the next message if it has already arrived, else `None`."""
         message = self._frames.next()
         while message is None:
             try:
@@ -465,12 +465,12 @@ def connect(
     """Connects a robot program to its simulation.
 
     Args:
-        path: Its socket; what `ROBOMAKER_AGENT_SOCKET` says, if not given.
-        mode: `lockstep`: the simulation waits for an action after each observation. `free`: it goes on with the
-            last action in real time, from the first action on, and takes new ones as they come.
-        timeout_s: Time to answer an observation (in free mode: the first one), after which the job fails.
+        path: Path of the simulation's Unix socket; default: the environment variable `ROBOMAKER_AGENT_SOCKET`.
+        mode: `lockstep`: the simulation waits for an action after each observation. `free`: after the first action the
+            simulation runs in real time, repeats the last action, and takes new ones as they arrive.
+        timeout_s: Time limit for answering an observation (in free mode: the first one), after which the job fails.
         real_time_factor: In free mode, simulated seconds per second.
-        connect_timeout_s: How long to try, while the simulation does not listen.
+        connect_timeout_s: Time limit for connecting, if the simulation does not listen yet.
 
     Raises:
         SimulationError: The simulation does not listen, or refused.

@@ -1,4 +1,4 @@
-"""The greeting between a run and the program that is its robot (`docs/agents.md`)."""
+"""Handshake between a simulation and the robot program that connects to it (`docs/robot-programs.md`)."""
 
 import math
 import sys
@@ -15,11 +15,13 @@ from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop, 
 
 CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
 GREETING_TIMEOUT_S = 5.0
-"""Time that a connection may say nothing while another one waits; a robot that is alone may take its time."""
+"""Time limit in seconds for the greeting of a connected program while another program waits; without one there is no
+such limit.
+"""
 WARN_AFTER_S = 10.0
-"""Time after which the log says that the robot's program has not connected."""
+"""Seconds without a connection after which the log warns that the robot program has not connected."""
 CRASH = "RobotApplicationCrash"
-"""Failure code of a job whose robot greets wrongly."""
+"""Failure code of a job whose robot program sends a wrong greeting."""
 
 _UNHEALTHY = "RobotApplicationHealthCheckFailure"
 _LOOK_S = 0.05
@@ -27,23 +29,23 @@ _WORDS = {HELLO: MAX_WORDS_BYTES, END: MAX_WORDS_BYTES, ERROR: MAX_WORDS_BYTES}
 
 
 class _MuteError(Exception):
-    """The connected client is silent, and another one has connected."""
+    """Raised when the connected program sends nothing while another one waits to connect."""
 
 
 class OtherInterface(Protocol):
-    """Another interface by which a robot program may drive, such as ROS topics."""
+    """Another interface through which a robot can drive the simulation, such as ROS topics."""
 
     def came(self) -> bool:
         """Whether a robot has connected by the other interface."""
         ...
 
     def missing(self) -> str:
-        """Describes which robot is missing; follows "it has to connect to the socket, "."""
+        """Describes the missing robot, to complete the sentence "it has to connect to the socket, ..."."""
         ...
 
 
 class Greeter:
-    """Waits for the robot program to connect, and does the protocol's handshake with it."""
+    """Waits for the robot program to connect, and does the agent protocol's handshake with it."""
 
     def __init__(
         self,
@@ -54,15 +56,16 @@ class Greeter:
         max_duration_s: float = math.inf,
         other: OtherInterface | None = None,
     ) -> None:
-        """Takes a socket without a connection.
+        """Takes the simulation's listening socket, to which no program has connected yet.
 
         Args:
-            listening: The socket.
+            listening: The simulation's socket for robot programs.
             robot: The robot application's name.
-            stop: Whether the run is to stop.
-            clock: Seconds.
-            max_duration_s: The job's duration limit, for messages.
-            other: Another interface, whose robot is waited for at the same time; a connection goes first.
+            stop: Function that returns whether the run has to stop.
+            clock: Monotonic clock, in seconds.
+            max_duration_s: The job's duration limit in seconds, for error messages.
+            other: Another interface (ROS) on which a robot is awaited at the same time; a robot program that connects
+                is preferred.
         """
         self._other = other
         self._max_duration_s = max_duration_s
@@ -76,8 +79,8 @@ class Greeter:
         """Does the handshake with connecting programs until one replies as a robot.
 
         Args:
-            greeting: The simulation's.
-            timeout_s: Time for all of it.
+            greeting: The simulation's greeting, as an encoded message.
+            timeout_s: Time limit for the whole handshake, retries included.
 
         Returns:
             The connection, and the robot's greeting; none where the other interface has a robot.
@@ -152,7 +155,7 @@ class Greeter:
         return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
     def _gone(self) -> LaunchError:
-        """Makes the error for a robot whose process ended with exit code 0 before it greeted; others are crashes."""
+        """Makes the error for a robot process that exited with code 0 before its greeting; others are crashes."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
             f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names"
@@ -183,6 +186,6 @@ def _never() -> bool:
 
 
 def _part(link: AgentLink, text: str) -> None:
-    """Sends a robot the reason of its refusal, and closes the connection."""
+    """Tells a robot program why it was refused, and closes the connection."""
     link.refuse(text)
     link.close()

@@ -1,4 +1,4 @@
-"""Layout of observations and actions in messages of the agent protocol (`docs/agents.md`)."""
+"""Layout of observations and actions in messages of the agent protocol (`docs/robot-programs.md`)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,25 +21,25 @@ class ArrayField:
     """Position, type and shape of one array in a message between simulation and robot program."""
 
     path: Path
-    """Keys that lead to it; empty when it is all there is."""
+    """Keys and indices that lead to the array in the spec; empty if the spec is a single array."""
 
     spec: Any
-    """The environment's own, with at least `shape` and `dtype`."""
+    """The environment's dm_env spec of the array; it has at least `shape` and `dtype`."""
 
     dtype: np.dtype
-    """Little-endian."""
+    """Little-endian type of the array's items."""
 
     offset: int
-    """Position of its first byte in a message's content, in bytes."""
+    """Position of the array's first byte in a message's content, in bytes."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the array."""
+        """Shape of the observation's or action's array."""
         return tuple(self.spec.shape)
 
     @property
     def where(self) -> str:
-        """Path of the array in words, for messages."""
+        """Path of the array as text, for error messages."""
         return "/".join(map(str, self.path))
 
     def view(self, content: bytearray | memoryview) -> NDArray[Any]:
@@ -69,10 +69,10 @@ class Layout:
     """
 
     def __init__(self, spec: Any, header_bytes: int) -> None:
-        """Lays arrays out.
+        """Computes the positions of a spec's arrays in a message.
 
         Args:
-            spec: A dm_env spec, or mappings and sequences of them.
+            spec: A dm_env spec, or nested mappings and sequences of dm_env specs.
             header_bytes: Bytes of the header before the arrays.
 
         Raises:
@@ -102,7 +102,7 @@ class Layout:
         return {"size": self.size, "arrays": [field.describe() for field in self.fields], "left_out": self.left_out}
 
     def summary(self) -> str:
-        """The layout as text: `float64[2]`, or `grip: bool[], wheels: float32[4]`."""
+        """Returns the layout as text: `float64[2]`, or `grip: bool[], wheels: float32[4]`."""
         shown = (
             (f"{field.where}: " if field.path else "") + f"{field.dtype.name}{list(field.shape)}"
             for field in self.fields
@@ -122,7 +122,7 @@ def _leaves(spec: Any, path: Path = ()) -> list[tuple[Path, Any]]:
 
 
 def _item_type(leaf: Any) -> np.dtype | None:
-    """The little-endian type of an array's items; None if it is no array of a type that can be sent."""
+    """Returns the little-endian item type of a dm_env spec; None if the spec is no array that the protocol can send."""
     try:
         dtype = np.dtype(leaf.dtype)
         if not all(isinstance(length, int | np.integer) for length in leaf.shape):

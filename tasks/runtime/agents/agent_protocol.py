@@ -1,6 +1,6 @@
-"""Messages of the agent protocol, without the socket: observations, actions, greetings and errors.
+"""Encoding and decoding of the agent protocol's messages: observations, actions, greetings and errors.
 
-The form of messages is specified in `docs/agents.md` and shared with the client (`agent_client`).
+The form of messages is specified in `docs/robot-programs.md` and shared with the client (`agent_client`).
 """
 
 import json
@@ -27,7 +27,7 @@ from .agent_client import (
 from .agent_layout import ArrayField, Layout, Path
 
 MAX_WORDS_BYTES = 64 * 1024
-"""Longest greeting or error of a robot."""
+"""Maximum size in bytes of a robot program's JSON messages (greeting, error)."""
 
 _SHOWN_CHARACTERS = 80
 
@@ -46,7 +46,7 @@ class RobotHello(Model):
 
 
 class ObservationWriter:
-    """Encodes observations as messages, always in the same memory."""
+    """Encodes observations as messages; the same buffer is used for every message."""
 
     def __init__(self, layout: Layout) -> None:
         self.message = bytearray(HEADER.size + layout.size)
@@ -56,12 +56,12 @@ class ObservationWriter:
         self._targets = [(field, field.path, field.view(content), field.shape) for field in layout.fields]
 
     def write(self, number: int, time_s: float, timestep: dm_env.TimeStep) -> None:
-        """Encodes a time step as a message.
+        """Encodes a dm_env time step as an observation message.
 
         Args:
-            number: Of the observation, from 0.
-            time_s: Simulated time; NaN if unknown.
-            timestep: What the environment returned.
+            number: Number of the observation, from 0.
+            time_s: Simulated time in seconds; NaN if unknown.
+            timestep: Time step that the environment returned.
 
         Raises:
             ObservationError: The time step does not match the environment's specs.
@@ -96,9 +96,9 @@ def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
     """Decodes the robot's action from a message's content.
 
     Args:
-        layout: Arrays of the action spec.
-        payload: The content.
-        expected: Numbers of the observations that it may answer.
+        layout: Layout of the action's arrays.
+        payload: Content of the message.
+        expected: Numbers of the observations that the action may answer.
 
     Raises:
         ActionError: The action has the wrong size, answers another observation, or is not finite.
@@ -163,7 +163,7 @@ def read_words(payload: memoryview) -> dict[str, Any]:
 
 
 def _with_shape(value: Any, field: ArrayField) -> NDArray[Any]:
-    """Numbers and lists are as good as arrays, if they have the right shape."""
+    """Converts an action's numbers or nested lists to an array of the expected shape."""
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -191,7 +191,7 @@ def _shortened(array: NDArray[Any]) -> str:
 
 
 def _rebuilt(spec: Any, path: Path, values: Mapping[Path, Any]) -> Any:
-    """Values in the form of a spec."""
+    """Arranges values by path in the nested form of a spec."""
     if isinstance(spec, Mapping):
         return {key: _rebuilt(item, (*path, key), values) for key, item in spec.items()}
     if isinstance(spec, Sequence) and not isinstance(spec, str | bytes):

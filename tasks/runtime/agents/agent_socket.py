@@ -1,6 +1,6 @@
-"""The socket over which a robot in a process of its own drives the simulation.
+"""Unix socket over which a robot program drives the simulation.
 
-Waiting never lasts longer than a twentieth of a second without looking whether the run is to stop.
+Every wait checks at least 20 times a second whether the run has to stop.
 """
 
 import hashlib
@@ -24,22 +24,22 @@ _SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set i
 _FOLDER = ".robomaker"
 _SHARED_FOLDER = "agent"
 AGENT_SOCKET = "agent.sock"
-"""The socket of a robot that speaks the agent protocol."""
+"""File name of the socket for robot programs that speak the agent protocol."""
 ROS1_SOCKET = "ros1.sock"
-"""The socket of the bridge to nodes of ROS 1."""
+"""File name of the socket for the bridge to ROS 1 nodes."""
 _MAX_PATH_BYTES = 107  # `sun_path` has 108, with the zero at the end
 _PATIENCE_S = 0.05
 _BACKLOG = 8
 _GOODBYE_S = 0.5
 _CREDENTIALS = "3i"
-"""Process, user and group of a peer: `struct ucred`."""
+"""Format of a socket peer's credentials (`struct ucred`): process id, user id, group id."""
 
 Clock = Callable[[], float]
 Message = tuple[int, memoryview]
 
 
 class Stopped(Exception):
-    """Raised when the run has to stop while it waits for the robot program."""
+    """Raised when the run has to stop while the simulation waits for the robot program."""
 
 
 class Closed(Exception):
@@ -50,8 +50,8 @@ def agent_socket_path(plan: RunPlan, name: str = AGENT_SOCKET) -> Path:
     """Returns the path of the Unix socket to which a run's robot program connects.
 
     Args:
-        plan: The run.
-        name: The socket's.
+        plan: Plan of the run.
+        name: File name of the socket.
 
     Its folder holds nothing but such sockets, so that it can be mounted into a container; every user who can read the
     folder may connect. The folder above it is for this user alone. Both are in the plan's work folder, or in the
@@ -84,11 +84,11 @@ class AgentSocket:
     """Unix socket on which a simulation waits for its robot program."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
-        """Listens.
+        """Opens the socket and listens.
 
         Args:
-            plan: The run.
-            name: The socket's.
+            plan: Plan of the run.
+            name: File name of the socket.
 
         Raises:
             LaunchError: The socket cannot be opened.
@@ -117,10 +117,10 @@ class AgentSocket:
         """Waits for a connection; connections of other users of this machine are closed.
 
         Args:
-            deadline_s: Time of the clock at which it gives up.
-            stop: Whether the run is to stop.
-            clock: Seconds.
-            until: Called between two polls; true ends the waiting, and the result is `None`.
+            deadline_s: Time limit, as a time of `clock`.
+            stop: Function that returns whether the run has to stop.
+            clock: Monotonic clock, in seconds.
+            until: Checked while waiting; when it returns true, waiting ends and the result is `None`.
 
         Raises:
             TimeoutError: No client connected before the deadline.
@@ -164,7 +164,7 @@ class AgentSocket:
         return bool(select.select([self._socket], [], [], 0.0)[0])
 
     def close(self) -> None:
-        """Stops listening, and deletes the socket."""
+        """Stops listening for robot programs, and deletes the socket file."""
         self._socket.close()
         _remove(self.path)
 
@@ -178,13 +178,13 @@ class AgentLink:
     def __init__(
         self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic
     ) -> None:
-        """Takes a connection over.
+        """Takes over an accepted connection.
 
         Args:
-            connection: The connection.
-            limits: The longest message of each type that the robot may send.
-            stop: Whether the run is to stop.
-            clock: Seconds.
+            connection: Socket of the accepted connection.
+            limits: Maximum size in bytes of each message type that the robot may send.
+            stop: Function that returns whether the run has to stop.
+            clock: Monotonic clock, in seconds.
         """
         self.limits = limits
         self.waits_at_limit = False
@@ -222,7 +222,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive(self, timeout_s: float) -> Message:
-        """Waits for a message of the robot program; its content is valid until the next call.
+        """Waits for a message from the robot program; the returned content is valid until the next call.
 
         Raises:
             TimeoutError: No complete message arrived in time.
@@ -243,7 +243,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive_until(self, due_s: float) -> Message | None:
-        """Waits for a message until a time of the clock; `None` if none arrives.
+        """Waits for a message from the robot program until a time of the clock; returns `None` if none arrives.
 
         Raises:
             Stopped, Closed, ProtocolError: As `receive`.
@@ -266,9 +266,9 @@ class AgentLink:
                     self._flush()
 
     def offer(self, message: bytearray) -> bool:
-        """Sends a message if the robot program can take it now; returns whether it will arrive.
+        """Sends a message to the robot program if it can receive now; returns whether the message will arrive.
 
-        A message that does not fit whole is finished before any other one begins.
+        If only a part can be sent now, the rest is sent before any other message.
         """
         self._flush()
         if self._unsent:
@@ -285,7 +285,7 @@ class AgentLink:
         return True
 
     def say_last(self, kind: int, content: dict[str, object]) -> None:
-        """Sends the last message to the robot program, unless that was done or the robot has left."""
+        """Sends a final message to the robot program, unless one was sent before or the robot has disconnected."""
         if self._said_last:
             return
         self._said_last = True
@@ -295,11 +295,11 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Sends the robot program the error in its messages."""
+        """Sends the robot program an error about its messages."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Closes the simulation's connection to the robot program."""
         self._socket.close()
 
     def _fill(self, flags: int) -> None:
@@ -331,7 +331,7 @@ def _user_of(connection: socket.socket) -> int:
 
 
 def make_private(folder: Path) -> None:
-    """Creates a folder that only this user can access, safely in a shared place.
+    """Creates a folder that only this user can access; safe in shared folders such as `/tmp`.
 
     Raises:
         OSError: A file of this name, or a folder of another user, is there.

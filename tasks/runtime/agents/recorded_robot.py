@@ -1,4 +1,4 @@
-"""Plays back the recorded actions of a robot program: a rerun needs neither the program nor its timing."""
+"""Robot that plays back recorded actions, so that a rerun needs neither the robot program nor its timing."""
 
 import math
 from collections.abc import Callable
@@ -20,7 +20,7 @@ _NO_NUMBER = ACTION_HEADER.pack(0)
 
 
 class RecordedRobot(Observer):
-    """Robot of a rerun: plays back recorded actions instead of running the robot program."""
+    """Robot of a rerun: it plays back recorded actions instead of running the robot program."""
 
     next_time_s = math.inf
 
@@ -46,8 +46,8 @@ class RecordedRobot(Observer):
         """Makes an agent that plays back the recorded actions.
 
         Args:
-            context: The run.
-            environment: What it is to act in.
+            context: Context of the run.
+            environment: Environment in which the actions are played back.
 
         Raises:
             LaunchError: The environment takes other actions than those that were recorded.
@@ -83,7 +83,7 @@ class RecordedRobot(Observer):
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 
     def _end(self) -> Exception:
-        """Ends the rerun where the run ended, unless it ended by itself."""
+        """Returns the exception that ends the rerun after the last recorded action, as the recorded run ended."""
         if self._ended_by == "agent":
             return StopIteration()
         if self._ended_by is not None:
@@ -95,5 +95,5 @@ class RecordedRobot(Observer):
 
 
 def _form(header: ActionLogHeader) -> list[tuple[Any, ...]]:
-    """Returns the properties that have to be the same for actions to mean the same."""
+    """Returns the parts of an action log's header that have to be equal for recorded actions to fit an environment."""
     return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

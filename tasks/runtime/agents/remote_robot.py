@@ -1,4 +1,4 @@
-"""The simulation's side of a robot application that is a program: it waits for its greeting and asks it for actions."""
+"""Simulation side of the agent protocol: waits for the robot program, and asks it for actions."""
 
 import math
 import time
@@ -34,14 +34,16 @@ from .agent_protocol import MAX_WORDS_BYTES, ObservationWriter, RobotHello, read
 from .agent_socket import AgentLink, AgentSocket, Closed, Message, Stop, Stopped
 
 _MIN_SILENT_STEPS = 20
-"""A second of most robots; shorter silences are a slow controller."""
+"""Number of steps without an action (about a second for most robots) from which silence is reported; shorter silences
+are normal for slow controllers.
+"""
 
 
 class RemoteAgent:
-    """Agent whose actions come from a robot program in another process.
+    """Agent that gets its actions from a robot program in another process.
 
-    In lock-step it waits for the answer to every observation. Free-running it keeps simulated time at real time,
-    times a factor, sends every observation that the robot can take, and answers with the newest action.
+    In lock-step mode it waits for the answer to every observation. In free mode it keeps simulated time at real time
+    multiplied by a factor, sends every observation that the robot can receive, and returns the newest action.
     """
 
     def __init__(
@@ -56,17 +58,17 @@ class RemoteAgent:
         control_timestep_s: float | None = None,
         keep: Callable[[bytes], None] | None = None,
     ) -> None:
-        """Takes over a connection on which both have greeted.
+        """Takes over a connection after the handshake.
 
         Args:
-            link: The connection.
+            link: Connection to the robot program.
             hello: The robot's greeting.
-            observation: How observations lie in messages.
-            action: How actions do.
-            robot: The robot application's name, for what goes wrong.
-            simulated_time: Seconds at a time step, by its number; NaN if unknown.
-            control_timestep_s: Simulated seconds of a step; needed for free-running.
-            keep: Told each action that the environment is given, as its arrays lie in the message.
+            observation: Layout of observations in messages.
+            action: Layout of actions in messages.
+            robot: Name of the robot application, for error messages.
+            simulated_time: Function that returns the simulated time in seconds of a step number; NaN if unknown.
+            control_timestep_s: Simulated seconds of a step; required in free mode.
+            keep: Called with each action that the environment gets, encoded as in the message.
         """
         self._link = link
         self._hello = hello
@@ -87,7 +89,7 @@ class RemoteAgent:
         self._waited_s = 0.0
 
     def __call__(self, timestep: dm_env.TimeStep) -> Any:
-        """Returns the robot's action.
+        """Sends the observation to the robot program, and returns its action.
 
         Raises:
             StopIteration: The robot is done, or has closed the connection.
@@ -131,7 +133,7 @@ class RemoteAgent:
         return Findings(extra={"agent": about}, notes=self._silence())
 
     def _silence(self) -> list[str]:
-        """Returns a remark if a robot in free mode sent no action for most of the run, as one that hangs does."""
+        """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does."""
         observations = self._number + 1
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
@@ -196,7 +198,7 @@ class RemoteAgent:
 
 
 def _copied(action: Any) -> Any:
-    """Copies an action: environments may keep or change the arrays that they get."""
+    """Copies an action, as environments may keep or change the arrays that they get."""
     if isinstance(action, dict):
         return {key: _copied(item) for key, item in action.items()}
     if isinstance(action, list | tuple):
@@ -207,7 +209,7 @@ def _copied(action: Any) -> Any:
 CONNECT_TIMEOUT_S = 60.0
 
 _REFUSE_EVERY_S = 0.2
-"""Wall-clock time between two checks for programs that connect while nodes drive."""
+"""Wall-clock seconds between two checks for robot programs that connect while ROS nodes drive; those are refused."""
 _LATE = (
     "ROS nodes drive this run already; a program that is to drive by the agent socket has to connect before they "
     "publish commands, or to set ROBOMAKER_ROS to off"
@@ -219,7 +221,7 @@ Agent = Callable[[dm_env.TimeStep], Any]
 
 
 class RobotNodes(OtherInterface, Protocol):
-    """ROS nodes that may drive the robot instead of a robot program."""
+    """Interface of ROS nodes that may drive the robot instead of a robot program."""
 
     @property
     def mode(self) -> Literal["lockstep", "free"]:
@@ -227,7 +229,7 @@ class RobotNodes(OtherInterface, Protocol):
         ...
 
     def look_in(self, environment: Any) -> None:
-        """Starts the search for ROS nodes, in a simulation that is ready."""
+        """Starts looking for ROS nodes, once the simulation is ready."""
         ...
 
     def make_agent(self, environment: Any, stop: Stop, keep: Callable[[bytes], None]) -> Agent:
@@ -235,30 +237,30 @@ class RobotNodes(OtherInterface, Protocol):
         ...
 
     def close(self, ended_by: str | None = None) -> Findings:
-        """Disconnects from the nodes, and returns findings about them for the run's result.
+        """Disconnects from the ROS nodes, and returns findings about them for the run's result.
 
         Raises:
-            LaunchError: A run that came to its end had no command of theirs.
+            LaunchError: The run ended normally, but the nodes never sent a command.
         """
         ...
 
 
 class RemoteRobot(Observer):
-    """Waits for, talks to, and ends the robot program of a run.
+    """Robot application in another process: waits for the robot program, makes its agent, and disconnects at the end.
 
-    It listens from the beginning, and is told of the end as an observer of the run (`results.Observer`).
+    It listens from the beginning, and is told of the run's end as an observer (`results.Observer`).
     """
 
     next_time_s = math.inf
 
     def __init__(self, plan: RunPlan, robot: str, stop: Stop, nodes: RobotNodes | None = None) -> None:
-        """Listens.
+        """Opens the socket for the robot program.
 
         Args:
-            plan: The run.
-            robot: The robot application's name.
-            stop: Whether the run is to stop.
-            nodes: ROS nodes that may drive instead of a program that connects.
+            plan: Plan of the run.
+            robot: Name of the robot application.
+            stop: Function that returns whether the run has to stop.
+            nodes: ROS nodes that may drive the robot instead of a robot program.
 
         Raises:
             LaunchError: The socket cannot be opened.
@@ -275,11 +277,11 @@ class RemoteRobot(Observer):
         self._refuses_again_s, self._late = 0.0, 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
-        """Waits for the robot program or ROS nodes, and makes an agent from them.
+        """Waits for the robot program or for ROS nodes, and makes the agent that gets actions from them.
 
         Args:
-            context: The run, with the robot application's environment variables.
-            environment: What the robot is to act in.
+            context: Context of the run, with the robot application's environment variables.
+            environment: Environment in which the robot acts.
 
         Raises:
             LaunchError: The environment is not of a kind that such a robot can act in, or the robot's program
@@ -328,7 +330,7 @@ class RemoteRobot(Observer):
         return self._agent
 
     def _refusing_late(self, agent: Agent) -> Agent:
-        """Wraps the agent of ROS nodes, so that it refuses robot programs that connect meanwhile as too late."""
+        """Wraps the agent of ROS nodes so that robot programs that connect during the run are refused."""
 
         def drive(timestep: dm_env.TimeStep) -> Any:
             self._refuse_late()
@@ -337,7 +339,7 @@ class RemoteRobot(Observer):
         return drive
 
     def _refuse_late(self) -> None:
-        """Takes no driver instead of another one in the middle of a run, which could not be repeated."""
+        """Refuses robot programs that connect while ROS nodes drive, as a rerun could not repeat a change of driver."""
         now_s = time.monotonic()
         if self._socket is None or now_s < self._refuses_again_s:
             return
@@ -349,17 +351,17 @@ class RemoteRobot(Observer):
             self._late += 1
 
     def actions(self) -> ActionsSummary | None:
-        """Summary of the recorded actions; `None` before the end, and without a log."""
+        """Summary of the recorded actions; `None` before the end of the run, and if no log was written."""
         return self._keeper.summary if self._keeper is not None else None
 
     def close(self, ended_by: str | None) -> Findings:
-        """Tells the robot program how the run ended, and closes the connection.
+        """Tells the robot program how the run ended, closes the connection, and returns findings for the run's result.
 
         Args:
-            ended_by: What ended the run; None when it failed.
+            ended_by: Cause of the run's end; None if it failed.
 
         Returns:
-            What the result says about the conversation.
+            Figures and warnings about the exchange of messages.
         """
         self._refuses_again_s = 0.0
         self._refuse_late()
@@ -449,7 +451,7 @@ def _control_timestep_s(environment: Any) -> float | None:
 
 
 def _simulated_time(environment: Any, control_timestep_s: float | None) -> Callable[[int], float]:
-    """Returns seconds at a time step: the physics' time, looked up anew since it may be replaced, or a count."""
+    """Returns a function for the simulated time of a step: that of the physics, else step number × control timestep."""
     if hasattr(getattr(environment, "physics", None), "data"):
         return lambda _: environment.physics.data.time
     return lambda number: number * (control_timestep_s or math.nan)

@@ -1,1 +1,1 @@
-"""Applications that come with this package."""
+"""Robot and simulation applications that come with this package."""

@@ -1,4 +1,4 @@
-"""A ball that falls for half a second: the smallest job there is, with which `robomaker doctor` tries a backend."""
+"""Simulation application for the smallest job: a ball falls for 0.5 s. `robomaker doctor` tests backends with it."""
 
 # dm_control and dm_env have no types, so overriding their methods looks wrong to a type checker.
 # pyright: reportIncompatibleMethodOverride=false
@@ -23,7 +23,7 @@ _STEPS_EACH = 5  # of 2 ms
 
 
 class FallingBall(dm_env.Environment):
-    """Smallest example environment: a ball falls; the run passes if the ball is lower at the end."""
+    """Smallest example environment: a ball falls, and the run passes if the ball is lower at the end."""
 
     def __init__(self) -> None:
         self._physics = mujoco.Physics.from_xml_string(_MODEL)
@@ -31,7 +31,7 @@ class FallingBall(dm_env.Environment):
 
     @property
     def physics(self) -> mujoco.Physics:
-        """The dm_control physics."""
+        """The ball's dm_control physics."""
         return self._physics
 
     def reset(self) -> dm_env.TimeStep:
@@ -65,7 +65,7 @@ class FallingBall(dm_env.Environment):
 
 
 def make_environment(context: Any) -> FallingBall:  # noqa: ARG001 - the interface of applications
-    """Makes the falling-ball environment."""
+    """Makes the environment of the smallest example: a falling ball."""
     return FallingBall()
 
 

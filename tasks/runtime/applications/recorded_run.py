@@ -1,7 +1,7 @@
-"""The simulation application `recorded-run`: plays a recording of a run, so that its requirements are judged.
+"""Simulation application `recorded-run`: replays a ROS recording so that requirements can judge it.
 
-The recording is the job's data source. Nothing is simulated; what stands for the physics is a body that moves as the
-robot did, for what looks at positions.
+The recording is the job's data source. Nothing is simulated: the physics has only a body that moves as the recorded
+robot did, for requirements that read positions.
 """
 
 # dm_control and dm_env have no types, so overriding their methods looks wrong to a type checker.
@@ -30,10 +30,12 @@ from ..judging.bags import Bag, Message, RecordingFault, find_recording
 from ..judging.topic_scene import CLOCK, Measurements, TopicScene
 
 _STEP_S = 0.01
-"""Messages within so many seconds are one step: the shortest period of a requirement, that of collisions."""
+"""Period of a step in seconds; messages within it belong to one step. Collisions, the most frequent requirement, have
+this period.
+"""
 _PATH_EVERY_S = 0.1
 _RADIUS_M = 0.25
-"""Radius of the body in place of the robot where none is given; a jump farther than that is noted."""
+"""Radius in metres of the body that replaces the robot if none is given; a larger jump of the position is reported."""
 _MODEL = """
 <mujoco model="recorded run">
   <worldbody>
@@ -59,9 +61,9 @@ class RecordedRun(dm_env.Environment):
         """Opens the recording.
 
         Args:
-            path: The recording, see `find_recording`.
-            sources: Topics that it is judged by.
-            losses: Why topics are not recorded whole, by their names; `None`: as far as is known, all are.
+            path: The recording's file; see `find_recording`.
+            sources: Topics by which the recording is judged.
+            losses: Reasons why topics are not recorded completely, by topic; `None`: no losses are known.
             calls_functions: Whether requirements may call functions of applications.
 
         Raises:
@@ -86,7 +88,7 @@ class RecordedRun(dm_env.Environment):
 
     @property
     def physics(self) -> Physics:
-        """Body in place of the robot, and the recording's time."""
+        """Physics with the body that replaces the robot, and the recording's time."""
         return self._physics
 
     def requirements_scene(self, plan: RunPlan, read_world: Callable[[], World | None]) -> TopicScene:
@@ -104,7 +106,7 @@ class RecordedRun(dm_env.Environment):
         return ((time_s, message.content) for time_s, message in self.timed(topic))
 
     def timed(self, topic: str) -> Iterator[tuple[float, Message]]:
-        """Returns the messages on a topic that is there, with all that a recording says of them."""
+        """Yields the messages on an existing topic, each with all its times."""
         clock_s = 0.0
         for message in self._bag.messages({topic, *([CLOCK] if self._clock else [])}):
             if self._clock and message.topic == CLOCK:
@@ -138,7 +140,7 @@ class RecordedRun(dm_env.Environment):
         return dm_env.restart(self._time())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - what happened has happened
-        """Reads the recording's messages of the next moment.
+        """Reads the recording's messages up to the end of the next step.
 
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.
@@ -182,12 +184,12 @@ class RecordedRun(dm_env.Environment):
         )
 
     def close(self) -> None:
-        """Closes the recording."""
+        """Closes the recording that this environment replays."""
         self._bag.close()
 
     @contextmanager
     def _closed_by_faults(self) -> Iterator[None]:
-        """Closes the recording when it cannot be judged, since nothing else closes it then."""
+        """Context manager that closes the recording when reading it fails, since nothing else would close it."""
         try:
             yield
         except RecordingFault:
@@ -200,7 +202,7 @@ class RecordedRun(dm_env.Environment):
         return self._clock_s - self._sources.start_s if self._clock else self._received_s(self._bag.end_ns)
 
     def _find_clock(self) -> bool:
-        """Whether time is that of `/clock`.
+        """Returns whether the time is that of the topic `/clock`.
 
         Raises:
             RecordingFault: It has to be, and there is none.
@@ -215,7 +217,7 @@ class RecordedRun(dm_env.Environment):
         return has_clock and self._sources.time != "received"
 
     def _advance(self) -> None:
-        """Reads one message ahead, and finds out when it was."""
+        """Reads one message ahead, and determines its time."""
         message = self._next = next(self._messages, None)
         while message is not None and self._clock and message.topic == CLOCK:
             stamp = message.content.clock
@@ -234,7 +236,7 @@ class RecordedRun(dm_env.Environment):
         return (time_ns - self._bag.start_ns) / 1e9 - self._sources.start_s
 
     def _take_until(self, until_s: float, *, holds: bool = False) -> float:
-        """Takes the messages up to a time, or holds those back that are no poses; returns the time of the last one."""
+        """Takes messages up to a time, optionally holding back those without poses; returns the last one's time."""
         last_s = self._time_s
         while self._next is not None and self._next_s <= until_s:
             message, time_s = self._next, self._next_s
@@ -248,7 +250,7 @@ class RecordedRun(dm_env.Environment):
         return last_s
 
     def _show(self, time_s: float) -> None:
-        """Moves the body to where the robot is, and the time on."""
+        """Moves the body to the robot's recorded position, and sets the physics' time."""
         self._time_s = self._physics.data.time = max(0.0, time_s)
         pose = self._measurements.pose
         if pose is None or not math.isfinite(pose.position[0]):

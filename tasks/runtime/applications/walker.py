@@ -1,7 +1,7 @@
-"""The built-in legged robot application: Scout's program for a robot that walks.
+"""Robot application for a legged robot: runs the agent of `scout` with a walking robot.
 
-`indoor-navigation` puts the walker into the world of a job whose robot application this is. Its gait takes the same
-commands as wheels do, so that the same program plans for it, with its radius and its speeds.
+`indoor-navigation` puts the walker into the world of a job with this robot application. Its gait takes the same
+velocity commands as wheels, so that the same agent plans for it, with the walker's radius and speeds.
 """
 
 from .scout.agent import make_agent

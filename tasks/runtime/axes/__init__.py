@@ -1,1 +1,1 @@
-"""Axes of trials in a simulation: values applied to the compiled model, to sensors and to commands."""
+"""Axes of trials in a simulation: apply values to the compiled model, to sensors and to commands."""

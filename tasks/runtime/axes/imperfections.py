@@ -1,7 +1,7 @@
-"""Imperfections of a robot that are no part of its model: errors of its lidar, delay and gains of its commands.
+"""Errors of a robot that are not part of its MuJoCo model: lidar errors, delay and gains of commands.
 
-An environment that has them as `lidar_errors`, `command_delay` and `command_gains` lets axes of trials change them.
-They count from the next `reset` on.
+Axes of trials can change them in an environment that has `lidar_errors`, `command_delay` and `command_gains`. Changes
+take effect at the next `reset`.
 """
 
 import math
@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 from ..episode.context import KeepsAttributes
 
 SUBSTEP_S = 0.01
-"""Simulated time between two looks at a delayed command."""
+"""Simulated seconds between two updates of delayed commands."""
 _ROUNDING = 1e-9
-"""Forgives rounding in sums and quotients of times."""
+"""Tolerance for rounding errors in sums and quotients of times."""
 
 
 @dataclass
 class LidarErrors:
-    """Errors of a lidar."""
+    """Errors of a lidar: noise, bias, dropout and latency."""
 
     noise_std_m: float
-    """Standard deviation of its ranges, in metres."""
+    """Standard deviation of the noise of ranges, in metres."""
     bias_m: float = 0.0
-    """Length that all ranges are too long by, in metres."""
+    """Error that is added to all ranges, in metres."""
     dropout: float = 0.0
-    """Share of the rays that see nothing, 0 to 1."""
+    """Probability that a ray measures nothing, 0 to 1."""
     latency_s: float = 0.0
-    """Simulated time from a scan to the first observation that may have it."""
+    """Simulated seconds from a scan to the first observation that can contain it."""
 
     def disturb(
         self, ranges: NDArray[np.float64], rng: np.random.Generator, chance: np.random.Generator
@@ -42,8 +42,8 @@ class LidarErrors:
 
         Args:
             ranges: The true ranges in metres, infinite where there is nothing.
-            rng: Source of the noise.
-            chance: Source of the dropout; one of its own, so that noise is the same with and without dropout.
+            rng: Random generator of the noise.
+            chance: Random generator of the dropout; separate, so that the noise is the same with and without dropout.
         """
         measured = ranges + rng.normal(self.bias_m, self.noise_std_m, ranges.shape)
         if self.dropout > 0:
@@ -53,28 +53,30 @@ class LidarErrors:
 
 @dataclass
 class CommandDelay:
-    """Delay of the commands of an agent."""
+    """Delay between an agent's commands and the motors."""
 
     delay_s: float = 0.0
-    """Simulated time from a command to the motors."""
+    """Simulated seconds from a command to the motors."""
 
 
 @dataclass
 class CommandGains:
-    """Factors on the commands of an agent."""
+    """Factors by which an agent's commands are multiplied."""
 
     whole: float = 1.0
     """Factor on all numbers of a command."""
     turn: float | None = 1.0
-    """Factor on the turning rate besides, the second of a command's two numbers; None: commands have none."""
+    """Additional factor on the turning rate, the second of a command's two numbers; None: commands have no turning
+    rate.
+    """
 
     @property
     def change_nothing(self) -> bool:
-        """Whether commands stay as they are."""
+        """Whether all factors are 1, so that commands stay as they are."""
         return self.whole == 1 and self.turn in (1, None)
 
     def scale(self, action: Any) -> Any:
-        """Returns a command times the factors; one that is not made of numbers stays, for the robot to refuse."""
+        """Multiplies a command by the factors; a command that is not numeric is returned unchanged."""
         try:
             values = np.array(action, np.float64)
         except (TypeError, ValueError):
@@ -89,7 +91,7 @@ _Item = TypeVar("_Item")
 
 
 class LateItems(KeepsAttributes, Generic[_Item]):
-    """Items that come later than they were made, in their order."""
+    """Queue of items that become available at a later time, in order."""
 
     KEPT = ("waiting",)
 
@@ -98,11 +100,11 @@ class LateItems(KeepsAttributes, Generic[_Item]):
         """Time in seconds at which each is due, and the item."""
 
     def add(self, due_s: float, item: _Item) -> None:
-        """Adds an item that is due at a time."""
+        """Adds an item to the queue, with the time from which it is available."""
         self.waiting.append((due_s, item))
 
     def take(self, now_s: float) -> _Item | None:
-        """Takes the items that are due out, and returns the last of them; `None`: none is."""
+        """Removes all items that are due, and returns the last of them; `None`: none is due."""
         last = None
         while self.waiting and self.waiting[0][0] <= now_s + _ROUNDING:
             last = self.waiting.popleft()[1]
@@ -110,7 +112,7 @@ class LateItems(KeepsAttributes, Generic[_Item]):
 
 
 class _Controller(Protocol):
-    """Interface of a controller of a robot, as far as it is needed here; see `robots/robot.py`."""
+    """Interface of a robot's controller, as far as scaled and delayed commands need it; see `robots/robot.py`."""
 
     substep: Callable[[], None] | None
 
@@ -121,13 +123,13 @@ class _Controller(Protocol):
 
 
 class ScaledController:
-    """Controller that passes commands to another one, times some factors."""
+    """Controller that multiplies commands by factors and passes them to another controller."""
 
     def __init__(self, controller: _Controller, gains: CommandGains) -> None:
-        """Takes the factors as they are now.
+        """Creates the controller with the present factors.
 
         Args:
-            controller: Carries the commands out.
+            controller: Controller that executes the commands.
             gains: The factors.
         """
         self._controller = controller
@@ -147,18 +149,18 @@ class ScaledController:
 
 
 class DelayedController(KeepsAttributes):
-    """Controller that passes commands to another one after a while, in steps of 10 ms."""
+    """Controller that passes commands to another controller after a delay, in steps of 10 ms."""
 
     KEPT = ("_waiting", "_standing")
 
     substep: Callable[[], None] | None
 
     def __init__(self, controller: _Controller, delay_s: float) -> None:
-        """Starts without commands.
+        """Creates the controller without waiting commands.
 
         Args:
-            controller: Carries the commands out.
-            delay_s: Simulated time from a command to its execution; it is rounded up to 10 ms.
+            controller: Controller that executes the commands.
+            delay_s: Simulated seconds from a command to its execution; rounded up to 10 ms.
         """
         self._controller = controller
         self._substeps = math.ceil(delay_s / SUBSTEP_S - _ROUNDING)
@@ -166,17 +168,17 @@ class DelayedController(KeepsAttributes):
         self.reset()
 
     def reset(self) -> None:
-        """Forgets all commands: the robot stands still."""
+        """Drops all waiting commands, so that the robot stands still."""
         self._waiting: list[tuple[int, Any]] = []
         """For each command how many substeps it still has to wait."""
         self._standing = True
         self._controller.reset()
 
     def command(self, action: Any) -> bool:
-        """Takes a command, and returns whether the last one that was carried out tells the robot to stand still.
+        """Queues a command, and returns whether the last executed command tells the robot to stand still.
 
         Raises:
-            ActionError: A command that is carried out now is no action of this robot.
+            ActionError: A command that is executed now is no action of this robot.
         """
         self._waiting.append((self._substeps, copy(action)))  # agents may write to the array that they gave
         self._carry_out()
@@ -187,7 +189,7 @@ class DelayedController(KeepsAttributes):
         return super().state(), self._controller.state()
 
     def restore(self, state: Any) -> None:
-        """Restores both from a checkpoint."""
+        """Restores the waiting commands and the other controller's state from a checkpoint."""
         own, of_controller = state
         super().restore(own)
         self._controller.restore(of_controller)

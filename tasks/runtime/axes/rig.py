@@ -1,4 +1,4 @@
-"""The rig of a MuJoCo environment: what axes find in its compiled model and change there, and put back."""
+"""Access to a MuJoCo environment for axes of trials: finds the robot in the compiled model, changes and restores it."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -18,14 +18,14 @@ _DERIVED = (
     *("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "tendon_invweight0", "flexedge_invweight0"),
     *("actuator_acc0", "cam_poscom0", "light_poscom0"),
 )
-"""Constants of a model that `mj_setConst` computes from masses."""
+"""Fields of a MuJoCo model that `mj_setConst` computes from masses."""
 _OF_BODIES = ("body_mass", "body_inertia")
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE))
 _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 
 
 class ModelRig:
-    """Rig of an environment: its robot in its compiled model, and the imperfections that it has.
+    """Access of axes to an environment: the robot in its compiled model, and the robot's imperfections.
 
     Args:
         environment: The environment, before its `reset`.
@@ -65,7 +65,7 @@ class ModelRig:
 
     @cached_property
     def touching_geoms(self) -> NDArray[np.bool_]:
-        """Mask of the geoms of robot and floor, shape (ngeom,).
+        """Mask of the geoms of robot and floor whose contacts have friction, shape (ngeom,).
 
         Raises:
             AxisError: None of them can touch and rub.
@@ -85,7 +85,7 @@ class ModelRig:
 
     @cached_property
     def touching_pairs(self) -> NDArray[np.bool_]:
-        """Mask of the model's explicit contact pairs of a robot's geom, shape (npair,)."""
+        """Mask of the model's explicit contact pairs that have a geom of the robot, shape (npair,)."""
         robot = self.robot_bodies[self._model.geom_bodyid]
         return robot[self._model.pair_geom1] | robot[self._model.pair_geom2]
 
@@ -94,7 +94,7 @@ class ModelRig:
         """Numbers of the actuators that move the robot.
 
         Raises:
-            AxisError: There are none, or one whose force cannot be scaled.
+            AxisError: There are no such actuators, or the force of one cannot be scaled.
         """
         model = self._model
         found = actuators_of(model, self.robot_bodies)
@@ -109,17 +109,17 @@ class ModelRig:
 
     @cached_property
     def motor_joints(self) -> NDArray[np.intp]:
-        """Numbers of the robot's joints whose actuators' forces are limited."""
+        """Numbers of the robot's joints whose actuator forces are limited."""
         model = self._model
         limited = model.jnt_actfrclimited.astype(np.bool_) & self.robot_bodies[model.jnt_bodyid]
         return np.flatnonzero(limited)
 
     @property
     def first_motor(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Number of the first motor, and of the joint that it moves, if that limits the force.
+        """Number of the first motor, and of the joint that it moves if the joint limits the force.
 
         Raises:
-            AxisError: No motor moves the robot, or one whose force cannot be scaled.
+            AxisError: No motor moves the robot, or the force of one cannot be scaled.
         """
         first = self.motors[:1]
         moves_joint = self._model.actuator_trntype[first[0]] == int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -154,10 +154,10 @@ class ModelRig:
         return self._part("command_gains", "commands of a robot")
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
-        """Writes a factor times the numbers that a field of the model was built with; see `Rig`.
+        """Sets numbers of a model field to a factor times the values that the model was built with; see `Rig`.
 
         Raises:
-            AxisError: Another axis has written them.
+            AxisError: Another axis has changed the same numbers.
         """
         if (other := self._owners.setdefault(field, self.axis)) != self.axis:
             raise AxisError(
@@ -168,7 +168,7 @@ class ModelRig:
         getattr(self._model, field)[where] = built if factor is None else built * factor
 
     def derive_constants(self) -> None:
-        """Computes the model's constants that depend on masses, in a copy, so that nothing else changes."""
+        """Computes the model's constants that depend on masses, on a copy, so that nothing else changes."""
         source = self._built
         if any(not np.array_equal(getattr(self._model, name), getattr(source, name)) for name in _OF_BODIES):
             source, data = self._scratch
@@ -180,15 +180,15 @@ class ModelRig:
         self._scaled.update(_DERIVED)
 
     def changes(self) -> dict[str, Any]:
-        """Returns a copy of everything that axes change, to see later whether it is still so."""
+        """Returns a copy of all values that axes have set, to check later that they are still in effect."""
         fields = {field: getattr(self._model, field).copy() for field in self._scaled}
         return fields | {name: copy(vars(part)) for name, part in self._parts.items()}
 
     def lost(self, changes: dict[str, Any]) -> str:
-        """Says what of some changes is there no more; empty: everything is.
+        """Names values set by axes that are no longer in effect; empty if all are.
 
         Args:
-            changes: From `changes`.
+            changes: Values to compare with, from `changes`.
         """
         model = raw_physics(self._environment.physics)[0]
         if self._scaled and model is not self._model:
@@ -217,7 +217,7 @@ class ModelRig:
 
 
 def _rub(model: mujoco.MjModel, robot: NDArray[np.bool_], floor: NDArray[np.bool_]) -> bool:
-    """Whether a geom of the robot and one of the floor can touch, with friction."""
+    """Returns whether a geom of the robot and one of the floor can collide with friction."""
 
     def kinds(geoms: NDArray[np.bool_]) -> set[tuple[int, int, int]]:
         columns = (model.geom_contype, model.geom_conaffinity, model.geom_condim)

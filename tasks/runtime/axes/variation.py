@@ -1,4 +1,4 @@
-"""Applies the values of a trial's axes to an environment, and sees to it that they stay."""
+"""Applies the values of a trial's axes to an environment, and checks that they stay in effect."""
 
 import math
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from .rig import ModelRig
 
 
 class Variation(Observer):
-    """Values of axes in an environment.
+    """Values of a trial's axes in an environment.
 
-    As an observer it looks whether they are still there: an environment that makes its model anew at `reset` would run
-    every trial as built.
+    As an observer it checks that the values stay in effect: an environment that builds its model anew at `reset` would
+    run every trial with the default values.
 
     Args:
         kinds: Kind of each axis by name; only axes whose values are numbers.
@@ -27,11 +27,11 @@ class Variation(Observer):
         self._changes: dict[str, Any] = {}
 
     def applied(self, environment: Any, settings: Mapping[str, AxisSetting]) -> Any:
-        """Applies values to an environment that was made, before its `reset`, and returns the environment.
+        """Applies values to a new environment before its `reset`, and returns the environment.
 
         Args:
             environment: The environment.
-            settings: Values by name of the axis; an axis that is not named is as built.
+            settings: Values by name of the axis; axes without a value stay as built.
 
         Raises:
             AxisError: An axis cannot be applied to it, whether it is named or not.
@@ -42,7 +42,7 @@ class Variation(Observer):
         return environment
 
     def _bind(self, environment: Any) -> None:
-        """Finds what the axes change in an environment."""
+        """Finds the parts of an environment that the axes change."""
         self._setters.clear()
         name = kind = ""
         try:
@@ -54,7 +54,7 @@ class Variation(Observer):
             raise AxisError(refusal(name, kind, error)) from None
 
     def set(self, settings: Mapping[str, AxisSetting]) -> None:
-        """Applies the values of a trial, before the environment's `reset`; what it does not name is put back.
+        """Applies the values of a trial before the environment's `reset`; axes without a value are set back.
 
         Args:
             settings: Values by name of the axis.
@@ -68,19 +68,19 @@ class Variation(Observer):
         self.next_time_s = 0.0
 
     def watch(self, environment: Any, time_s: float) -> None:  # noqa: ARG002 - the rig has the environment
-        """Looks once after `reset` whether the values are still there.
+        """Checks once after `reset` that the values are still in effect.
 
         Raises:
-            AxisError: They are not.
+            AxisError: They are not in effect.
         """
         self._check()
         self.next_time_s = math.inf
 
     def last_look(self, environment: Any) -> None:  # noqa: ARG002 - as above
-        """Looks once more at the end.
+        """Checks at the end of the run that the values are still in effect.
 
         Raises:
-            AxisError: The values are no longer there.
+            AxisError: They are not in effect.
         """
         self._check()
 

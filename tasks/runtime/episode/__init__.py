@@ -1,1 +1,1 @@
-"""Parts that all rooms of the runtime share: context, phases, verdicts, physics, its health, loading of factories."""
+"""Shared parts of the runtime's subpackages: context, phases, verdicts, physics, health, import of factories."""

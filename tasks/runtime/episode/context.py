@@ -1,4 +1,4 @@
-"""The context that factories of environments and agents get, and help for those that can be resumed."""
+"""Context object that the factories of environments and agents get, and base classes for checkpoints."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..recording.recording import Recorder
 
 
 class ActionError(ValueError):
-    """Raised by an environment's `step` when an action is wrong; the robot application is blamed."""
+    """Raised by an environment's `step` when an action is invalid; the robot application is blamed."""
 
 
 class RobotProgramError(ActionError):
@@ -22,7 +22,7 @@ class RobotProgramError(ActionError):
 
 
 class ObservationError(ValueError):
-    """Raised by an agent when the time step is wrong; the simulation application is blamed."""
+    """Raised by an agent when a time step is invalid; the simulation application is blamed."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,22 @@ class SimulationContext:
     """The run as requested: ids, seed, folders, limits."""
 
     rng: np.random.Generator
-    """The run's random generator, made from the plan's seed; use this and nothing global."""
+    """Random generator of the run, seeded by the plan; use this one and no global generator."""
 
     world: World | None
-    """The world bundle's description, when the job names a world."""
+    """Description of the world bundle; None if the job names no world."""
 
     world_dir: Path | None
-    """The world bundle: `world.xml`, `map.yaml`, …; read-only."""
+    """Folder of the world bundle (`world.xml`, `map.yaml`, …), read-only."""
 
     data_dir: Path | None
-    """The job's data sources, one folder each; read-only."""
+    """Folder of the job's data sources, with one subfolder each; read-only."""
 
     output_dir: Path
-    """Files written here are stored with the job's outputs."""
+    """Folder whose files are stored with the job's outputs."""
 
     environment: Mapping[str, str]
-    """The environment variables of the launch configurations."""
+    """Environment variables of the launch configurations."""
 
     recorder: Recorder
     """Recorder of ROS 2 messages."""
@@ -64,7 +64,7 @@ class KeepsAttributes:
         return {name: getattr(self, name) for name in self.KEPT}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restores the attributes from a checkpoint."""
+        """Restores the attributes named in `KEPT` from a checkpoint."""
         for name in self.KEPT:
             setattr(self, name, state[name])
 

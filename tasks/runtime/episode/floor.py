@@ -1,4 +1,4 @@
-"""The floor of a world as its map has it: cells that a disc passes over, and shortest ways."""
+"""Free floor of a world's occupancy map: cells that a disc-shaped robot passes over, and shortest paths."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,14 @@ from ....schemas.worlds.world import Point
 from .occupancy_map import OccupancyMap, read_world_map
 
 _SNAP_M = 0.5
-"""Greatest distance from a free cell at which a way may begin or end: robots and goals touch things."""
+"""Maximum distance in metres from a free cell at which a path may begin or end, as robots and goals may touch things.
+"""
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
-"""Half of the cells that one step leads to: with knights' moves, ways are at most 2.8 % longer than straight ones."""
+"""Half of the steps to neighbouring cells; knight's moves are included, so that paths are at most 2.8 % too long."""
 
 
 class MapFloor:
-    """The floor of a world.
+    """Free floor of a world, from its occupancy map.
 
     Args:
         known: The world's map.
@@ -34,11 +35,11 @@ class MapFloor:
 
     @property
     def cell_m2(self) -> float:
-        """Area of a cell."""
+        """Area of a cell of the world's map, in m²."""
         return self._map.resolution_m**2
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> frozenset[int]:
-        """Cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
+        """Returns the cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
         fitting = self._fitting(radius_m)
         if not fitting.any():
             return frozenset()
@@ -49,7 +50,7 @@ class MapFloor:
         return frozenset(np.flatnonzero(passable).tolist())
 
     def passed(self, start: Point, end: Point, radius_m: float) -> frozenset[int]:
-        """Cells that a disc of a radius passes over on a straight way."""
+        """Returns the cells that a disc of a radius passes over on a straight line."""
         resolution_m = self._map.resolution_m
         corners = np.array([start, end], dtype=np.float64)
         low, high = corners.min(axis=0) - radius_m, corners.max(axis=0) + radius_m
@@ -66,7 +67,7 @@ class MapFloor:
     def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
         """Returns the length in metres of a disc's shortest path to a point, or into a polygon; `None`: no path.
 
-        Steps lead to 16 directions, and the way is then drawn tight, so that it is hardly longer than the shortest.
+        Steps have 16 directions, and the path is then pulled tight, so that its length is nearly exact.
         """
         fitting = self._fitting(radius_m)
         first = self._snapped(start, fitting)
@@ -95,18 +96,18 @@ class MapFloor:
         return self._tight(points, fitting)
 
     def _fitting(self, radius_m: float) -> NDArray[np.bool_]:
-        """Cells whose middle a disc can be on: nothing that is not free is within its radius."""
+        """Returns a mask of the cells whose centre a disc can occupy: all cells within its radius are free."""
         return self._map.free & (self._room_m >= radius_m)
 
     @cached_property
     def _room_m(self) -> NDArray[np.float64]:
-        """Distance of each cell's middle to the edge of the nearest one that is not free, in metres."""
+        """Distance from each cell's centre to the nearest edge of a cell that is not free, in metres."""
         known = np.pad(self._map.free, 1)  # beyond the map nothing is free
         away: NDArray[np.float64] = np.asarray(ndimage.distance_transform_edt(known))
         return (away[1:-1, 1:-1] - 0.5) * self._map.resolution_m
 
     def _inside(self, polygon: Sequence[Point]) -> NDArray[np.bool_]:
-        """Cells whose middle is inside a polygon, by the even-odd rule."""
+        """Returns a mask of the cells whose centre is inside a polygon, by the even-odd rule."""
         rows, columns = np.indices(self._map.free.shape)
         points = self._map.centers(rows.ravel(), columns.ravel())
         x, y = points.T
@@ -121,7 +122,7 @@ class MapFloor:
         return int(row), int(column)
 
     def _snapped(self, point: Point, fitting: NDArray[np.bool_]) -> int | None:
-        """The nearest cell where a disc fits, within `_SNAP_M`."""
+        """Returns the nearest cell where a disc fits, within `_SNAP_M`; `None` if there is none."""
         rows, columns = np.nonzero(fitting)
         if not len(rows):
             return None
@@ -130,7 +131,7 @@ class MapFloor:
         return int(rows[nearest] * self._columns + columns[nearest]) if away[nearest] <= _SNAP_M else None
 
     def _graph(self, fitting: NDArray[np.bool_]) -> sparse.csr_matrix:
-        """Steps between cells where a disc fits; one that passes a corner needs the cells beside it."""
+        """Builds the graph of steps between cells where a disc fits; a step past a corner needs the cells beside it."""
         numbers = np.arange(fitting.size).reshape(fitting.shape)
         starts: list[NDArray[np.intp]] = []
         ends: list[NDArray[np.intp]] = []
@@ -163,7 +164,7 @@ class MapFloor:
         return (one_way + one_way.T).tocsr()
 
     def _tight(self, points: NDArray[np.float64], fitting: NDArray[np.bool_]) -> float:
-        """Length of a way that is drawn tight between obstacles."""
+        """Returns the length in metres of a path that is pulled tight between obstacles."""
         length_m, here = 0.0, 0
         while here < len(points) - 1:
             there = len(points) - 1
@@ -180,7 +181,7 @@ class MapFloor:
 
 
 def floor_of(plan: RunPlan, rule: Rule[Any]) -> MapFloor | None:
-    """Returns the floor of a run's world; `None`: it has no world.
+    """Returns the free floor of a run's world; `None`: the run has no world.
 
     Raises:
         RequirementError: The world's map cannot be read.

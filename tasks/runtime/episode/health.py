@@ -1,4 +1,4 @@
-"""Health of a run's physics: MuJoCo's warnings, numbers that are not finite, time, floor, and jumps of the robot."""
+"""Health checks of a run's physics: MuJoCo warnings, non-finite numbers, time, falls, jumps of the robot."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -18,14 +18,17 @@ from .physics import floor_geoms, raw_physics, robot_bodies, robot_body
 from .results import Findings, Observer
 
 LOOK_EVERY_STEPS = 50
-"""Steps between two searches for numbers that are not finite, and stay so. A search costs 10 us, a step of a small
-model 40; the end is looked at, too."""
+"""Steps between two searches for non-finite numbers, which do not become finite again. A search costs 10 us, a step of
+a small model 40 us; the end of a run is always checked.
+"""
 
 BELOW_FLOOR_M = 0.2
-"""The robot's body has fallen through the floor when it is so far below it: soft contacts and low bodies are not."""
+"""Depth in metres below the floor at which the robot has fallen through it; soft contacts and low bodies stay above."""
 
 _TIME_STANDS_AFTER = 3
-"""Steps without time after which it stands; environments may have a step or two that only prepare."""
+"""Number of steps without progress of time after which the clock counts as stopped; an environment may prepare for a
+step or two.
+"""
 
 _DIVERGED = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 _SPOILS_JUDGEMENT = {
@@ -37,7 +40,7 @@ _SPOILS_JUDGEMENT = {
 
 @dataclass(frozen=True)
 class _First:
-    """First occurrence of a finding, with its step and simulated time."""
+    """First occurrence of a defect, with its step and simulated time."""
 
     text: str
     step: int
@@ -48,7 +51,7 @@ class _First:
 
 
 class PhysicsHealth(Observer):
-    """Observer that checks after each step that the physics is valid; defects are part of the verdict.
+    """Observer that checks after each step that the physics is valid; defects become part of the verdict.
 
     It checks after every step, whatever the simulated time does.
     """
@@ -80,7 +83,7 @@ class PhysicsHealth(Observer):
         """Checks the physics after a step.
 
         Raises:
-            PhysicsError: The physics diverged, and MuJoCo began anew.
+            PhysicsError: The physics diverged, and MuJoCo reset it.
         """
         data = environment.physics.data
         if data is not self._data:
@@ -113,12 +116,12 @@ class PhysicsHealth(Observer):
             self._look_for_numbers()
 
     def state(self) -> dict[str, Any]:
-        """See `results.Observer`."""
+        """Returns the found defects, for a checkpoint; see `results.Observer`."""
         kept = ("_steps", "_timesteps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
         return {name: getattr(self, name) for name in kept}
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """See `results.Observer`."""
+        """Restores the found defects from a checkpoint; see `results.Observer`."""
         self.__dict__.update(state)
         self._bind(environment)
 
@@ -126,7 +129,7 @@ class PhysicsHealth(Observer):
         """Returns the defects, which count as missed requirements, and notes.
 
         Args:
-            ended_by: What ended the run; None when it failed.
+            ended_by: Cause of the run's end; None if it failed.
         """
         if ended_by is None:
             return Findings()
@@ -141,7 +144,7 @@ class PhysicsHealth(Observer):
     # Looks
 
     def _bind(self, environment: Any) -> None:
-        """Caches the constants of the physics; environments may replace their physics."""
+        """Caches constants of the environment's physics, which environments may replace."""
         model, data = raw_physics(environment.physics)
         self._data = environment.physics.data
         self._raw = data
@@ -200,7 +203,7 @@ def _defect(name: str, text: str, *, is_error: bool) -> Requirement:
 
 
 def _nan_in(observation: Any, name: str = "") -> str:
-    """Returns the name of an array with NaN in an observation; empty: no array has NaN."""
+    """Returns the name of an array with NaN in an observation; empty if no array has NaN."""
     if isinstance(observation, Mapping):
         return next((found for key, item in observation.items() if (found := _nan_in(item, str(key)))), "")
     if isinstance(observation, np.ndarray) and observation.dtype.kind == "f" and np.isnan(observation).any():
@@ -209,7 +212,7 @@ def _nan_in(observation: Any, name: str = "") -> str:
 
 
 def _reach_m(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
-    """Returns the radius in m of a ball around the robot's body that holds all of its geoms."""
+    """Returns the radius in metres of a sphere around the robot's body that encloses all of its geoms."""
     geoms = np.flatnonzero(robot_bodies(model, body)[model.geom_bodyid])
     if not len(geoms):
         return math.inf

@@ -1,4 +1,4 @@
-"""Importing the factories of applications."""
+"""Import of the factory functions of applications."""
 
 import importlib
 import pkgutil
@@ -68,9 +68,9 @@ def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Cal
     """Imports a predicate function of a requirement, from an application's bundle or an installed package.
 
     Args:
-        plan: The run, with its applications.
-        rule: The requirement's.
-        attribute: Dotted path.
+        plan: Plan of the run, with its applications.
+        rule: Rule of the requirement that names the function.
+        attribute: Dotted path of the function, `package.module.function`.
 
     Raises:
         RequirementError: The function does not exist.
@@ -86,7 +86,7 @@ def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Cal
 
 
 def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, list[str]]:
-    """Imports as many leading parts as are modules; returns the last module and the remaining names."""
+    """Imports the longest leading part of a dotted path that is a module; returns it and the remaining names."""
     module: ModuleType | None = None
     for count in range(1, len(parts)):
         name = ".".join(parts[:count])
@@ -132,7 +132,7 @@ def _list(names: list[str]) -> str:
 
 
 def _check_origin(module: ModuleType, path: Path) -> None:
-    """Two bundles, or a bundle and an installed package, may use one name; the first import would win."""
+    """Raises an error if a module was not imported from the given bundle: bundles and packages may share names."""
     origins = [module.__file__] if module.__file__ else list(getattr(module, "__path__", []))
     if not any(Path(origin).resolve().is_relative_to(path.resolve()) for origin in origins):
         top = module.__name__.partition(".")[0]

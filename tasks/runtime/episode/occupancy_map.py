@@ -1,4 +1,4 @@
-"""Reads the map of a world: the pair of files that Nav2's map server reads."""
+"""Reader of a world's occupancy map: the YAML file and image that Nav2's map server reads."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,16 +19,16 @@ class OccupancyMap:
     """Grid map of a world's free floor cells; rows count northwards, columns eastwards."""
 
     free: NDArray[np.bool_]
-    """Shape (rows, columns); unknown counts as not free."""
+    """Mask of the free cells, shape (rows, columns); unknown cells are not free."""
 
     resolution_m: float
-    """Side of a cell."""
+    """Side length of a cell, in metres."""
 
     origin: tuple[float, float]
-    """South-west corner of cell `[0, 0]`, metres."""
+    """Position of the south-west corner of cell `[0, 0]`, in metres."""
 
     occupied: NDArray[np.bool_] | None = None
-    """Mask of the occupied cells, shape (rows, columns); None: not read."""
+    """Mask of the occupied cells, shape (rows, columns); None: the map was read without it."""
 
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Returns rows and columns of the cells that contain points of shape (n, 2), clipped to the map."""

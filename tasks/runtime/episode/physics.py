@@ -1,4 +1,4 @@
-"""Readings of MuJoCo's physics: the robot's body, its contact forces, its clearance."""
+"""Reads MuJoCo's physics: the robot's body, its contact forces, and its clearance."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -22,7 +22,7 @@ _LEAST_RADIUS_M = 0.05
 def robot_body(model: mujoco.MjModel) -> int | None:
     """Returns the number of the robot's root body: the one that most actuators move.
 
-    Without actuators it is the first thing that has joints; None when nothing can move.
+    Without actuators it is the first body with joints; None if no body can move.
     """
     if roots := acting_roots(model):
         return int(np.bincount(roots).argmax())
@@ -32,15 +32,15 @@ def robot_body(model: mujoco.MjModel) -> int | None:
 
 
 def acting_roots(model: mujoco.MjModel) -> list[int]:
-    """Returns for each actuator the root body of the tree that it moves; the world's body is left out."""
+    """Returns for each actuator the root body of the kinematic tree that it moves, without the world body."""
     moved = (_moved_body(model, actuator) for actuator in range(model.nu))
     return [int(model.body_rootid[body]) for body in moved if body > 0]
 
 
 def acting_body(model: mujoco.MjModel) -> int | None:
-    """Returns the number of the body that is taken for a robot: the first free body with actuators.
+    """Returns the number of the body that is taken for the robot: the first free body with actuators.
 
-    Where there is none it is the first body with any, else the only free one; None when there is none of these.
+    Else it is the first body with actuators, else the only free body; None if there is none of these.
     """
     roots = list(dict.fromkeys(acting_roots(model)))
     free = [int(body) for body in model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]]
@@ -51,14 +51,14 @@ def acting_body(model: mujoco.MjModel) -> int | None:
 
 
 def actuators_of(model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> list[int]:
-    """Returns the numbers of the actuators that move one of some bodies, given as a mask of shape (nbody,)."""
+    """Returns the numbers of the actuators that move any of some bodies, given as a mask of shape (nbody,)."""
     return [actuator for actuator in range(model.nu) if bodies[_moved_body(model, actuator)]]
 
 
 def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
     """Returns a mask of the bodies that belong to the robot, shape (nbody,).
 
-    What the robot stands in but is fixed to the world, such as a room's body that holds robot and furniture, is not.
+    A fixed ancestor, such as a room's body that holds robot and furniture, does not belong to the robot.
 
     Args:
         model: The compiled world with the robot.
@@ -80,7 +80,7 @@ def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
 
 
 def radius_of(model: mujoco.MjModel, body: int) -> float:
-    """Returns the radius in metres of a ball around a body that contains it and its descendants.
+    """Returns the radius in metres of a sphere around a body that contains it and its descendants at rest.
 
     Of what hangs on it, the pose at rest counts.
     """
@@ -94,7 +94,7 @@ def radius_of(model: mujoco.MjModel, body: int) -> float:
 
 
 def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
-    """The body that an actuator acts on; 0, the world, when that cannot be said."""
+    """Returns the body that an actuator acts on; 0 (the world) if it cannot be determined."""
     # As a plain number: an enumeration's member is not equal to one of numpy.
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
@@ -117,8 +117,8 @@ _FAR_M = 1e6
 class ClearanceMeter:
     """Measures the smallest distance between the robot's surface and other objects.
 
-    `mj_geomDistance` measures pairs of geoms exactly. Few pairs are asked for: the other geoms are taken in the
-    order of how near their bounding boxes come to a ball around the robot, until none can be nearer any more.
+    `mj_geomDistance` measures pairs of geoms exactly. Few pairs are measured: the other geoms are taken in the order of
+    the distance of their bounding boxes from a sphere around the robot, until no other can be nearer.
     """
 
     def __init__(
@@ -134,9 +134,9 @@ class ClearanceMeter:
         Args:
             model: The compiled world with the robot.
             data: Its state, after `mj_forward`.
-            robot: Which geoms are the robot's.
-            others: Which geoms to stay away from.
-            names: What each geom is called.
+            robot: Mask of the robot's geoms.
+            others: Mask of the geoms to measure the distance to.
+            names: Name of each geom, for messages.
         """
         self._model, self._data, self._names = model, data, names
         solid = _collides(model, robot)
@@ -150,14 +150,14 @@ class ClearanceMeter:
 
     @property
     def has_others(self) -> bool:
-        """Whether there are objects to keep away from."""
+        """Whether there are other objects to measure the distance to."""
         return self._others.size > 0 and self._robot.size > 0
 
     def measure(self, below_m: float = _FAR_M) -> tuple[float, str] | None:
         """Measures the smallest distance in metres (negative for an overlap), and the name of the nearest object.
 
         Args:
-            below_m: Larger distances do not matter; the smaller it is, the faster the answer.
+            below_m: Distances above this are not measured; a smaller value is faster.
 
         Returns:
             None when nothing is nearer than `below_m`.
@@ -179,7 +179,7 @@ class ClearanceMeter:
         return None if other < 0 else (nearest, self._names[other])
 
     def _lower_bounds(self) -> NDArray[np.float64]:
-        """No geom is nearer to the robot than this: from a ball around the robot to the geom's bounding box."""
+        """Returns lower bounds for the distance of each geom from the robot, from spheres and bounding boxes."""
         positions = self._data.geom_xpos[self._robot]
         middle = (positions.min(axis=0) + positions.max(axis=0)) / 2
         radius = float((np.linalg.norm(positions - middle, axis=1) + self._radii).max())
@@ -193,23 +193,23 @@ class ClearanceMeter:
 
 
 def _collides(model: mujoco.MjModel, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns a mask of the geoms that can touch one of some; geoms that are only to be seen do not count."""
+    """Returns a mask of the geoms that can collide with one of the given geoms; purely visual geoms cannot."""
     kinds = int(np.bitwise_or.reduce(model.geom_contype[some], initial=0))
     partners = int(np.bitwise_or.reduce(model.geom_conaffinity[some], initial=0))
     return (model.geom_contype & partners != 0) | (model.geom_conaffinity & kinds != 0)
 
 
 _FLOOR_REACH_M = 0.012
-"""Fixed things whose top is no higher are floor: ground, rugs, thresholds."""
+"""Height in metres up to which a fixed geom counts as floor: ground, rugs, thresholds."""
 _MAX_QUIET = 1000
-"""Lists of contacts without a touch of the robot that are remembered."""
+"""Maximum number of remembered contact lists in which the robot touches nothing."""
 _ROBOT, _FLOOR = 1, 100
 _UPWARDS = 0.7
-"""Cosine of the slope up to which a plane is ground."""
+"""Cosine of the slope up to which a plane counts as ground."""
 
 
 class ContactForces:
-    """Reads the contact forces between a robot and everything but itself and the floor."""
+    """Reads the contact forces between a robot and all objects except the floor."""
 
     def __init__(
         self,
@@ -220,15 +220,15 @@ class ContactForces:
         *,
         is_stale: bool = False,
     ) -> None:
-        """Determines the geoms of the robot and of the rest.
+        """Determines the geoms of the robot and of other objects.
 
         Args:
             model: The compiled world with the robot.
             data: Its state, after `mj_forward`.
-            robot: Which geoms are the robot's.
-            names: What each geom is called.
-            is_stale: Whether `data` stands between `mj_step1` and `mj_step2` when it is read, as dm_control's
-                `legacy_step` leaves it: contacts have no forces then, and are solved again in a copy.
+            robot: Mask of the robot's geoms.
+            names: Name of each geom, for messages.
+            is_stale: Whether `data` is between `mj_step1` and `mj_step2` when it is read, as dm_control's `legacy_step`
+                leaves it: contacts have no forces then, and are solved again in a copy.
         """
         self._model, self._data = model, data
         # One number per geom, such that the two of a pair add up to `_ROBOT` for a touch of the robot only.
@@ -281,8 +281,8 @@ def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]
     """Returns a mask of the geoms that are floor (low fixed geoms, height fields, planes).
 
     Args:
-        model: The world.
-        data: Its state, after `mj_forward`.
+        model: Compiled world.
+        data: State of the world, after `mj_forward`.
     """
     vertical = data.geom_xmat[:, 6:9]
     top = data.geom_xpos[:, 2] + np.einsum("ij,ij->i", vertical, model.geom_aabb[:, :3])
@@ -303,7 +303,7 @@ def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
 
     Args:
         model: The compiled world with the robot.
-        robot: Which geoms are the robot's, shape (ngeom,).
+        robot: Mask of the robot's geoms, shape (ngeom,).
     """
     kinds, affinities = model.geom_contype, model.geom_conaffinity
     own = {(int(kinds[geom]), int(affinities[geom])) for geom in np.flatnonzero(robot)}

@@ -1,4 +1,4 @@
-"""Progress of a run, shared with its supervisor: phase, steps, driven path, and why it stops."""
+"""Progress of a run, shared with its supervisor: phase, steps, driven path, and the reason to stop."""
 
 import json
 import math
@@ -16,9 +16,9 @@ _UINT = struct.Struct("<I")
 _STEPS_AND_TIME = struct.Struct("<Qd")
 
 AGENT_GONE = "agent"
-"""Reason to stop a run whose robot program has ended with exit code 0."""
+"""Reason to stop a run: its robot program has exited with code 0."""
 STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
-"""Reasons to stop a run, in the words of `RunResult.ended_by`."""
+"""Reasons to stop a run, as written to `RunResult.ended_by`."""
 
 
 class Phase(IntEnum):
@@ -36,12 +36,12 @@ class Phase(IntEnum):
 
     @property
     def role(self) -> ApplicationRole | None:
-        """Application whose code runs in this phase; `None` for the runtime's own."""
+        """Role of the application whose code runs in this phase; `None` for the runtime's own code."""
         return _ROLES.get(self)
 
     @property
     def activity(self) -> str:
-        """The phase as text after "failed in …"."""
+        """Phase as text that follows "failed in"."""
         return _ACTIVITIES[self]
 
 
@@ -71,8 +71,8 @@ def unanswered(phase: Phase, steps: int, time_s: float) -> str:
     """Describes which program did not answer when a run was stopped at its time limit.
 
     Args:
-        phase: What the run's process was doing.
-        steps: Steps that were done.
+        phase: Phase in which the process was stopped.
+        steps: Number of finished steps.
         time_s: Simulated time in s.
     """
     if phase.role is None:
@@ -82,12 +82,10 @@ def unanswered(phase: Phase, steps: int, time_s: float) -> str:
 
 
 class Progress:
-    """Memory page shared by the supervisor and a simulation process: phase, steps, time, report.
+    """Memory page that a simulation process shares with its supervisor: phase, steps, time, report.
 
-    It is readable even if the run was killed.
-
-    Marking a phase is one store into memory, cheap enough for every step; what is there stays
-    readable when the run was killed in the middle of anything.
+    Setting a phase is a single write to memory, cheap enough for every step. The supervisor can read the page even
+    after the process was killed.
     """
 
     def __init__(self) -> None:
@@ -108,7 +106,7 @@ class Progress:
 
     @property
     def where(self) -> tuple[int, float]:
-        """Number of steps done, and the simulated time in seconds."""
+        """Number of finished steps, and the simulated time in seconds."""
         return _STEPS_AND_TIME.unpack_from(self._page, _WHERE)
 
     def begin_to_judge(self) -> None:
@@ -139,7 +137,7 @@ class Progress:
         return _UINT.unpack_from(self._page, _TRIALS)[0]
 
     def write_report(self, report: dict[str, Any]) -> None:
-        """Stores the run's final report in the shared memory; the length is written last, so that it is never half."""
+        """Stores the run's final report in shared memory; its length is written last, so it is complete or absent."""
         data = json.dumps(report).encode()
         if len(data) > _SIZE - _REPORT:
             raise ValueError(f"a report of {len(data)} bytes does not fit into {_SIZE - _REPORT}")
@@ -159,7 +157,7 @@ class RunStopped(BaseException):
     """Raised inside application code that does not return after the run was told to stop.
 
     Args:
-        phase: What was interrupted; None: nothing, the code noticed the stop by itself.
+        phase: Phase that was interrupted; None if the code noticed the stop by itself.
     """
 
     def __init__(self, phase: Phase | None = None) -> None:
@@ -168,7 +166,7 @@ class RunStopped(BaseException):
 
 
 class RunEnded(Exception):
-    """Raised by an observer to end the run normally, because it has seen enough."""
+    """Raised by an observer to end the run normally before its time, such as when all goals are reached."""
 
     def __init__(self, ended_by: str = "requirements") -> None:
         super().__init__(ended_by)
@@ -176,7 +174,7 @@ class RunEnded(Exception):
 
 
 class Stop(Protocol):
-    """Interface that tells whether the run was told to stop."""
+    """Interface of objects that tell whether the run has to stop."""
 
     @property
     def reason(self) -> str:
@@ -185,14 +183,14 @@ class Stop(Protocol):
 
 
 def program_in_words(program: ProgramPlan, plan: RunPlan) -> str:
-    """Describes a program of a run: `robot application driver`, `tool watch of simulation application arena`."""
+    """Describes a program of a run for messages: `tool watch of simulation application arena`."""
     application = plan.robot_application if program.role == "robot" else plan.simulation_application
     named = f"{program.role} application {application.name}" if application else f"the {program.role} application"
     return f"tool {program.name.removeprefix(f'{program.role}-')} of {named}" if program.kind == "tool" else named
 
 
 PATH_FILE = "driven-path.csv"
-"""Name of the file, in the work folder of the run."""
+"""Name of the file with the robot's path, in the run's work folder."""
 
 PathPoint = tuple[float, float, float]
 
@@ -207,7 +205,7 @@ def points_of(text: str) -> list[PathPoint]:
     """Parses the live path file; unreadable lines are skipped.
 
     Args:
-        text: the file's content, to which the application may have written anything.
+        text: Content of the file, which application code may have changed.
     """
     points: list[PathPoint] = []
     for line in text.splitlines(keepends=True):

@@ -21,27 +21,27 @@ from ....schemas.wire.request_problems import nearest
 
 @dataclass(frozen=True)
 class Parts:
-    """Facts from which the verdict of a run is decided."""
+    """Facts about a run from which its verdict is decided."""
 
     own: Verdict = "NONE"
-    """Verdict of the environment, or of a program that runs alone."""
+    """Verdict of the environment, or of a program that runs without one."""
 
     requirements: Sequence[Requirement] = ()
     """Requirements of job and environment; those with `counts: false` are ignored."""
 
     defects: Sequence[Requirement] = ()
-    """Defects of the run itself, as missed requirements: broken physics, no step at all."""
+    """Defects of the run itself (broken physics, no steps), as missed requirements."""
 
     trials: "TrialParts | None" = None
-    """Trials of the run; `None`: it is one episode."""
+    """Counts of the run's trials by verdict; `None`: the run is a single episode."""
 
     is_canceled: bool = False
-    """Whether the run was cancelled; nothing is judged then."""
+    """Whether the run was cancelled; it has no verdict then."""
 
 
 @dataclass(frozen=True)
 class TrialParts:
-    """Numbers of a run's trials by verdict."""
+    """Counts of a run's trials by verdict."""
 
     planned: int
     passed: int
@@ -53,12 +53,12 @@ class TrialParts:
 def decide_verdict(parts: Parts) -> Verdict:
     """Decides the verdict of a run: PASS, FAIL or ERROR.
 
-    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Two things need no trust in a
-    measurement: a robot under the floor has failed, unless the physics itself broke; trials are independent, so a
-    failed one counts beside a broken one.
+    ERROR takes precedence over FAIL, since measurements of a broken run cannot be trusted. There are two exceptions: a
+    robot that fell through the floor has failed, unless the physics itself broke; and trials are independent, so that a
+    failed trial counts even if another one is broken.
 
     Args:
-        parts: What the verdict is made from.
+        parts: Facts about the run.
     """
     if parts.is_canceled:
         return "NONE"
@@ -85,14 +85,14 @@ def _of_trials(trials: TrialParts) -> Verdict:
 
 
 OWN_VERDICT = "verdict_without_topics"
-"""Member of `extra` until topics are judged: the verdict of all the rest."""
+"""Name in `RunResult.extra` of the verdict without topics, until the recording is judged."""
 RESULT_FILE = "result.json"
 MAX_RESULT_BYTES = 16 * 1024 * 1024
-"""Size limit of `result.json`, in bytes; a longer file is no result."""
+"""Size limit of `result.json` in bytes; a longer file is not read."""
 MAX_COLLISIONS = 200
 MAX_PATH_POINTS = 600
 _FEW_STEPS = 10
-"""A robot that ends its run sooner has hardly begun."""
+"""Number of steps below which a run that its robot ended counts as hardly begun."""
 _ENDERS = {
     "agent": "the robot application",
     "environment": "the simulation application",
@@ -127,25 +127,25 @@ class ReportingEnvironment(Protocol):
 
 @dataclass(frozen=True)
 class Findings:
-    """Results that an observer of the run adds to `result.json`."""
+    """Results that an observer of the run contributes to `result.json`."""
 
     extra: dict[str, Any] = field(default_factory=dict)
-    """Remarks by name, as plain JSON values."""
+    """Additional entries of the result by name, as plain JSON values."""
 
     metrics: dict[str, float] = field(default_factory=dict)
-    """Numbers by name with unit."""
+    """Metrics by name (with unit)."""
 
     requirements: list[Requirement] = field(default_factory=list)
-    """Judged requirements; one that is not satisfied makes the verdict FAIL, one that broke ERROR."""
+    """Judged requirements; an unsatisfied one makes the verdict FAIL, one with an error makes it ERROR."""
 
     defects: list[Requirement] = field(default_factory=list)
-    """Defects of the run itself, as missed requirements; they count where something is judged."""
+    """Defects of the run itself, as missed requirements; they count if the run is judged at all."""
 
     notes: list[str] = field(default_factory=list)
-    """Lines beside the verdict."""
+    """Notes shown with the verdict, one line each."""
 
     state_digest: str | None = None
-    """Digest of the run's states."""
+    """Hash of the run's simulation states."""
 
 
 class Observer:
@@ -168,7 +168,7 @@ class Observer:
         """Finishes the observer's files and returns its findings; called once, also when the run failed.
 
         Args:
-            ended_by: The cause of the run's end; None when it failed.
+            ended_by: Cause of the run's end; None if it failed.
         """
         return Findings()
 
@@ -183,31 +183,33 @@ class Observer:
 
 @dataclass(frozen=True)
 class Episode:
-    """End of a run's simulation loop: steps, times and cause."""
+    """Outcome of a run's simulation loop: number of steps, times, and cause of the end."""
 
     ended_by: str
-    """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
+    """Cause of the end: `environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
 
     report: EnvironmentReport
-    """The environment's report; empty when it reports nothing."""
+    """Report of the environment; empty if it has none."""
 
     steps: int
-    """Calls of `environment.step`."""
+    """Number of calls of `environment.step`."""
 
     sim_time_s: float
-    """Simulated time at the end."""
+    """Simulated time at the end, in seconds."""
 
     wall_time_s: float
     """Wall-clock time from the first reset to the last step."""
 
     judges: bool = False
-    """Whether the environment reports on its runs, so that its silence is no verdict either."""
+    """Whether the environment has a report method; a missing verdict is then no verdict "NONE"."""
 
     unanswered: str = ""
-    """Says who did not answer at the duration limit and had to be interrupted; empty: everything answered."""
+    """Description of the program that did not answer at the duration limit and was interrupted; empty if there was
+    none.
+    """
 
     records_itself: bool = False
-    """Whether the environment says that it records its clock and joints, so that nothing else does."""
+    """Whether the environment records its clock and joints itself, so that the runtime does not."""
 
 
 def read_report(environment: object) -> EnvironmentReport:
@@ -238,9 +240,10 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     """Makes the content of `result.json` from the environment's report and all measurements.
 
     Args:
-        episode: How the loop ended.
+        episode: Outcome of the simulation loop.
         seed: Seed of the run.
-        findings: What observers add; their remarks and metrics go over the environment's own.
+        findings: Results of observers; their extra entries and metrics replace those of the environment with the same
+            names.
 
     Returns:
         The content of `result.json`; numbers that are not finite are moved from the metrics to `extra`
@@ -304,12 +307,12 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
 
 
 def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
-    """Whether the job's goals ended the run, so that the environment judged one that was not let finish."""
+    """Returns whether the job's goals ended the run, so that the environment judged an unfinished run."""
     return episode.ended_by == "requirements" and bool(added) and all(requirement.satisfied for requirement in added)
 
 
 def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> list[Requirement]:
-    """Returns the job's requirements, those that switch off one of the environment's report being no error."""
+    """Returns the job's requirements; one that only switches off a requirement of the environment is no error."""
     own = {item.name: item for item in report.requirements}
     there = f"; it has {', '.join(own)}" if own else ""
     found: list[Requirement] = []
@@ -340,7 +343,7 @@ def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tu
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """Makes the run's summary: the environment's sentence, and the job's own requirements that are not met."""
+    """Makes the run's summary: the environment's sentence, and the job's requirements that are not met."""
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
@@ -357,7 +360,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Describes defects of an episode, such as that nothing was simulated, or that a program did not answer."""
+    """Lists defects of an episode, such as that nothing was simulated, or that a program did not answer."""
     if episode.unanswered:
         return [never_answered(episode.unanswered)]
     if episode.steps:

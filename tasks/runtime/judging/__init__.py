@@ -1,1 +1,1 @@
-"""Recordings as scenes: their messages, the topics that requirements are measured by, gaps in them."""
+"""ROS recordings as scenes in which requirements are measured: messages, topics, gaps."""

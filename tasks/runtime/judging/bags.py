@@ -1,4 +1,4 @@
-"""Recordings of ROS on disk: MCAP, ROS 2 bags in SQLite or MCAP, ROS 1 bags."""
+"""Reader of ROS recordings: MCAP files, ROS 2 bags (SQLite or MCAP), ROS 1 bags."""
 
 import struct
 from collections.abc import Collection, Iterator
@@ -15,7 +15,7 @@ from ....schemas.wire.errors import LaunchError
 from ....schemas.wire.request_problems import nearest
 
 SUFFIXES = (".mcap", ".db3", ".bag")
-"""Endings of the names of recordings."""
+"""File name suffixes of recordings."""
 METADATA = "metadata.yaml"
 _MAX_SHOWN = 12
 _IDL_SEPARATOR = "=" * 80 + "\n"
@@ -46,11 +46,11 @@ class Message(NamedTuple):
     """A message of a ROS recording, with its topic and time."""
 
     time_ns: int
-    """Time of receipt in nanoseconds, as the recording says."""
+    """Time in nanoseconds at which the message was received, from the recording."""
 
     topic: str
     type: str
-    """ROS type, `nav_msgs/msg/Odometry`; of ROS 1 it is written so, too."""
+    """ROS type in the form of ROS 2, `nav_msgs/msg/Odometry`, also for ROS 1 messages."""
 
     content: Any
 
@@ -91,7 +91,7 @@ class Bag:
         """Opens a recording and reads which topics it has.
 
         Args:
-            path: From `find_recording`.
+            path: Path of the recording, from `find_recording`.
 
         Raises:
             RecordingFault: It cannot be read, is cut off, or is empty.
@@ -108,7 +108,7 @@ class Bag:
             raise
 
     def _opened(self) -> Any:
-        """A reader, from the beginning of the recording."""
+        """Returns a reader of the recording that begins at its start."""
         try:
             reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
             reader.open()
@@ -136,7 +136,7 @@ class Bag:
         self._store: Any = None
 
     def close(self) -> None:
-        """Closes the recording's files."""
+        """Closes the files of a ROS recording."""
         for reader in (self._reader, *self._reading):
             _closed(reader)
 
@@ -159,12 +159,12 @@ class Bag:
         return only
 
     def has(self, topic: str, types: Collection[str]) -> bool:
-        """Whether a topic is there, and all its messages are of one of some types."""
+        """Returns whether a topic exists, and all its messages have one of some types."""
         found = self.types.get(topic, set())
         return len(found) == 1 and found <= set(types)
 
     def mixed(self, topic: str) -> str | None:
-        """Explains which types the messages of a topic have, if there are several, or `None`."""
+        """Lists the message types of a topic as text if there are several, else returns `None`."""
         found = sorted(self.types.get(topic, ()))
         if len(found) < 2:
             return None
@@ -174,11 +174,11 @@ class Bag:
         )
 
     def near(self, topic: str) -> str:
-        """Suggests the topic that may have been meant, or lists the topics."""
+        """Suggests the existing topic with the most similar name, or lists all topics."""
         return nearest(topic, self.types) or f"; it has {self.shown()}"
 
     def shown(self) -> str:
-        """Lists the names of the first topics, for a message."""
+        """Lists the names of the first topics, for an error message."""
         names = sorted(self.types)
         more = f" and {len(names) - _MAX_SHOWN} more" if len(names) > _MAX_SHOWN else ""
         return ", ".join(names[:_MAX_SHOWN]) + more
@@ -229,7 +229,7 @@ class Bag:
             )
 
     def _types(self, connections: Collection[Connection]) -> Any:
-        """Definitions of the types of some topics; those of others may be missing or wrong."""
+        """Returns the message definitions of some topics' types; other topics' definitions may be missing or wrong."""
         types: dict[str, Any] = {}
         if any(each.msgdef.format == MessageDefinitionFormat.NONE for each in connections):
             types |= get_typestore(Stores.LATEST).fielddefs
@@ -252,7 +252,7 @@ class Bag:
         return store
 
     def _remedy(self, error: Exception) -> str:
-        """Advice on usable formats, for a recording that cannot be read."""
+        """Returns advice on usable formats, for a recording that cannot be read."""
         text = str(error)
         if "empty" in text:
             return "; record a run"
@@ -284,7 +284,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
 
 
 def _said(error: Exception) -> str:
-    """Returns the text of an error; of errors that say nothing useful, that the file ends within a record."""
+    """Returns the text of a reader's error; unhelpful texts are replaced by "the file ends within a record"."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"
     return str(error).rstrip(".")

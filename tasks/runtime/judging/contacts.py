@@ -1,4 +1,4 @@
-"""Contacts of a recording: what the robot touched and how hard, and names that tell things apart."""
+"""Contacts in a ROS recording: touched objects, forces, and the object names that rules use."""
 
 import math
 import re
@@ -18,12 +18,12 @@ class Contacts:
     """Contact forces from recorded topics: the largest force of each object since the last check."""
 
     def __init__(self, topics: Sequence[str], types: Mapping[str, Set[str]], sources: RecordingSources) -> None:
-        """Begins to listen.
+        """Prepares to read contacts.
 
         Args:
             topics: Topics with contacts.
-            types: Types of their messages.
-            sources: What is said of them.
+            types: ROS types of each topic's messages.
+            sources: Settings about the recording's topics, such as which side of a contact is the robot.
         """
         self.topics = list(topics)
         self.robot = sources.robot
@@ -39,11 +39,11 @@ class Contacts:
 
     @staticmethod
     def _longest_silence_s(types: Set[str], sources: RecordingSources) -> float:
-        """Longest silence in which nothing is missed: Gazebo classic also says that nothing is touched."""
+        """Returns the longest acceptable silence of a contact topic: Gazebo classic publishes without contacts, too."""
         return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
 
     def look_back(self, time_s: float) -> None:
-        """Records silences of topics that always speak."""
+        """Records too long silences of topics that publish continuously."""
         for source in self.sources:
             if source.messages:  # the end says of a topic that never spoke why that may be
                 source.look_back(time_s)
@@ -52,8 +52,8 @@ class Contacts:
         """Makes a function that returns the contact forces since its last call, by object.
 
         Args:
-            rule: Rule that asks.
-            listed: Names of things that may be touched, where something tells them.
+            rule: Rule that reads the contacts.
+            listed: Names of the objects that can be touched, if they are known.
 
         Raises:
             NotMeasuredError: All that there could be is ignored.
@@ -72,7 +72,7 @@ class Contacts:
         return read
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads a message with contacts."""
+        """Reads the robot's contacts from a recorded message."""
         source = self._by_topic[message.topic]
         source.hear(time_s)
         for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
@@ -85,7 +85,7 @@ class Contacts:
                 felt[name] = max(felt.get(name, 0.0), force)
 
     def _other_side(self, first: str, second: str) -> str | None:
-        """The other side of a contact; None: the robot has no part in it, or it is on the floor."""
+        """Returns the name of the object that the robot touches; None: the robot is not involved, or on the floor."""
         ours = [_is_of(name, self.robot or "") for name in (first, second)]
         self._is_robot_seen = self._is_robot_seen or any(ours)
         if ours[0] == ours[1]:
@@ -112,7 +112,7 @@ class Contacts:
         self._names.finish()
 
     def remarks(self) -> Iterator[str]:
-        """Yields notes about topics without messages."""
+        """Yields notes about contact topics that had no messages."""
         for source in self.sources:
             if source.rules and not source.messages:
                 yield f"no message came on {source.name}, which is taken for nothing was touched"
@@ -129,7 +129,7 @@ class Names:
         self._rules: list[Rule[Any]] = []
 
     def expect(self, rule: Rule[Any], listed: Collection[str]) -> None:
-        """Registers a rule that may distinguish touched things by name.
+        """Registers a rule that may distinguish touched objects by name.
 
         Raises:
             NotMeasuredError: The rule ignores everything that the recording could have contacts with.
@@ -144,7 +144,7 @@ class Names:
             self._rules.append(rule)
 
     def finish(self) -> None:
-        """Fails the rules that name objects which the recording does not have: they could not be violated."""
+        """Makes errors of rules that name objects which the recording does not have: they could not be violated."""
         for rule in self._rules:
             unknown = [each for each in rule.asked.others or () if not self._is_known(each)]
             if unknown and rule.violated_s is None:  # what was found stands
@@ -164,7 +164,7 @@ class Names:
                 yield f"{touched}{self._near(misspelt)}"
 
     def _misspelt(self, rule: Rule[Any]) -> Iterator[str]:
-        """Yields ignored names that fit no object, but nearly fit one; to ignore an absent object is no error."""
+        """Yields ignored names that match no object but resemble one; names of absent objects are allowed."""
         for each in rule.asked.ignore or ():
             if not self._is_known(each) and "did you mean" in self._near(each):
                 yield each
@@ -182,22 +182,22 @@ class Names:
 
 
 MODEL_STATES = "/gazebo/model_states"
-"""Topic on which Gazebo classic says what models there are."""
+"""Topic on which Gazebo classic publishes the names of its models."""
 _MODELS: Mapping[str, Callable[[Any], list[str]]] = {
     "gazebo_msgs/msg/ModelStates": lambda m: list(m.name),
     "tf2_msgs/msg/TFMessage": lambda m: [each.child_frame_id for each in m.transforms],
 }
-"""Readers of the names of models, by type: Gazebo's `pose/info` is bridged as transforms."""
+"""Functions that read model names from messages, by ROS type; Gazebo's `pose/info` is bridged as transforms."""
 _FRAMES = ("tf", "tf_static")
-"""Last parts of the names of topics with frames of robots, `/robot1/tf` among them."""
+"""Last parts of the names of tf topics, which may have a prefix, such as `/robot1/tf`."""
 
 
 def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
     """Returns the names of the objects that may be touched, if a world or a list of models has them.
 
     Args:
-        bag: The recording.
-        world: World that the robot was in, if it is known.
+        bag: Recording to read the model names from.
+        world: World of the run, if it is known.
         robot: Gazebo's name of the robot's model.
     """
     found: set[str] = set()
@@ -216,28 +216,28 @@ def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
 
 
 def _model_of(name: str) -> str:
-    """The model of a collision, `wall` of `wall::link::collision`; other names as they are."""
+    """Returns the model of a Gazebo collision name: `wall` for `wall::link::collision`; other names unchanged."""
     return name.partition("::")[0]
 
 
 _FLOOR = "ground_plane"
-"""Gazebo's own floor, which may always be touched."""
+"""Name of Gazebo's default floor model, which may always be touched."""
 _MAX_SHOWN = 12
 _OtherSide = Callable[[str, str], str | None]
 
 
 def _is_of(name: str, model: str) -> bool:
-    """Whether a collision is of a model: `model::link::collision`, also with the name of an outer one before."""
+    """Returns whether a collision name (`model::link::collision`) belongs to a model, possibly a nested one."""
     return any(fnmatchcase(part, model) for part in name.split("::")[:-1])
 
 
 def fits_floor(model: str) -> bool:
-    """Whether a name of a model, with `*` for any text, is also one of the floor, as `*` alone is of everything."""
+    """Returns whether a model name pattern with `*` also matches the floor, as `*` alone does."""
     return fnmatchcase(_FLOOR, model)
 
 
 def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Reads contacts of this package's recordings: each object's name, and its force in newtons; several are added."""
+    """Reads contacts of this package's recordings: each object's name and its force in newtons."""
     del other_side  # they are all of the robot
     sums: dict[str, float] = {}
     for marker in content.markers:
@@ -247,7 +247,7 @@ def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, flo
 
 
 def _of_states(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of Gazebo classic."""
+    """Reads contacts of Gazebo classic: each object's name and its force in newtons."""
     for state in content.states:
         name = other_side(state.collision1_name, state.collision2_name)
         if name is not None:
@@ -256,7 +256,7 @@ def _of_states(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, floa
 
 
 def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Contacts of Gazebo, by its bridge."""
+    """Reads contacts of Gazebo, as its ROS bridge publishes them: each object's name and its force in newtons."""
     for contact in content.contacts:
         name = other_side(contact.collision1.name, contact.collision2.name)
         if name is not None:
@@ -265,7 +265,7 @@ def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, fl
 
 
 def _along(force: Any, normals: Sequence[Any], index: int) -> float:
-    """The part of a force along its contact's normal, in newtons; all of it if the message has no normal."""
+    """Returns the component of a force along its contact's normal in newtons; the whole force without a normal."""
     size = math.hypot(force.x, force.y, force.z)
     if index >= len(normals):
         return size
@@ -280,6 +280,8 @@ CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, floa
     "ros_gz_interfaces/msg/Contacts": _of_contacts,
     "visualization_msgs/msg/MarkerArray": _of_markers,
 }
-"""Readers of contacts by type: what the robot touched, and the force in newtons; NaN: the message has no force."""
+"""Functions that read contacts, by ROS type: name of the touched object, and force in newtons (NaN: not in the
+message).
+"""
 MARKERS = "visualization_msgs/msg/MarkerArray"
-"""Type of contacts in our own recordings, which others draw anything with."""
+"""ROS type of contacts in this package's recordings; other software uses the same type for other drawings."""

@@ -1,4 +1,4 @@
-"""Frames of a recording: where one is in another, by `/tf_static` and the newest `/tf`."""
+"""Tree of ROS frames in a recording: poses between frames from `/tf_static` and the newest `/tf`."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
-"""A transform as a matrix of 4 x 4."""
+"""Transform as a 4 x 4 matrix."""
 
 
 def matrix_of(position: Any, orientation: Any) -> Matrix | None:
     """Converts a ROS pose to a 4 x 4 matrix; `None` if its numbers are invalid.
 
     Args:
-        position: With `x`, `y` and `z`, in metres.
-        orientation: A quaternion with `x`, `y`, `z` and `w`.
+        position: Position with `x`, `y` and `z`, in metres.
+        orientation: Quaternion with `x`, `y`, `z` and `w`.
     """
     numbers = np.array((orientation.w, orientation.x, orientation.y, orientation.z, position.x, position.y, position.z))
     length = float(np.linalg.norm(numbers[:4]))
@@ -31,7 +31,7 @@ def matrix_of(position: Any, orientation: Any) -> Matrix | None:
 
 
 def quaternion_of(matrix: Matrix) -> list[float]:
-    """Converts a matrix's orientation to a quaternion with w first, as MuJoCo has it."""
+    """Converts a transform matrix's orientation to a quaternion with w first, as MuJoCo has it."""
     m = matrix
     # By the largest of the four, so that nothing small is divided by: a turn of 180 degrees has w = 0.
     squares = np.array((
@@ -56,7 +56,7 @@ class FrameTree:
         self._matrices: dict[str, Matrix] = {}
 
     def copy(self) -> "FrameTree":
-        """Returns a copy of the tree with the frames that are known now, which is extended independently."""
+        """Returns an independent copy of the tree with the frames that are known now."""
         tree = FrameTree()
         tree.parents, tree.is_static, tree._matrices = dict(self.parents), dict(self.is_static), dict(self._matrices)
         return tree
@@ -78,7 +78,7 @@ class FrameTree:
         return child
 
     def chain(self, root: str, frame: str) -> list[str] | None:
-        """Returns the frames on the way from a root down to a frame; `None` if there is no way."""
+        """Returns the chain of frames from a root down to a frame; `None` if they are not connected."""
         found: list[str] = []
         while frame != root:
             if frame in found or frame not in self.parents:

@@ -1,4 +1,4 @@
-"""Pairs of poses of a recording: what a robot took for its pose, and the true one at the same time."""
+"""Pairs of a robot's estimated pose and its true pose at the same time, from a recording."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,23 +11,25 @@ from .frames import bare
 from .sources import Pose, PoseTopic, TransformPoses
 
 _MAX_APART_S = 10.0
-"""Largest difference of the delays of two topics of one clock, in seconds: localizations take tenths of one."""
+"""Maximum difference in seconds between the delays of two topics with the same clock; localization takes tenths of a
+second.
+"""
 
 Timed = Iterator[tuple[float, Message]]
 """Messages of a topic, each with its time in seconds since the run began."""
 
 
 class StampedPose(NamedTuple):
-    """A pose with the time at which it was so."""
+    """A pose with its time stamp."""
 
     time_s: float
-    """Time of its message, in seconds since the run began."""
+    """Time of the message in seconds since the run began."""
     stamp_s: float
     pose: PlanarPose
 
 
 class Asked(Protocol):
-    """Interface of a requirement about localization, as far as pairs depend on it."""
+    """Interface of a localization requirement: settings that decide how poses are paired."""
 
     max_m: float
     max_deg: float | None
@@ -42,10 +44,10 @@ def poses_on(topic: PoseTopic, messages: Timed, path: object) -> Iterator[Stampe
 
 
 def poses_in(transforms: TransformPoses, chain: Sequence[str], messages: Timed, path: object) -> Iterator[StampedPose]:
-    """Yields the poses at the end of a chain of frames, at each transform of the chain.
+    """Yields the pose at the end of a chain of frames, at each new transform of the chain.
 
-    A pose is as old as its innermost transform that moves: localizations tell theirs, to the odometry's frame, for a
-    while ahead.
+    The time of the pose is that of the innermost moving transform: localization nodes publish the transform to the
+    odometry frame with a time in the future.
     """
     pose, stamp_s = transforms.pose(chain), math.nan
     innermost = [frame for frame in chain if not transforms.is_static(frame)][-1]
@@ -59,20 +61,20 @@ def poses_in(transforms: TransformPoses, chain: Sequence[str], messages: Timed, 
 
 
 class PosePairs:
-    """Estimated poses, each with the true pose at its time, in between two that were recorded."""
+    """Pairs of an estimated pose and the true pose at its time, interpolated between two recorded ones."""
 
     def __init__(
         self, rule: Rule[Any], asked: Asked, names: tuple[str, str], max_gap_s: float, *, is_steady: bool
     ) -> None:
-        """Prepares to compare two topics.
+        """Prepares to compare the poses of two topics.
 
         Args:
-            rule: Rule that is about them.
-            asked: Its requirement.
-            names: Topics with the estimated and the true pose.
-            max_gap_s: Longest silence of a topic, in seconds.
-            is_steady: Whether the silence of estimates is watched elsewhere; those of a topic may only come when the
-                robot moves.
+            rule: Rule that compares the poses.
+            asked: Requirement of the rule.
+            names: Names of the topics with the estimated and the true pose.
+            max_gap_s: Longest acceptable silence of a topic, in seconds.
+            is_steady: Whether other code checks the silence of estimates; a topic of estimates may be silent while the
+                robot stands still.
         """
         self._rule, self._asked, self._names = rule, asked, names
         self._max_gap_s, self._is_steady = max_gap_s, is_steady
@@ -100,9 +102,9 @@ class PosePairs:
             self._watch(each)
 
     def _has_one_clock(self, estimate: StampedPose, truths: Sequence[StampedPose]) -> bool:
-        """Whether stamps of both topics are of one clock; makes an error where they are not.
+        """Returns whether the stamps of both topics have the same clock; makes the rule an error if not.
 
-        The clock of a slow simulation falls behind the times of receipt, so that only poses of one time tell it.
+        The clock of a slow simulation falls behind the receive times, so that only poses with equal stamps can show it.
         """
         truth = min(truths, key=lambda each: abs(each.time_s - estimate.time_s), default=estimate)
         apart_s = (estimate.stamp_s - estimate.time_s) - (truth.stamp_s - truth.time_s)
@@ -116,7 +118,7 @@ class PosePairs:
         return False
 
     def _watch(self, truth: StampedPose) -> None:
-        """Makes an error of a robot that went farther without an estimate than it may be wrong."""
+        """Makes the rule an error if the robot moved farther without an estimate than the allowed error."""
         if truth.time_s < self._asked.from_s:
             return
         since = self._since = truth if self._since is None else self._since
@@ -143,7 +145,7 @@ def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
 
 
 def _between(before: StampedPose, after: StampedPose, stamp_s: float) -> PlanarPose:
-    """The pose at a time between two others."""
+    """Interpolates the pose at a time between two others."""
     passed_s = after.stamp_s - before.stamp_s
     share = (stamp_s - before.stamp_s) / passed_s if passed_s > 0 else 0.0
     (x0, y0, yaw0), (x1, y1, yaw1) = before.pose, after.pose
@@ -156,5 +158,5 @@ def _planar(pose: Pose) -> PlanarPose:
 
 
 def _stamp_s(stamp: Any) -> float:
-    """A stamp in seconds; 0: it was never set."""
+    """Converts a ROS time stamp to seconds; 0 if it was never set."""
     return stamp.sec + stamp.nanosec / 1e9

@@ -1,4 +1,4 @@
-"""Sources of a recording: silence of topics, poses, and distances that a lidar sees."""
+"""Sources of measurements in a recording: silences of topics, poses, and lidar distances."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +12,7 @@ from .bags import Message, RecordingFault
 from .frames import FrameTree, Matrix, bare, matrix_of, quaternion_of
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-"""Types of `/tf`, of ROS 2 and 1 and of old ROS 1."""
+"""ROS types of `/tf` messages, in ROS 2, ROS 1 and old ROS 1."""
 _POSES: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
     "nav_msgs/msg/Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
     "geometry_msgs/msg/PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
@@ -20,9 +20,11 @@ _POSES: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
     "geometry_msgs/msg/TransformStamped": lambda m: (m.transform.translation, m.transform.rotation),
 }
 POSE_TYPES = tuple(_POSES)
-"""Types of messages with one pose."""
+"""ROS types of messages with one pose."""
 _PLANAR = 1e-6
-"""Sine of a tilt, and change of height in m, below which a pose is planar: rounding alone gives less."""
+"""Tolerance within which a pose is planar: sine of the tilt, and change of height in metres. Rounding errors are
+smaller.
+"""
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 
 
@@ -30,12 +32,11 @@ class Source:
     """A source of measurements (topic) in a recording, with the longest time that it was silent."""
 
     def __init__(self, name: str, max_gap_s: float) -> None:
-        """Begins to listen at the beginning of the run.
+        """Starts to listen at the beginning of the run.
 
         Args:
-            name: What it is heard on, for messages.
-            max_gap_s: Longest silence that nothing is missed in, in seconds; infinite: it only speaks when something
-                happens.
+            name: Name of the topic, for messages.
+            max_gap_s: Longest acceptable silence in seconds; infinite for topics that publish events only.
         """
         self.name = name
         self._max_gap_s = max_gap_s
@@ -45,28 +46,28 @@ class Source:
         self.messages = 0
 
     def hear(self, time_s: float) -> None:
-        """Records a message, and the silence before it."""
+        """Records that a topic has a message, and how long it was silent before."""
         self.messages += time_s >= 0
         self.look_back(time_s)
         self._last_s = max(self._last_s, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Records a silence that is too long, before requirements are measured by old data."""
+        """Records a silence that has become too long, before requirements use outdated measurements."""
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
 
     def finish(self, end_s: float) -> None:
-        """Records the silence at the end of the run."""
+        """Records how long a topic was silent at the end of the run."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
         self.look_back(end_s)
 
     def check_stamp(self, stamp: Any, path: object) -> None:
-        """Raises an error if a topic's time stamps go backwards.
+        """Checks that a topic's time stamps do not go backwards.
 
         Raises:
-            RecordingFault: It does.
+            RecordingFault: They do.
         """
         stamp_s = stamp.sec + stamp.nanosec / 1e9
         if stamp_s < self._stamp_s - min(1.0, self._max_gap_s):
@@ -83,14 +84,14 @@ class Source:
 
 
 def _is_decided(rule: Rule[Any], time_s: float) -> bool:
-    """Whether a rule was decided before a time: by a violation, or by reaching its goal in time."""
+    """Returns whether a rule was decided before a time: by a violation, or by reaching its goal in time."""
     if rule.violated_s is not None:
         return rule.violated_s <= time_s + ROUNDING_S
     return rule.is_reached is True
 
 
 class Pose:
-    """The latest pose of a frame in the map; NaN before the first."""
+    """Latest pose of a frame in the map; NaN before the first message."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
@@ -106,11 +107,11 @@ class Pose:
 
     @property
     def is_known(self) -> bool:
-        """Whether a pose was received."""
+        """Whether a pose of the frame was received."""
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
-        """Stores a new pose."""
+        """Sets the latest pose of the frame."""
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
@@ -128,7 +129,7 @@ class PoseTopic:
         """Frame that the poses are in; known from the first pose on."""
 
     def take(self, message: Message, time_s: float, path: object) -> bool:
-        """Reads the pose of a message, and returns whether its numbers are valid; others are skipped."""
+        """Reads the pose of a message, and returns whether its numbers are valid; invalid poses are ignored."""
         self.source.check_stamp(message.content.header.stamp, path)
         matrix = matrix_of(*_POSES[message.type](message.content))
         if matrix is None:
@@ -151,7 +152,7 @@ class TransformPoses:
         """Parent of each frame in a chain, as it was found."""
 
     def is_static(self, frame: str) -> bool:
-        """Whether a frame never moves in its parent."""
+        """Returns whether a frame never moves relative to its parent."""
         return self._tree.is_static[frame]
 
     def pose(self, chain: Sequence[str]) -> Pose:
@@ -169,7 +170,7 @@ class TransformPoses:
         return self._poses[key]
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Reads a `/tf` message."""
+        """Reads the transforms of a recorded `/tf` message."""
         changed: set[str] = set()
         for transform in message.content.transforms:
             link = self._links.get(bare(transform.child_frame_id))
@@ -185,7 +186,7 @@ class TransformPoses:
                 pose.set(matrix)
 
     def _check_parent(self, transform: Any) -> None:
-        """Makes an error of poses whose way leads over a frame that has another parent now, as two nodes may say it."""
+        """Makes rules errors whose chain of frames has a frame with a new parent: two nodes may publish it."""
         child, parent = bare(transform.child_frame_id), bare(transform.header.frame_id)
         for key, pose in self._poses.items():
             if child not in key:
@@ -197,7 +198,7 @@ class TransformPoses:
 
 
 _ALL_AROUND_RAD = math.radians(350)
-"""Scans that see more are all around: many lidars have a gap of a few degrees between the last ray and the first."""
+"""Field of view in radians from which a scan counts as 360 degrees: many lidars have a small gap."""
 
 
 class Scan:
@@ -219,7 +220,7 @@ class Scan:
         self._has_seen = False
 
     def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the smallest distance since it was last called; without a new scan it is that of the last one."""
+        """Returns a function for the smallest distance since its last call; without a new scan it repeats it."""
         self.source.rules.append(rule)
         near = [math.inf]
         self._near.append(near)
@@ -258,7 +259,7 @@ class Scan:
             near[0] = min(near[0], nearest_m)
 
     def _is_mounted(self, scan: Any, count: int) -> bool:
-        """Determines the lidar's pose on the robot and its rays' directions; too small a field of view is an error."""
+        """Determines the lidar's pose on the robot and its ray directions; too small a field of view is an error."""
         frame = bare(scan.header.frame_id)
         self._mount = self._tree.relative(self._base, frame)
         if self._mount is None:
@@ -282,7 +283,7 @@ class Scan:
         return True
 
     def finish(self) -> None:
-        """Checks at the end whether the lidar saw anything, and all around: rays may be dead, or blocked."""
+        """Checks at the end whether the lidar measured anything in all directions: rays may be dead, or blocked."""
         if not self.source.messages:
             return  # that is an error already
         if not self._has_seen:
@@ -295,7 +296,7 @@ class Scan:
             )
 
     def _tell_blind(self, range_min_m: float) -> None:
-        """Passes to the rules the distance from the robot's surface below which the lidar measures nothing."""
+        """Tells the rules the distance from the robot's surface below which the lidar cannot measure."""
         assert self._mount is not None
         away_m = math.hypot(self._mount[0, 3], self._mount[1, 3])
         why = f"{self.topic} sees nothing nearer than {range_min_m:g} m, and the robot's radius is {self._radius_m:g} m"

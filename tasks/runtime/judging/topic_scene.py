@@ -1,4 +1,4 @@
-"""The scene that requirements are measured in where a run was recorded: topics in place of physics."""
+"""Scene in which requirements are measured on a ROS recording, with topics instead of physics."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,22 +25,22 @@ _MAX_SHOWN = 12
 
 
 _ASKS_FOR_MESSAGES = ("min_hz", "max_gap_s")
-"""Members of requirements that silence violates, so that what was lost lets none pass."""
+"""Fields of requirements that a silent topic violates; if messages were lost, such a requirement cannot pass."""
 
 
 class Measurements:
     """All measurements of a robot in a ROS recording: pose, contacts and lidar distances.
 
-    Explicit topics have to be there; the usual ones need not, and a requirement that needs one is an error then.
+    Topics that are set explicitly must exist. A missing default topic is only an error of requirements that need it.
     """
 
     def __init__(self, bag: Bag, sources: RecordingSources, losses: Mapping[str, str] | None = None) -> None:
-        """Finds the topics.
+        """Finds the topics of the measurements.
 
         Args:
             bag: The recording.
-            sources: Which topics are which.
-            losses: Why topics are not recorded whole, by their names.
+            sources: Topics of the measurements.
+            losses: Reasons why topics are not recorded completely, by topic.
 
         Raises:
             RecordingFault: A topic that is named is not there, or has a type that says nothing of it.
@@ -70,7 +70,7 @@ class Measurements:
 
     @property
     def topics(self) -> list[str]:
-        """Topics whose messages are read."""
+        """Names of the recorded topics that are read to judge the run."""
         _ = self._chosen  # a topic that `/tf` makes needless is not read
         found = [_TF] if self._is_tf else []
         found += [self._topic_pose.source.name] if self._topic_pose else []
@@ -78,11 +78,11 @@ class Measurements:
         return [*found, *([self._scan.topic] if self._scan else [])]
 
     def is_pose(self, topic: str) -> bool:
-        """Whether a topic contains poses, which are also read from before the run."""
+        """Returns whether a topic contains poses, which are also read from before the run."""
         return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads a message; before the run began, only poses are used."""
+        """Reads a message; before the beginning of the run, only poses are used."""
         topic = message.topic
         if topic == _TF:
             self._transforms.take(message, time_s, self._bag.path)
@@ -103,7 +103,7 @@ class Measurements:
             self._contacts.look_back(time_s)
 
     def finish(self, end_s: float, *, is_over: bool) -> None:
-        """Records which sources were silent at the end, and which violations could have been missed.
+        """Records which topics were silent at the end, and which violations could have been missed.
 
         Args:
             end_s: Time of the last check, in seconds.
@@ -129,7 +129,7 @@ class Measurements:
                 rule.fail(f"{topic}: {self._losses[topic]}, so something could have been missed")
 
     def _finish_limits(self, end_s: float) -> None:
-        """Makes errors of time limits that the recording does not reach, where nothing says that the run was over."""
+        """Makes time limits errors if the recording ends before them without a sign that the run was over."""
         rules = {id(rule): rule for pose in self._poses.values() for source in pose.sources for rule in source.rules}
         goals = [rule.is_reached for rule in rules.values() if rule.is_reached is not None]
         if self.sources.ends_with_run or (goals and all(goals)):
@@ -142,11 +142,11 @@ class Measurements:
                 )
 
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
-        """Registers a rule that reads a topic, and that a silent topic would satisfy."""
+        """Registers a rule that reads a topic and that a silent topic would satisfy."""
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
-        """Returns notes on how the run was measured, for people who read the verdict."""
+        """Returns notes on how the run was measured, for readers of the verdict."""
         found = list(self._contacts.remarks()) if self._contacts else []
         for each in self._paired:
             if each.frame and each.frame != self.sources.map_frame:
@@ -161,7 +161,7 @@ class Measurements:
         return found
 
     def _steady_sources(self) -> list[Source]:
-        """Sources whose silence is a gap, each once."""
+        """Returns the continuously publishing topics, for which a silence is a gap, each once."""
         poses = [self.pose, *self._bodies.values()]
         found = {id(source): source for pose in poses if pose is not None for source in pose.sources}
         return [*found.values(), *([self._scan.source] if self._scan is not None else [])]
@@ -170,14 +170,14 @@ class Measurements:
 
     @cached_property
     def _bodies(self) -> dict[str, Pose]:
-        """Poses of frames that requirements name as a `body`."""
+        """Poses of the frames that requirements name as their `body`."""
         return {}
 
     def pose_of(self, rule: Rule[Any]) -> Pose:
         """Returns the pose that a requirement's rule is about.
 
         Raises:
-            NotMeasuredError: The recording does not have it.
+            NotMeasuredError: The recording does not have the pose.
         """
         body = getattr(rule.asked, "body", None)
         pose = self.pose if body is None or body in (self.base, "") else self._bodies.get(body)
@@ -205,10 +205,10 @@ class Measurements:
         """Yields the estimated poses of the robot, each with the true one at the same time.
 
         Args:
-            rule: Rule that asks.
+            rule: Rule that compares the poses.
             estimate: Topic with the estimates.
             truth: Topic with the true poses.
-            timed: Reads the messages of a topic, with their times in seconds since the run began.
+            timed: Function that reads the messages of a topic, with their times in seconds since the run began.
 
         Raises:
             NotMeasuredError: The recording does not have one of them.
@@ -250,11 +250,11 @@ class Measurements:
         return found
 
     def expect_tilt(self, rule: Rule[Any]) -> None:
-        """Registers a rule about tilt, which planar poses do not contain."""
+        """Registers a rule about tilt; it is an error if all poses are planar."""
         self._tilted.append((rule, self.pose_of(rule)))
 
     def expect_rise(self, rule: Rule[Any]) -> None:
-        """Registers a rule about height, which planar poses do not contain."""
+        """Registers a rule about height; it is an error if all poses are planar."""
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
@@ -262,16 +262,16 @@ class Measurements:
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether every topic that a rule measures by has had a message."""
+        """Returns whether every topic that a rule needs has had a message."""
         pose = self._poses.get(id(rule))
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
         return scanned and (pose is None or pose.is_known)
 
     def contacts(self, rule: Rule[Any], world: World | None) -> Callable[[], Mapping[str, float]]:
-        """Makes a function that returns the contact forces of objects that touch the robot.
+        """Makes a function that returns the contact forces on the robot, by touched object.
 
         Raises:
-            NotMeasuredError: The recording has no topic with contacts, or it is not said which side is the robot.
+            NotMeasuredError: The recording has no topic with contacts, or it is unknown which side is the robot.
         """
         if self._contacts is None:
             self._refuse_mixed(*self._bag.topics_of(*CONTACT_TYPES))
@@ -293,10 +293,10 @@ class Measurements:
         return self._contacts.reader(rule, listed_names(self._bag, world, self.sources.robot or ""))
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Makes a function that returns the distance to obstacles from the lidar.
+        """Makes a function that returns the distance to obstacles, measured by the lidar.
 
         Raises:
-            NotMeasuredError: The recording has no scan, the robot's radius is not known, or names count.
+            NotMeasuredError: The recording has no scan, the robot's radius is unknown, or the rule names objects.
         """
         if self._scan is None:
             self._refuse_mixed(_SCAN)
@@ -334,7 +334,7 @@ class Measurements:
 
     @cached_property
     def _chosen(self) -> tuple[Pose | None, str]:
-        """The robot's pose, and the frame that it is in."""
+        """Returns the robot's pose, and the name of the frame in which it is given."""
         wanted, root = self.sources.pose, self.sources.map_frame
         if self._topic_pose is not None and wanted is not None:
             return self._topic_pose.pose, ""
@@ -356,7 +356,7 @@ class Measurements:
         return self._chosen[1]
 
     def _chain(self, root: str, frame: str) -> list[str] | None:
-        """Frames that lead from a root to a frame; reads `/tf` ahead until they are known."""
+        """Returns the chain of frames from a root to a frame; reads `/tf` ahead until it is complete."""
         while (found := self._tree.chain(root, frame)) is None:
             message = next(self._unseen, None)
             if message is None:
@@ -369,7 +369,7 @@ class Measurements:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
     def _no_way(self, *others: str) -> str:
-        """Makes the error text that `/tf` has no chain of transforms from the map, or another frame, to the robot."""
+        """Makes the error text that `/tf` does not connect the robot to the map or to another frame."""
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
         roots = " or ".join(map(repr, (self.sources.map_frame, *others)))
@@ -451,14 +451,14 @@ class TopicScene:
         *,
         calls_functions: bool,
     ) -> None:
-        """Prepares the scene.
+        """Creates the scene of a recording.
 
         Args:
-            environment: The environment that plays the recording.
-            measurements: What it tells.
-            plan: The run.
-            read_world: Reads the world, where there is one.
-            calls_functions: Whether functions of applications are called, which is code of the user's.
+            environment: Environment that replays the recording.
+            measurements: Measurements of the recording.
+            plan: Plan of the run.
+            read_world: Function that reads the world, if there is one.
+            calls_functions: Whether functions of applications may be called, which is user code.
         """
         self.environment = environment
         self._measurements, self._plan, self._read_world = measurements, plan, read_world
@@ -478,12 +478,12 @@ class TopicScene:
         return self._measurements.pose_of(rule).orientation
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
-        """Whether it can be tilted; poses that never are in the least are an error at the end."""
+        """Returns true, and registers the rule: if all recorded poses are level, it is an error at the end."""
         self._measurements.expect_tilt(rule)
         return True
 
     def can_rise(self, rule: Rule[Any]) -> bool:
-        """Whether its height can change; poses that never do are an error at the end."""
+        """Returns true, and registers the rule: if all recorded poses have one height, it is an error at the end."""
         self._measurements.expect_rise(rule)
         return True
 
@@ -492,15 +492,15 @@ class TopicScene:
         self._measurements.expect_end(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Whether every topic that the rule measures by has had a message."""
+        """Returns whether every topic that the rule needs has had a message."""
         return self._measurements.is_ready(rule)
 
     def floor(self, rule: Rule[Any]) -> MapFloor | None:
-        """The floor of the world, from its map; `None`: there is no world."""
+        """Returns the free floor of the world, from its map; `None`: there is no world."""
         return floor_of(self._plan, rule)
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:
-        """Messages on a topic, each with its time in s.
+        """Yields the messages on a topic, each with its time in seconds.
 
         Raises:
             NotMeasuredError: The recording has no such topic.
@@ -510,7 +510,7 @@ class TopicScene:
         return self.environment.messages_on(topic)
 
     def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:
-        """Estimated poses on a topic, each with the true one on another at the same time.
+        """Yields the estimated poses on a topic, each with the true one on another topic at the same time.
 
         Raises:
             NotMeasuredError: The recording has no such topic.
@@ -539,7 +539,7 @@ class TopicScene:
         return load_judging_function(self._plan, rule, attribute)
 
     def __getattr__(self, name: str) -> Any:
-        """Measurements that kinds of requirements need and no topic has yet: an error of that requirement."""
+        """Makes an error of requirements that need a measurement which recordings do not have."""
         if name.startswith("_"):
             raise AttributeError(name)
 

@@ -1,1 +1,1 @@
-"""Resource limits of a run and their measurement: processes, disk, logs."""
+"""Resource limits of a run and their measurement: memory, processes, disk, logs."""

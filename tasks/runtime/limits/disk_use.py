@@ -1,8 +1,7 @@
 """Disk use of a run: measures its folders, and detects when they exceed their limit.
 
-The supervisor has no time to lose: folders are walked in slices of a fraction of a millisecond, one each time it looks
-at what the run uses. While nothing suggests that much is being written that is all; while the disk loses space quickly
-the slices are longer.
+A supervisor must not be blocked for long, so folders are walked in slices of a fraction of a millisecond, one for each
+check. Slices are longer while the disk loses space quickly.
 """
 
 import heapq
@@ -16,20 +15,22 @@ from ....schemas.runs.programs import FoundFiles
 from .files import HeldFile, deleted_files, files_below
 
 PAUSE_S = 1.0
-"""Seconds from the end of one walk to the beginning of the next."""
+"""Seconds between two walks through the folders."""
 SLICE_S = 0.0003
-"""Time limit for one disk check, in seconds; ten checks a second take 0.3 % of a processor."""
+"""Time limit in seconds for one slice of a walk; ten slices a second take 0.3 % of a processor."""
 URGENT_SLICE_S = 0.01
-"""The same while the disk loses space so quickly that the limit may soon be reached."""
+"""Time limit in seconds for one slice while the disk loses space so quickly that the limit may soon be reached."""
 LAST_LOOK_S = 2.0
-"""Time limit for the last disk check, at the end of a run, in seconds."""
+"""Time limit in seconds for the last walk, at the end of a run."""
 NOTHING_FOUND = FoundFiles(size_bytes=0, at_s=0.0)
 _LOOK_S = 0.09
 _URGENT_SHARE = 0.25
-"""Share of the bytes that the run may still write: if the disk loses more than that during a walk, it is urgent."""
+"""Share of the bytes that the run may still write; if the disk loses more than that during a walk, slices become
+longer.
+"""
 _NAMED = 3
 _WORTH_NAMING = 0.01
-"""Share of the limit; smaller files are not named as the cause."""
+"""Share of the limit below which a file is not named as a cause."""
 
 
 def free_bytes(folder: Path) -> int:
@@ -44,12 +45,12 @@ class DiskMeter:
     """Measures how much a run's processes have written to disk, a little at each call.
 
     Args:
-        folders: The folders, and what they are called in messages; one may be in another.
-        limit_bytes: What may be written into them together; None: as much as they like.
-        found: What they held before, which does not count.
-        processes: Gives the ids of processes whose open files count too where they have been deleted.
-        clock: Seconds.
-        free: Gives what is free on a folder's disk, in bytes.
+        folders: Folders to measure, with their names in messages; a folder may contain another one.
+        limit_bytes: Maximum total size of new data in the folders; None: no limit.
+        found: Files that existed before the run, which do not count.
+        processes: Function that returns the ids of the run's processes; their deleted but open files count, too.
+        clock: Monotonic clock, in seconds.
+        free: Function that returns the free bytes on a folder's disk.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class DiskMeter:
         return self._used_bytes > self._limit_bytes
 
     def last_look(self) -> str | None:
-        """Measures all folders after the run; returns a text if the limit is exceeded."""
+        """Measures all folders after the run; returns a message if the limit is exceeded."""
         if self._limit_bytes is None:
             return None
         self._begin()
@@ -162,17 +163,17 @@ def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) ->
     """Makes the disk meter for all folders that a run's processes may write to.
 
     Args:
-        plan: The run.
-        processes: Gives the ids of its processes.
+        plan: Plan of the run.
+        processes: Function that returns the ids of the run's processes.
     """
     return DiskMeter(_folders_of(plan), plan.compute.disk_bytes, plan.found or NOTHING_FOUND, processes=processes)
 
 
 def found_files(plan: RunPlan) -> FoundFiles:
-    """Records the files in a run's folders before anything runs, so that they do not count as outputs.
+    """Records which files exist in a run's folders before anything runs, so that they do not count as outputs.
 
     Args:
-        plan: The run.
+        plan: Plan of the run.
     """
     files = files_below(_outermost(_folders_of(plan)))
     size_bytes = sum(file.size_bytes for file in files if file is not None)
@@ -190,11 +191,11 @@ def _folders_of(plan: RunPlan) -> dict[Path, str]:
 
 
 def _outermost(folders: Iterable[Path]) -> list[Path]:
-    """Folders without those that are in others of them."""
+    """Returns the folders that are not inside another one of them."""
     every = set(folders)
     return [folder for folder in folders if every.isdisjoint(folder.parents)]
 
 
 def in_gb(count: int) -> str:
-    """Formats bytes: `128 GB`, `1.25 GB`, `20 MB`."""
+    """Formats a number of bytes for messages: `128 GB`, `1.25 GB`, `20 MB`."""
     return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

@@ -1,4 +1,4 @@
-"""Files that programs left: opened and walked through without following a link or waiting for a FIFO."""
+"""Safe access to files that untrusted programs have made: no links are followed, no FIFO blocks."""
 
 import errno
 import os
@@ -16,8 +16,8 @@ def read_left(path: Path, most_bytes: int) -> bytes:
     """Reads a regular file that untrusted code may have made: no links, no FIFOs, limited size.
 
     Args:
-        path: The file.
-        most_bytes: How long it may be.
+        path: Path of the file.
+        most_bytes: Maximum size of the file.
 
     Raises:
         OSError: The file does not exist, is not a regular file, is too long, or cannot be read.
@@ -32,8 +32,8 @@ def open_left(path: Path, folder: int | None = None) -> BufferedReader:
     """Opens a regular file that untrusted code may have made: no links, no FIFOs.
 
     Args:
-        path: The file.
-        folder: Descriptor of the folder that a relative path starts from; absent: the working directory.
+        path: Path of the file.
+        folder: File descriptor of the folder to which a relative path refers; absent: the working directory.
 
     Raises:
         OSError: The file does not exist, is not a regular file, or cannot be opened.
@@ -46,22 +46,24 @@ def open_left(path: Path, folder: int | None = None) -> BufferedReader:
 
 
 LEAST_BYTES = 4096
-"""Least size of a file, in bytes: an empty one needs space on the disk too."""
+"""Size in bytes that each file counts at least: an empty file takes space on the disk, too."""
 _BLOCK_BYTES = 512
 _PIECE_CHARACTERS = 1000
-"""Length of the pieces of a path longer than the kernel's 4096 bytes; a character has four bytes at most."""
+"""Length of the parts into which paths longer than the kernel's limit of 4096 bytes are split; a character has at most
+four bytes.
+"""
 _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class HeldFile(NamedTuple):
-    """A file that takes space on the disk: its size in bytes on the disk, path and time of last change."""
+    """A file on disk: size in bytes on the disk, path and time of last change."""
 
     size_bytes: int
-    """Space on the disk, in bytes; holes take none."""
+    """Space on the disk in bytes; holes of sparse files do not count."""
 
     path: str
     changed_s: float
-    """Time at which it was last written, moved or given other rights, in seconds since 1970 (`st_ctime`)."""
+    """Time of the last change of content, name or permissions (`st_ctime`), in seconds since 1970."""
 
     device: int
 
@@ -69,13 +71,13 @@ class HeldFile(NamedTuple):
 def files_below(folders: Iterable[Path]) -> Iterator[HeldFile | None]:
     """Yields the files in folders without following links.
 
-    Folders of this user that are not readable are made readable.
+    Unreadable folders of this user are made readable.
 
     Args:
-        folders: The folders; those that are not there hold nothing.
+        folders: The folders; missing ones are skipped.
 
     Yields:
-        A file; None for other things, so that the caller never waits long for the next.
+        A file; None for other entries, so that the caller gets control often.
     """
     waiting = [(str(folder), 0) for folder in folders]
     while waiting:
@@ -98,8 +100,8 @@ def deleted_files(processes: Iterable[int], devices: Container[int]) -> Iterator
     """Yields the sizes in bytes of deleted files that processes still hold open.
 
     Args:
-        processes: Ids of the processes, of which some may have ended.
-        devices: The file systems that count (`st_dev`): files in memory have no name on any disk either.
+        processes: Ids of the processes; some may have ended.
+        devices: Numbers of the file systems that count (`st_dev`); this leaves out files in memory.
 
     Yields:
         Bytes on the disk; None for other files.
@@ -132,7 +134,7 @@ def _size_of(about: os.stat_result) -> int:
 
 
 def _open(path: str, flags: int) -> int:
-    """Opens a folder; one of ours that may not be read or passed is given these rights."""
+    """Opens a folder; if this user's permissions on an own folder are missing, they are added."""
     place = _reach(path, flags)
     try:
         try:
@@ -146,7 +148,7 @@ def _open(path: str, flags: int) -> int:
 
 
 def _reach(path: str, flags: int) -> int:
-    """A descriptor by which a folder is found, also one whose path is too long for the kernel."""
+    """Opens a folder as a file descriptor, even if its path is too long for the kernel."""
     try:
         return os.open(path, os.O_PATH | _FOLDER | flags)
     except OSError as error:
@@ -165,7 +167,7 @@ def _reach(path: str, flags: int) -> int:
 
 
 def _pieces(path: str) -> Iterator[str]:
-    """Parts of a path that lead there one after the other."""
+    """Yields the parts of a long path, each relative to the one before."""
     while len(path) > _PIECE_CHARACTERS:
         piece, _, rest = path[:_PIECE_CHARACTERS].rpartition("/")
         yield piece

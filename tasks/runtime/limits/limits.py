@@ -1,7 +1,7 @@
-"""Resource limits of a run, and detecting when it exceeds them.
+"""Resource limits of a run, and detection of exceeded limits.
 
-Cores are a matter of the kernel. Memory and the number of processes are counted over the whole tree of
-processes ten times a second, which needs no rights and works wherever there is a `/proc`.
+The kernel enforces the limit of cores. Memory and the number of processes are summed over the whole process tree ten
+times a second, which needs no privileges and works wherever there is a `/proc`.
 """
 
 import os
@@ -17,32 +17,32 @@ from .processes import ProcessState, descendants_of, proportional_bytes, written
 
 METER_INTERVAL_S = 0.1
 _OOM_SCORE = 500
-"""Score for the kernel, which kills runs before job workers when the whole machine runs out of memory."""
+"""OOM score adjustment of runs: when the machine runs out of memory, the kernel kills them before job workers."""
 _MANY = 64
 _PATIENCE_S = 0.03
 _MAX_PATIENCE_S = 1.0
-"""After that long what was not weighed yet is estimated."""
+"""Seconds after which a memory measurement that has not finished is replaced by an estimate."""
 _OTHER_FORKS = 512
-"""Processes of the same user, outside the run, that may be added while it runs."""
+"""Number of processes of the same user, outside the run, that may be added while it runs."""
 
 
 @dataclass(frozen=True)
 class Excess:
-    """A resource limit (memory, processes, disk, ...) that a run exceeded."""
+    """An exceeded resource limit (memory, processes, disk, ...) of a run."""
 
     text: str
-    """Limit and use, in words."""
+    """Message with the limit and the use."""
 
     session: int
-    """The session of processes that used most."""
+    """Session id of the processes that used most."""
 
 
 def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
     """Applies the run's limits that the kernel enforces to this process and its children.
 
     Args:
-        limits: The run's limits.
-        cores: Numbers of the cores it may use; None: all.
+        limits: Limits of the run.
+        cores: Numbers of the cores that the run may use; None: all.
     """
     if cores is not None:
         with suppress(OSError):  # a core may have been taken away in the meantime
@@ -57,9 +57,10 @@ def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
 
 
 def _bound_forks(processes: int) -> None:
-    """A last resort against fork bombs, well above the limit because it counts all processes of the user.
+    """Limits the number of the user's processes, as a last resort against fork bombs.
 
-    It does not limit root; there a supervisor gets the highest priority (`processes.come_first`).
+    The limit is well above that of the run, since it counts all processes of the user. It does not apply to root; a
+    supervisor then gets the highest priority (`processes.come_first`).
     """
     with suppress(OSError, ValueError, IndexError):
         there = int(Path("/proc/loadavg").read_text().split()[3].split("/")[1])
@@ -73,8 +74,8 @@ class Meter:
     """Measures memory and number of a run's processes, and compares them to the limits.
 
     Args:
-        limits: What they may use.
-        others: Processes below this one that are no part of the run.
+        limits: Limits of the run.
+        others: Processes below this one that do not belong to the run.
     """
 
     def __init__(self, limits: ComputeLimits, others: frozenset[int] = frozenset()) -> None:
@@ -128,10 +129,10 @@ Weighed = tuple[list[ProcessState], dict[int, int]]
 
 
 class _Scales:
-    """Weighs processes exactly, in a thread.
+    """Measures the memory of processes exactly, in a thread.
 
-    The kernel answers only when a process is not just changing its memory. One that forks without end may never be, and
-    must not keep a supervisor waiting.
+    The kernel answers only while a process is not changing its memory. One that forks without end may never be
+    measured, and must not block a supervisor.
     """
 
     def __init__(self) -> None:
@@ -143,7 +144,7 @@ class _Scales:
         """Exact memory of the first of them, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
-        """Returns the measured memory of processes, perhaps a moment old; `None` while it is not known."""
+        """Returns the measured memory of processes, perhaps slightly outdated; `None` while it is unknown."""
         if self._thread is None:
             self._began_s = time.monotonic()
             self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)
@@ -169,12 +170,13 @@ class _Scales:
 def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
     """Estimates the memory of processes in bytes when only some of them have been measured exactly.
 
-    The one that is being weighed may never be, and counts as what it weighs at most. The others are taken to share as
-    much as those before them: of hundreds of forks of one process each has its resident memory, and all have it once.
+    The process that is being measured may never be finished, and counts with its maximum. The others are assumed to
+    share as much memory as those before them: of hundreds of forks of one process, each has its resident memory, but
+    all together have it once.
 
     Args:
-        states: The processes.
-        exact: What the first of them weigh.
+        states: States of the processes.
+        exact: Exact memory of the first of the processes.
     """
     resident = sum(state.resident_bytes for state in states[: len(exact)])
     share = sum(exact) / resident if resident else 1.0
@@ -189,7 +191,7 @@ def _exact_bytes(state: ProcessState) -> int:
 
 
 def _most(states: list[ProcessState], use: dict[int, int]) -> int:
-    """The session whose processes use most together."""
+    """Returns the session whose processes together use the most memory."""
     totals: dict[int, int] = {}
     for state in states:
         totals[state.session] = totals.get(state.session, 0) + use[state.pid]

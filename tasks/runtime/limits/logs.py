@@ -1,4 +1,4 @@
-"""Logs of a run: where they are, how long they may be, notes of the runtime, and their last lines."""
+"""Logs of a run: their paths, size limits, lines added by the runtime, and their last lines."""
 
 import os
 import stat
@@ -16,9 +16,13 @@ STDERR_LOG = "stderr.log"
 
 _TAIL_BYTES = 8192
 _MAX_STEM_CHARACTERS = 240
-"""File names have 255 bytes; tools may have longer names than that leaves."""
+"""Maximum length of a log's file name without suffix; file names have at most 255 bytes, and tools may have longer
+names.
+"""
 _SAYS_NOTHING = frozenset({"The traceback for the exception was written to the log file"})
-"""Lines that say nothing: `roslaunch` prints this one after the error, about a file that users do not read."""
+"""Log lines that carry no information: `roslaunch` prints this one after the error, about a file that users do not
+read.
+"""
 
 
 def redirect_output(output_dir: Path) -> None:
@@ -48,13 +52,13 @@ def program_logs(program: str) -> tuple[str, str]:
 
 
 def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[str]]:
-    """Returns the name of the log that explains a failure best, and its last lines without colours.
+    """Returns the name of the log that explains a failure best, and its last lines without colour codes.
 
-    That is the error log, or the output log when nothing was written to the error log.
+    That is the error log, or the output log if the error log is empty.
 
     Args:
         output_dir: The run's output folder.
-        program: One of its programs; None: the run's own process.
+        program: Name of one of the run's programs; None: the run's own process.
     """
     stdout, stderr = program_logs(program) if program else (STDOUT_LOG, STDERR_LOG)
     name, lines = stderr, _last_lines(output_dir / LOG_FOLDER / stderr)
@@ -82,9 +86,9 @@ def _last_lines(path: Path) -> list[str]:
 
 
 MAX_LOG_BYTES = 100_000_000
-"""Bytes of one log that are kept from its beginning."""
+"""Number of bytes that are kept from the beginning of a log."""
 MAX_END_BYTES = 64 * 1024
-"""Bytes of its end that are kept besides."""
+"""Number of bytes that are kept from the end of a log."""
 _SLACK_BYTES = 4 * 1024 * 1024
 
 
@@ -92,8 +96,8 @@ class CappedLog:
     """A log file of a program that is cut back to a maximum size.
 
     Args:
-        path: The file. Links are not followed.
-        max_bytes: How much of it is kept from its beginning.
+        path: Path of the log file; links are not followed.
+        max_bytes: Number of bytes that are kept from its beginning.
 
     Raises:
         OSError: The file cannot be opened.
@@ -121,7 +125,7 @@ class CappedLog:
         os.close(self.descriptor)
 
     def _cut_beyond(self, slack_bytes: int) -> None:
-        """Cuts it, the first time as soon as it is too long, later when its end has become longer than that."""
+        """Cuts the log back when it is too long; later only when its end has grown beyond `slack_bytes`."""
         size = os.fstat(self.descriptor).st_size
         if self._kept_bytes is None:
             if size > self._max_bytes:
@@ -131,7 +135,7 @@ class CappedLog:
             self._cut(size, self._kept_bytes)
 
     def _cut(self, size: int, length: int, remark: bytes = b"") -> None:
-        """Keeps the beginning and the end: a program that is fast may have written its last line by now."""
+        """Removes the middle of the log and keeps its beginning and end, with a remark in between."""
         end = self._end(max(length, size - MAX_END_BYTES), size)
         if remark:
             self._write_at(length, remark)
@@ -146,7 +150,7 @@ class CappedLog:
         return b""
 
     def _write_at(self, place: int, data: bytes) -> None:
-        """Writes before the log is cut: the program's output meanwhile would stand before a remark appended later."""
+        """Writes at an offset of the log, not at its end, as the program may append output at the same time."""
         with suppress(OSError):
             # Linux appends whatever is written to a descriptor that appends, also where `pwrite` names a place.
             descriptor = os.open(f"/proc/self/fd/{self.descriptor}", os.O_WRONLY | os.O_CLOEXEC)
@@ -157,7 +161,7 @@ class CappedLog:
 
 
 def add_note(output_dir: Path, text: str) -> None:
-    """Appends a line to the run's error log."""
+    """Appends a note of the runtime to the run's error log."""
     folder = output_dir / LOG_FOLDER
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     with suppress(OSError):  # the application may have put anything there

@@ -1,8 +1,8 @@
-"""Process trees from the kernel: descendants, their resource use, and killing all of them.
+"""Process trees from `/proc`: descendants, their resource use, and killing all of them.
 
-A supervisor adopts processes whose parents died (it is a *child subreaper*), so everything that a run
-started hangs below it, also processes that forked twice or made a session of their own. What is
-read here and not through psutil, and why: docs/decisions/0004-processes-and-disk.md.
+A supervisor adopts processes whose parents died (it is a *child subreaper*), so that all processes that a run started
+are its descendants, also those that forked twice or made a session of their own.
+docs/decisions/0004-processes-and-disk.md says what is read here and not through psutil, and why.
 """
 
 import ctypes
@@ -28,14 +28,14 @@ class ProcessState:
 
     pid: int
     state: str
-    """One letter; `Z` waits to be reaped."""
+    """State letter; `Z` is a zombie that waits to be reaped."""
 
     parent: int
     group: int
     session: int
     threads: int
     resident_bytes: int
-    """Resident memory, with pages that it shares with others."""
+    """Resident memory in bytes, including pages shared with other processes."""
 
     started: int = 0
     """Start time, in ticks since the machine started; process ids are reused."""
@@ -52,9 +52,9 @@ def die_with_parent() -> None:
 
 
 def come_first() -> None:
-    """Raises the scheduling priority of this process (not of its children), where that is allowed.
+    """Raises the scheduling priority of this process (not of its children), if permitted.
 
-    Otherwise a run that forks without end leaves a supervisor a thousandth of the machine.
+    Otherwise a run that forks without end leaves a thousandth of the machine to its supervisor.
     """
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
@@ -83,13 +83,11 @@ def process_state(pid: int) -> ProcessState | None:
 def proportional_bytes(pid: int) -> int | None:
     """Returns a process's memory in bytes with shared pages divided among their users (`Pss`).
 
-    It is 0 when the process has just ended.
-
-    Exact, but the kernel walks all page tables for it, milliseconds for a large process, and lets wait for a process
-    that is changing its memory.
+    The value is exact, but the kernel walks all page tables for it, which takes milliseconds for a large process, and
+    blocks while the process is changing its memory.
 
     Returns:
-        Bytes; None when they are not to be had, because this kernel or this user cannot.
+        Bytes, 0 if the process has just ended; None if this kernel or this user cannot measure it.
     """
     try:
         text = Path(f"/proc/{pid}/smaps_rollup").read_bytes()
@@ -138,12 +136,12 @@ def descendants_of(pid: int) -> Iterator[ProcessState]:
 
 
 def kill_children(spared: Container[int] = ()) -> dict[int, int]:
-    """Kills all children and everything below them, and waits until they are gone.
+    """Kills all children and their descendants, and waits until they are gone.
 
-    Whole process groups are killed at once, which a process that does nothing but fork cannot outrun.
+    Whole process groups are killed at once, so that a process that forks all the time cannot escape.
 
     Args:
-        spared: Children that are left alone; their process groups have to be their own.
+        spared: Children that are not killed; they have to be in process groups of their own.
 
     Returns:
         The wait status of every process that was reaped, spared ones that ended by themselves included.
@@ -162,9 +160,9 @@ def kill_children(spared: Container[int] = ()) -> dict[int, int]:
 
 
 def _stop_all(children: list[int]) -> set[int]:
-    """Stops processes and all their descendants; returns them.
+    """Stops (SIGSTOP) processes and all their descendants; returns them.
 
-    What is stopped does not fork, does not make room for others to fork, and does not compete for the processor.
+    Stopped processes neither fork, nor make room for others to fork, nor compete for the processor.
     """
     stopped: set[int] = set()
     fresh = True
@@ -182,12 +180,12 @@ def _stop_all(children: list[int]) -> set[int]:
 
 
 def _send(number: signal.Signals, pid: int, reached: set[int]) -> None:
-    """Signals a descendant with its group; numbers are handed out in a circle, so it is no other's so soon.
+    """Sends a signal to a descendant's process group; ids are not reused soon, so it cannot hit another process.
 
     Args:
-        number: The signal.
-        pid: The process.
-        reached: Groups that have just had it.
+        number: Signal to send.
+        pid: Process to signal.
+        reached: Process groups that have just had the signal.
     """
     with suppress(ProcessLookupError, PermissionError):
         group = os.getpgid(pid)
@@ -199,7 +197,7 @@ def _send(number: signal.Signals, pid: int, reached: set[int]) -> None:
 
 
 def _children_of_first_thread(pid: int) -> list[int]:
-    """Returns most children of a process, four times faster than all; others are found once they are orphans."""
+    """Returns most children of a process, four times faster than all; the others are found when they are orphans."""
     try:
         with open(f"/proc/{pid}/task/{pid}/children", "rb", buffering=0) as listed:  # noqa: PTH123
             return [int(child) for child in listed.read().split()]

@@ -1,1 +1,1 @@
-"""Policies: what maps observations to actions, from Python or ONNX files; and environments to train them in."""
+"""Policies (functions from observations to actions) from Python or ONNX files, and environments to train them in."""

@@ -1,7 +1,7 @@
 """Named arrays of an observation, as policies and `gymnasium` environments have them, and checked actions.
 
-Names of nested observations are joined by `/`. Truth values are numbers, 0 and 1 of type `int8`, as spaces of
-`gymnasium` have them, and names are in alphabetical order, as in its `Dict` spaces: one vector of all numbers is what
+Names of nested observations are joined by `/`. Booleans become numbers 0 and 1 of type `int8`, and names are in
+alphabetical order, as in the `Dict` spaces of `gymnasium`: one vector of all numbers is what
 `gymnasium.wrappers.FlattenObservation` makes.
 """
 
@@ -17,10 +17,10 @@ from ..episode.context import RobotProgramError
 from ..episode.loading import LoadError
 
 ALONE = "observation"
-"""Name of an observation that is one array."""
+"""Name of the observation if it is a single array."""
 
 _KINDS = "biuf"
-"""Kinds of numpy types that are numbers or truth values."""
+"""Kind codes of NumPy types that are numbers or booleans."""
 
 _SHOWN = 80
 
@@ -35,7 +35,7 @@ class ObservedArrays:
     """Converts observations of an environment to the arrays that a policy gets.
 
     Args:
-        spec: The environment's observation spec.
+        spec: Observation spec of the environment.
     """
 
     def __init__(self, spec: Any) -> None:
@@ -48,7 +48,7 @@ class ObservedArrays:
         """Numbers in all arrays together."""
 
     def read(self, observation: Any) -> Observed:
-        """Copies an observation's arrays, by name."""
+        """Copies the arrays of an observation to a dictionary by name."""
         values = dict(_leaves(observation))
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 
@@ -58,7 +58,7 @@ class ObservedArrays:
         return np.concatenate(rows) if rows else np.zeros(0)
 
     def __str__(self) -> str:
-        """Names and numbers of arrays in words: `pose 3, scan 360`."""
+        """Lists the names and sizes of the arrays: `pose 3, scan 360`."""
         return ", ".join(f"{name} {math.prod(each.shape)}" for name, each in self.specs.items()) or "nothing"
 
 
@@ -99,8 +99,8 @@ def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
 
     Args:
         action: The action.
-        spec: Its spec.
-        giver: Who gave it, for messages, such as `policy walk.onnx`.
+        spec: Action spec of the environment.
+        giver: Source of the action, for messages, such as `policy walk.onnx`.
 
     Raises:
         RobotProgramError: The action does not fit the environment's action spec, or is not finite.
@@ -129,7 +129,7 @@ def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
 
 
 def fits(numbers: NDArray[Any], converted: NDArray[Any]) -> bool:
-    """Whether numbers kept their values in another type, but for rounding: 300 becomes 44 in `int8`, unsaid."""
+    """Returns whether numbers kept their values in a conversion, apart from rounding: 300 becomes 44 in `int8`."""
     if converted.dtype.kind == "f":
         return bool((np.isfinite(converted) == np.isfinite(numbers)).all())
     return bool((converted == numbers).all())

@@ -1,4 +1,4 @@
-"""Environments of `gymnasium`, to train policies in: a robot in a world, as a simulation job has it."""
+"""Gymnasium environment to train policies in: a robot in a world, as in a simulation job."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -34,7 +34,7 @@ except ImportError as error:
     ) from None
 
 _SEEDS = 2**63
-"""Limit of the seeds that are drawn for episodes without one of their own."""
+"""Upper limit of the seeds that are drawn for episodes without a seed."""
 
 MakeEnvironment = Callable[[SimulationContext], dm_env.Environment]
 
@@ -49,9 +49,9 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
     Args:
         world: Folder of a world's bundle; None: the simulation needs none.
         robot: `scout`, `walker`, `menagerie:<model>`, or the path of a `robot.yaml`.
-        time_limit_s: Simulated time that ends an episode; None: what suits the world.
+        time_limit_s: Simulated time in seconds that ends an episode; None: a limit that fits the world.
         variables: Environment variables of launch configurations.
-        simulation: Factory of the environment, as simulation applications have it.
+        simulation: Factory function of the environment, as in simulation applications.
 
     Raises:
         LaunchError: The world or robot does not exist.
@@ -82,7 +82,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
 
     @property
     def environment(self) -> dm_env.Environment:
-        """The dm_env environment inside."""
+        """The dm_env environment that this gymnasium environment wraps."""
         return self._environment
 
     def reset(
@@ -137,7 +137,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
 def _context(
     world: Path | str | None, robot: Path | str, time_limit_s: float | None, variables: Mapping[str, str]
 ) -> SimulationContext:
-    """The context that a job's factories would get; there are no outputs."""
+    """Returns the context that a job's factory functions would get, without an output folder."""
     world_dir = Path(world).absolute() if world is not None else None
     if world_dir is not None and not (world_dir / WORLD_FILE).is_file():
         raise ConfigurationError(f"world: {world_dir} has no {WORLD_FILE}; give the folder of a world's bundle")

@@ -1,4 +1,4 @@
-"""Policies in ONNX files, run by onnxruntime on one thread, so that a run repeats to the bit."""
+"""Policies in ONNX files, run by onnxruntime on one thread, so that runs are bit-identical."""
 
 import math
 import os
@@ -27,33 +27,33 @@ _TYPES: Mapping[str, type] = {
     "tensor(uint8)": np.uint8,
     "tensor(bool)": np.bool_,
 }
-"""Types of numpy by those of onnxruntime."""
+"""NumPy types by the type names of onnxruntime."""
 
 _MAX_WORDS = 200
 
 
 @dataclass(frozen=True)
 class _Input:
-    """An input of the network, and the observations that are fed into it."""
+    """An input of the network, and the observation arrays that are fed into it."""
 
     name: str
     dtype: type
     shape: tuple[int, ...]
-    """The shape that is fed, with a batch of one where the network has batches."""
+    """Shape of the fed array, with a batch size of one if the network has batches."""
     read: Callable[[Observed], NDArray[Any]]
 
 
 class OnnxPolicy:
     """Policy of an ONNX neural network, called with the arrays of an observation.
 
-    An input that has the name of an array gets that array; a network whose one input has another name gets all numbers
-    in a row. The action is the output `action`, or the only one.
+    An input with the name of an array gets that array; a network whose only input has another name gets all numbers as
+    one vector. The action is the output `action`, or the only output.
 
     Args:
-        path: The file.
-        policy: The policy's text, for messages.
-        arrays: The observation's arrays.
-        action: The action's spec.
+        path: Path of the ONNX file.
+        policy: Policy as the specification names it, for messages.
+        arrays: Arrays of the observation.
+        action: Spec of the action.
 
     Raises:
         LoadError: onnxruntime is missing, the file is no network, or it does not fit the environment.
@@ -66,7 +66,7 @@ class OnnxPolicy:
         self._output = self._action_output(action)
 
     def __call__(self, observed: Observed) -> NDArray[Any]:
-        """Returns the action."""
+        """Runs the network on an observation, and returns the action."""
         feed = {each.name: self._fed(each, each.read(observed)) for each in self._inputs}
         try:
             return np.asarray(self._session.run([self._output], feed)[0])
@@ -84,7 +84,7 @@ class OnnxPolicy:
         return converted
 
     def state(self) -> dict[str, Any]:
-        """Returns nothing: a network remembers nothing between two steps, so that a killed run can go on."""
+        """Returns an empty state: a network has no memory between steps, so a killed run can be continued."""
         return {}
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -162,10 +162,10 @@ def _session(path: Path, policy: str) -> Any:
 
 
 def _fed_shape(declared: list[Any], needed: tuple[int, ...]) -> tuple[int, ...] | None:
-    """The shape that is fed where one of the network's is needed, with a batch of one or without; None: it is another.
+    """Returns the shape to feed to a network input, with or without a batch of one; None if it does not fit.
 
-    Dimensions that have a name or none may be of any length; a network may also leave the whole shape open, which
-    onnxruntime tells as no dimensions.
+    Dimensions with a name, or without a size, may have any length. A network may also leave the whole shape open, which
+    onnxruntime reports as no dimensions.
     """
     if not declared:
         return (1, *needed) if needed else ()

@@ -1,4 +1,4 @@
-"""The agent that follows a policy: a Python callable or an ONNX file."""
+"""Agent that follows a policy: a Python callable or an ONNX file."""
 
 import importlib.util
 import inspect
@@ -38,10 +38,10 @@ class PolicyAgent:
     """Agent that drives the robot by a policy, which it calls with each observation.
 
     Args:
-        policy: The policy's text, as in a specification.
-        folder: The robot application's files; None: it has none.
-        root: Folder that is `/` for the job, for absolute paths; None: that of this machine.
-        environment: The environment, whose specs say what it observes and takes.
+        policy: Policy as the specification names it.
+        folder: Folder of the robot application's files; None: it has none.
+        root: Folder that the job sees as `/`, for absolute paths; None: the root of this machine.
+        environment: Environment, whose specs define observations and actions.
 
     Raises:
         LoadError: The policy cannot be found, read or fed.
@@ -61,10 +61,10 @@ class PolicyAgent:
             self.state, self.restore = (getattr(self._policy, name) for name in _STATE)
 
     def __call__(self, timestep: dm_env.TimeStep) -> Any:
-        """Returns the action of a time step.
+        """Calls the policy with a time step's observation, and returns its action.
 
         Raises:
-            RobotProgramError: The policy gave something else.
+            RobotProgramError: The policy returned something else.
         """
         observed = self._arrays.read(timestep.observation)
         try:
@@ -80,7 +80,7 @@ class PolicyAgent:
 
 
 def _callable(reference: PolicyReference, folder: Path | None, root: Path | None) -> Policy:
-    """The callable that a policy names; a class is called first, and its instance is the policy."""
+    """Imports the callable that a policy names; a class is instantiated first."""
     assert reference.attribute is not None
     try:
         if reference.module is not None:
@@ -119,7 +119,7 @@ def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Calla
 
 
 def _file(reference: PolicyReference, folder: Path | None, root: Path | None) -> Path:
-    """The file of a policy.
+    """Returns the path of a policy's file.
 
     Raises:
         LoadError: The policy's file does not exist.

@@ -1,1 +1,1 @@
-"""The process of a run: from a fork to `result.json`, with its loop and its observers."""
+"""Process of a run: from a fork to `result.json`, with its simulation loop and its observers."""

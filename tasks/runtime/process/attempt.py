@@ -1,4 +1,4 @@
-"""One attempt at a run: its applications, its observers, its loop, `result.json`, and reports of what failed."""
+"""One attempt at a run: loads applications and observers, runs the loop, writes `result.json`, reports failures."""
 
 import os
 import random
@@ -41,11 +41,11 @@ _RUNTIME_FOLDER = Path(__file__).parents[1]
 _APPLICATIONS = tuple(str(_RUNTIME_FOLDER / name) + os.sep for name in ("applications", "robots"))
 _MAX_ERROR_CHARACTERS = 2000
 _SAY_ALL = LoadError | LaunchError | RobotProgramError
-"""Errors whose message says all: a traceback would not help users."""
+"""Errors whose message says enough; a traceback would not help users."""
 
 
 def report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
-    """Writes an error's traceback to the error log, and its short form to the supervisor."""
+    """Writes an error's traceback to the error log, and its short form to memory shared with the supervisor."""
     log_failure(error)
     progress.write_report(report_of(error, progress))
     (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
@@ -86,7 +86,7 @@ def _describe(error: BaseException, trace: TracebackType | None) -> str:
 
 
 def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
-    """Skips the frames of this package that lead to an application's code, for a traceback about that code."""
+    """Removes the leading frames of this package from a traceback, so that it begins in an application's code."""
     start = trace
     while start is not None and _is_of_runtime(start.tb_frame.f_code.co_filename):
         start = start.tb_next
@@ -94,7 +94,7 @@ def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
 
 
 def _is_of_runtime(path: str) -> bool:
-    """Whether a source file belongs to the runtime itself, and not to an application."""
+    """Returns whether a source file belongs to the runtime, and not to an application."""
     return path.startswith(f"{_RUNTIME_FOLDER}{os.sep}") and not path.startswith(_APPLICATIONS)
 
 
@@ -109,10 +109,10 @@ BUILT_IN_AGENT = ApplicationPlan(
 )
 _RECORDED_RUN = "prefect_robomaker.tasks.runtime.applications.recorded_run"
 RECORDED_AGENT = ApplicationPlan(role="robot", name=RECORDED_RUN, attribute=f"{_RECORDED_RUN}.make_agent")
-"""The robot of a run that is judged from its recording, in which nothing drives any more."""
+"""Robot application of a run that is judged from its recording: nothing is driven any more."""
 
 _OF_THE_CAMERA = {TOPIC, INFO_TOPIC, "/tf_static"}
-"""Topics that a run writes for an environment; a camera that moves has `/tf` too, which may be the environment's."""
+"""Topics that the camera of a run writes for an environment; `/tf` is missing, as it may be the environment's own."""
 
 
 def seed_globals(seed: int) -> None:
@@ -122,12 +122,12 @@ def seed_globals(seed: int) -> None:
 
 
 def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
-    """Carries out a simulation run, from its start or its last checkpoint, until `result.json` is written.
+    """Runs a simulation, from its start or from its last checkpoint, until `result.json` is written.
 
     Args:
-        run: What to do.
-        progress: Where to say how far it is and how it ended.
-        stop: Whether to stop.
+        run: Request with the run's plan.
+        progress: Memory for the run's progress and final report.
+        stop: Tells whether the run has to stop.
 
     Raises:
         CheckpointError: The last checkpoint cannot be continued from.
@@ -199,8 +199,8 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
     """Adds a remark to the result if an environment records topics itself but has recorded none.
 
     Args:
-        episode: How the run ended.
-        recorder: The recording, which is closed.
+        episode: Outcome of the simulation loop.
+        recorder: Recorder of the run, which is closed.
     """
     if not (episode.records_itself and recorder.enabled) or recorder.topics - _OF_THE_CAMERA:
         return Findings()
@@ -208,7 +208,7 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
 
 
 def watched_environment(environment: Any, progress: Progress) -> Any:
-    """Wraps an environment to record whether it judges its run, in case the run's process dies."""
+    """Wraps an environment to note in shared memory whether it judges its run, in case the process dies."""
     if isinstance(environment, ReportingEnvironment) or hasattr(environment, "requirements"):
         progress.begin_to_judge()
     return environment
@@ -237,7 +237,7 @@ def contexts_of(
 
 
 def _bridge(plan: RunPlan, recording: Recorder) -> RosBridge | None:
-    """The ROS bridge of a run whose robot application may be ROS nodes."""
+    """Returns the ROS bridge of a run whose robot application may be ROS nodes; `None` for other runs."""
     robot = applications_of(plan)[1]
     if plan.ros is None or robot.attribute is not None or plan.recorded_actions is not None:
         return None
@@ -245,7 +245,7 @@ def _bridge(plan: RunPlan, recording: Recorder) -> RosBridge | None:
 
 
 def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> RemoteRobot | RecordedRobot | None:
-    """The robot's side of a run whose robot application is a program; None: it is a factory."""
+    """Returns the robot of a run whose robot application is a separate program; None: it is a factory function."""
     robot = applications_of(plan)[1]
     if robot.attribute is not None:
         return None
@@ -255,7 +255,7 @@ def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> Remote
 
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
-    """Returns which applications make the environment and the agent of a run."""
+    """Returns the applications that make the environment and the agent of a run."""
     simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
     if (simulation.attribute or "").startswith(f"{_RECORDED_RUN}."):
         return simulation, RECORDED_AGENT  # the robot has driven already

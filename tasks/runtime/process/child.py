@@ -1,4 +1,4 @@
-"""The process of a run, from a clean fork to `result.json`."""
+"""Entry point of a run's process, from a clean fork to `result.json`."""
 
 import os
 import signal
@@ -22,11 +22,11 @@ machine_facts()
 
 
 def run_child(run: RunRequest, progress: Progress) -> int:
-    """Carries out a simulation run in this process, which exists for this run alone.
+    """Runs a simulation in this process, which exists for this run alone.
 
     Args:
-        run: What to do.
-        progress: Where to say how far it is and how it ended.
+        run: Request with the run's plan.
+        progress: Memory for the run's progress and final report.
 
     Returns:
         The process's exit code: 0 when the run ended as a run should.
@@ -47,9 +47,10 @@ def run_child(run: RunRequest, progress: Progress) -> int:
 
 
 class _StopSignal:
-    """Reads stop requests from the shared memory, and turns SIGTERM after one into an exception in applications' code.
+    """Reads stop requests from shared memory, and makes SIGTERM after such a request an exception in application code.
 
-    A request comes without a signal: that would wake native calls that block, and one that hangs would seem to answer.
+    A request comes without a signal at first: a signal would interrupt blocking native calls, so that a hanging one
+    would seem to answer.
     """
 
     def __init__(self, progress: Progress) -> None:
@@ -69,7 +70,7 @@ class _StopSignal:
 
 
 def _take_on(run: RunRequest) -> None:
-    """Gives the process its folder, environment, import path and seeds."""
+    """Sets the process's folder, environment variables, import path and seeds for a run."""
     os.environ.clear()
     os.environ.update(run.environment)
     os.chdir(run.plan.work_dir)
@@ -79,7 +80,7 @@ def _take_on(run: RunRequest) -> None:
 
 
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
-    """Continues the run from its last checkpoint if there is one, else begins it."""
+    """Runs the simulation from its last checkpoint if there is one, else from its start."""
     if run.plan.trials is not None:
         run_trials(run, progress, stop)
         return

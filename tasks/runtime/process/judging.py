@@ -1,11 +1,11 @@
-"""Judges the recording of a run whose processes have ended: a program of its own.
+"""Program that judges the recording of a run whose processes have ended.
 
 `python -P -m prefect_robomaker.tasks.runtime.process.judging` reads a `JudgingRequest` as JSON from its standard input,
-and prints the result of the run as JSON. An exit code other than 0 says that nothing was judged, and the last line of
-standard error why.
+and prints the result of the run as JSON. On a failure the exit code is not 0, and the last line of standard error has
+the reason.
 
-Programs of the run could write to its recording, so nothing in it is trusted: memory is bounded, and no function of
-theirs is called.
+Programs of the run could write to its recording, so nothing in it is trusted: memory is limited, and none of their
+functions are called.
 """
 
 import resource
@@ -24,11 +24,13 @@ from .judging_request import JudgingRequest
 from .run_loop import run_episode
 
 _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
-"""Address space of the program: libraries of numerics reserve gigabytes for threads that they never start."""
+"""Limit of the program's address space in bytes; numerical libraries reserve gigabytes for threads that they never
+start.
+"""
 
 
 class _NeverStopped:
-    """Never stops: the process that started this program kills it."""
+    """Stop source that never stops: the process that started this program kills it instead."""
 
     reason = ""
 
@@ -37,7 +39,7 @@ def judge(request: JudgingRequest) -> RunResult:
     """Judges the recording of a run by its requirements.
 
     Args:
-        request: Which, and by what.
+        request: Recording and requirements.
 
     Raises:
         LaunchError: The recording cannot be judged at all.

@@ -1,4 +1,4 @@
-"""The request to judge a recording: apart from the program, whose libraries the process that asks has no use for."""
+"""Request to judge a recording, in a module of its own so that the sender need not import the judging libraries."""
 
 from pathlib import Path
 

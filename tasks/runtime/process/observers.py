@@ -24,10 +24,10 @@ from ..video.video import VideoWatcher
 from ..video.video_settings import STATE_LOG_FOLDER, settings_of
 
 _PERIOD_S = 0.5
-"""Simulated time between two moments."""
+"""Simulated seconds between two points of the path at the beginning."""
 
 _SLOWER_AFTER = 2_000
-"""Moments after which the period doubles, again and again: the file of a run of ten hours has 250 kB."""
+"""Number of points after which the period doubles, again and again; the file of a ten-hour run has 250 kB."""
 
 _WRITE_EVERY_S = 0.5
 _FLAGS = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
@@ -37,11 +37,11 @@ class PathNote(Observer):
     """Observer that writes the robot's path to a file for the live view, at most twice a second."""
 
     def __init__(self, work_dir: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        """Prepares.
+        """Creates the path file's writer.
 
         Args:
-            work_dir: The run's.
-            clock: Seconds.
+            work_dir: Work folder of the run.
+            clock: Monotonic clock, in seconds.
         """
         self._path, self._clock = work_dir / PATH_FILE, clock
         self._model: mujoco.MjModel | None = None
@@ -51,7 +51,7 @@ class PathNote(Observer):
         self._due_s = clock() + _WRITE_EVERY_S
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records the robot's position."""
+        """Appends the robot's current position to the path file of the live view."""
         self.next_time_s = time_s + self._period_s
         model, data = raw_physics(environment.physics)
         if model is not self._model:
@@ -83,7 +83,7 @@ class EndAt(Observer):
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Ends the rerun, as the original run was ended."""
+        """Ends the rerun at the time at which the original run was stopped."""
         del environment, time_s
         raise RunEnded("duration limit")
 
@@ -97,9 +97,9 @@ def make_observers(
     """Makes the observers (recorders, video, checks) that a run's plan asks for, in order.
 
     Args:
-        plan: The run.
-        video_backend: How to render; None: no video.
-        applications: What makes environment and agent, built-in ones included.
+        plan: Plan of the run.
+        video_backend: Name of the rendering backend; None: no video.
+        applications: Applications that make environment and agent, built-in ones included.
         actions: See `ProvenanceRecorder`.
     """
     found: list[Observer] = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]

@@ -1,8 +1,8 @@
-"""Rehearsal: a process that waits for a run goes once through what every run does before its first step.
+"""Warm-up of a waiting process: does once what every run does before its first step.
 
-A forked process pays for each page of memory that it touches first, and a run touches thousands of them while it makes
-its world, which takes a third of the time until its first step. A rehearsal in a room of boxes touches most of them
-before a job waits for it. It leaves nothing behind, and seeds are set when the run begins.
+A forked process pays for each page of memory that it touches first. A run touches thousands of them while it builds its
+world, which takes a third of the time to its first step. A warm-up in a world of boxes touches most of them before a
+job waits for it. It leaves no files behind, and seeds are set when the run begins.
 """
 
 import io
@@ -24,7 +24,7 @@ from ..states.digest import digest_of_model
 from .rehearsal_rooms import make_room, remove_left_rooms
 
 HasRun = Callable[[float], bool]
-"""Waits for so many seconds for a run, and says whether there is one."""
+"""Function that waits for a run for some seconds, and returns whether there is one."""
 
 LOADAVG = Path("/proc/loadavg")
 _LOOK_AGAIN_S = 0.25
@@ -38,7 +38,7 @@ _HALF_M = 3.0
 def rehearsal_room() -> Iterator[Path | None]:
     """Creates a temporary folder with a small world for warming up; `None` if it cannot be written.
 
-    Folders that killed processes left are removed: those that live hold a lock on theirs.
+    Folders that killed processes left behind are deleted; the processes that use a folder hold a lock on it.
     """
     folder, lock = None, None
     try:
@@ -67,13 +67,12 @@ def _furnish(folder: Path) -> None:
 def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | None = None) -> None:
     """Warms up an idle process: runs one simulation step so that imports and caches are ready for a run.
 
-    Nothing is done while the processors have other things to do, and nothing that fails is told: the run will fail in
-    the same way, and say so.
+    Nothing is done while the processors are busy. Errors are ignored: the run will fail in the same way, and report it.
 
     Args:
-        room: From `rehearsal_room`.
-        has_run: Asked between the parts, each of which takes some milliseconds.
-        is_idle: Whether a processor has nothing to do; absent: `has_idle_processor`.
+        room: Folder with the small world, from `rehearsal_room`.
+        has_run: Called between the parts of the warm-up, which take milliseconds each; true ends it.
+        is_idle: Function that returns whether a processor is idle; absent: `has_idle_processor`.
     """
     if room is None:
         return
@@ -117,8 +116,8 @@ def has_idle_processor(loadavg: Path = LOADAVG, processors: int | None = None) -
     """Whether the machine has an idle processor, judged by the number of runnable threads.
 
     Args:
-        loadavg: The file in which the kernel says how many want to run.
-        processors: How many there are; absent: those of this process.
+        loadavg: Kernel file with the number of runnable threads.
+        processors: Number of processors; absent: those of this process.
     """
     try:
         running = int(loadavg.read_text().split()[3].split("/")[0]) - 1

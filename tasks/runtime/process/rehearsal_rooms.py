@@ -1,4 +1,4 @@
-"""Folders in which rehearsals happen: made with a lock, and found when the process that made one was killed."""
+"""Temporary folders for the warm-up of processes: locked while in use, deleted after a process was killed."""
 
 import fcntl
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 
 _PREFIX = "robomaker-rehearsal-"
 _NEW_S = 60.0
-"""A room that was made a moment ago may not be locked yet."""
+"""Age in seconds below which an unlocked folder is left alone: its process may not have locked it yet."""
 
 
 def make_room() -> tuple[Path, int]:
@@ -35,7 +35,7 @@ def remove_left_rooms() -> list[Path]:
     """Deletes this user's warm-up folders whose process was killed.
 
     Returns:
-        Those that are gone.
+        The deleted folders.
     """
     found: list[Path] = []
     for left in _left():
@@ -46,7 +46,7 @@ def remove_left_rooms() -> list[Path]:
 
 
 def _left() -> Iterator[Path]:
-    """Yields each room that is left, while its lock is held."""
+    """Yields each warm-up folder whose process was killed, while holding its lock."""
     for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
         with suppress(OSError):  # it is in use, another user's, or has just been removed
             about = left.lstat()

@@ -1,4 +1,4 @@
-"""The loop of a run: environment and agent, step by step, with clock and joint states for the recording."""
+"""Simulation loop of a run: environment and agent, step by step, with clock and joint states for the recording."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -60,23 +60,23 @@ def run_episode(
 ) -> Episode:
     """Makes environment and agent, and runs the loop of actions and observations until the episode ends.
 
-    The environment ends the run with a last time step, the agent by raising `StopIteration`, either by
-    `sys.exit(0)`.
+    The environment ends the run with a last time step, the agent by raising `StopIteration`, both by `sys.exit(0)`.
 
     Args:
-        make_environment: Makes the environment.
-        make_agent: Makes the agent for it.
-        mark: Told what begins (`Phase`), so that a crash can be attributed.
-        stop: Whether to stop.
+        make_environment: Function that makes the environment.
+        make_agent: Function that makes the agent for the environment.
+        mark: Called with the phase that begins (`Phase`), so that a crash can be attributed.
+        stop: Tells whether the run has to stop.
         recorder: Gets clock and joint states of environments with a `physics` that do not set
             `records_itself`.
-        watchers: Look at the physics of environments that have one. Those with a `last_look` are asked once more at
-            the end, before the environment is closed; also where there is no physics.
-        health: Looks at every step, before the watchers; absent: one that only fails diverged physics.
-        checkpoints: Makes checkpoints, and continues from one if there is one.
-        count_step: Told after each step how many are done, and the simulated time.
-        keep_open: Whether the environment is not closed, because other episodes follow.
-        wall_clock: Seconds of real time.
+        watchers: Observers of the physics. Those with a `last_look` are also called at the end, before the environment
+            is closed, even if it has no physics.
+        health: Observer that is called at every step, before the others; absent: one that only detects diverged
+            physics.
+        checkpoints: Makes checkpoints, and restores one if there is one.
+        count_step: Called after each step with the number of steps and the simulated time.
+        keep_open: Whether the environment stays open, because other episodes follow.
+        wall_clock: Monotonic clock, in seconds of real time.
 
     Returns:
         How it ended, with the environment's report.
@@ -121,7 +121,7 @@ def run_episode(
 
 
 class _Loop:
-    """The state of one episode."""
+    """State of one episode of the simulation loop."""
 
     def __init__(
         self,
@@ -197,7 +197,7 @@ class _Loop:
             self._wall_time_s = self._earlier_s + self._wall_clock() - began
 
     def _resume(self, state: LoopState) -> dm_env.TimeStep:
-        """Continues where an earlier attempt was."""
+        """Restores environment, agent and counters from a checkpoint of an earlier attempt."""
         self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
         return state.timestep
 
@@ -259,7 +259,7 @@ def _shown(value: object) -> str:
 
 
 class _SimulatedClock:
-    """Follows the time of an environment's physics, if it has one."""
+    """Follows the simulated time of an environment's physics, if it has one."""
 
     def __init__(self, environment: Any, watchers: Sequence[Observer]) -> None:
         self.time_s = 0.0
@@ -280,6 +280,6 @@ class _SimulatedClock:
 
 
 def _control_timestep(environment: Any) -> Any:
-    """Simulated seconds of a step of an environment without physics; 0 when it does not say."""
+    """Returns the simulated seconds of a step of an environment without physics; 0 if it has no such attribute."""
     timestep = getattr(environment, "control_timestep", None)
     return timestep() if callable(timestep) else 0.0

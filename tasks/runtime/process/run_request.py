@@ -1,4 +1,4 @@
-"""The request for a run as its process gets it, and the files that its processes may see."""
+"""Request that starts a run in its process, and the files that the run's processes may see."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from ..sandbox.visible_files import Sight, paths_in, python_paths, readable_rule
 
 
 class RunRequest(Model):
-    """Message that starts a run: the plan, and the environment for its processes."""
+    """Message that starts a run: the plan, and the environment variables of its processes."""
 
     plan: RunPlan = Field(description="The run; all its paths are absolute.")
     environment: dict[str, str] = Field(description="The environment of the run's process.")
@@ -24,9 +24,9 @@ class RunRequest(Model):
     cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
 
     def for_run_process(self) -> "RunRequest":
-        """Returns the request for the simulation process, without the programs' variables, which may hold secrets.
+        """Returns the request for the simulation process, without variables of other programs, which may hold secrets.
 
-        Those of a container's program are what its engine is called with, credentials of registries among them.
+        The variables of containers belong to the container engine; they may have credentials of registries.
         """
         programs = [program.model_copy(update={"environment": {}}) for program in self.plan.programs]
         return self.model_copy(update={"plan": self.plan.model_copy(update={"programs": programs})})
@@ -35,7 +35,7 @@ class RunRequest(Model):
 def sights_of_run(request: RunRequest) -> list[Sight]:
     """Lists the files and folders that a run may see in its sandbox, besides those of the system.
 
-    Paths in variables count where the service or its user has set them; a job cannot name what it wants to see.
+    Paths in environment variables count only if the service or its user has set them: a job cannot choose what it sees.
     """
     plan = request.plan
     paths = [*python_paths(request.import_path), *paths_in(plan.environment), *request.box.shown]
@@ -80,7 +80,7 @@ def _inputs(request: RunRequest) -> Iterator[Path]:
 
 
 def _of_program(folder: Path, argv: Sequence[str], known: Sequence[Sight]) -> Iterator[Sight]:
-    """A program's own folder, which it may write to, and its file, where no other sight has them."""
+    """Yields a program's own folder, which is writable, and its file, if no other entry contains them."""
     if folder.is_dir() and folder != Path("/") and not _is_among(folder, known):
         yield Sight(str(folder), "write")
     file = Path(argv[0])

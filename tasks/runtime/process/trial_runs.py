@@ -1,4 +1,4 @@
-"""Runs with trials: one process plays each trial, journals its row, and records some again."""
+"""Runs with trials: one process runs all trials, writes each trial's results, and records some again."""
 
 import os
 import shutil
@@ -45,8 +45,8 @@ class RenewableEnvironment(Protocol):
     def renew(self, context: SimulationContext) -> None:
         """Prepares the environment for the next trial's seed, as if it were made anew; `reset` follows.
 
-        Its variables and its world are those that it was made with, its seed and its generator are others. Values of
-        axes that are numbers have been applied to it.
+        Environment variables and world are those that it was made with; seed and random generator are new. Numeric
+        values of the trial's axes have already been applied.
         """
         ...
 
@@ -60,17 +60,17 @@ class RenewableAgent(Protocol):
 
 
 def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
-    """Whether an environment or agent can be reused for several trials."""
+    """Returns whether an environment or agent can be reused for several trials."""
     return callable(getattr(part, "renew", None))
 
 
 class TrialStage:
-    """Environment and agent in which the trials of a job run one after the other.
+    """Environment and agent that run the trials of a job one after the other.
 
     Args:
-        plan: The job's run.
-        progress: Told what begins.
-        stop: Whether to stop.
+        plan: Plan of the job's run.
+        progress: Memory for the phase that begins.
+        stop: Tells whether the run has to stop.
 
     Raises:
         LoadError: An application cannot be imported.
@@ -101,7 +101,7 @@ class TrialStage:
         """Runs one trial to its end, and returns its results.
 
         Args:
-            trial: Which.
+            trial: Trial to run.
 
         Returns:
             Its row; None if it was stopped from outside.
@@ -144,7 +144,7 @@ class TrialStage:
         return row.model_copy(update={"model_sha256": digest.model_sha256})
 
     def _told(self, trial: Trial) -> Trial:
-        """The trial as people are told of it, without secrets among its axes."""
+        """Returns the trial for logs and tables, with secret values of its axes removed."""
         trials = self._without_secrets
         return trials.trial(trial.number, self._plan.seed) if trials is not None else trial
 
@@ -179,7 +179,7 @@ class TrialStage:
 
 
 class _TrialDigest(Observer):
-    """Keeps the digest of a trial's states; see `ProvenanceRecorder`."""
+    """Keeps the hash of a trial's simulation states; see `ProvenanceRecorder`."""
 
     def __init__(self, digests: ModelDigests) -> None:
         self._digest = StateDigest(None, digests.of)
@@ -219,7 +219,7 @@ def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestS
 
 
 def _broken(trial: Trial, report: Mapping[str, Any]) -> TrialRow:
-    """The row of a trial that an exception ended."""
+    """Makes the result row of a trial that ended with an exception."""
     role = Phase(report["phase"]).role
     return TrialRow(
         trial=trial.number,
@@ -236,12 +236,12 @@ _Row = TypeVar("_Row")
 
 
 def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
-    """Runs a job's unfinished trials, and writes their table and `result.json`.
+    """Runs a job's unfinished trials, and writes the table of their results and `result.json`.
 
     Args:
-        run: What to do; its plan has trials.
-        progress: Where to say how far it is and how it ended.
-        stop: Whether to stop.
+        run: Request with the run's plan, which has trials.
+        progress: Memory for the run's progress and final report.
+        stop: Tells whether the run has to stop.
 
     Raises:
         CheckpointError: Another process executes the run.
@@ -282,9 +282,9 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row]) -> _Row:
-    """Calls a function with a trial's environment variables, and with Python's and numpy's generators seeded.
+    """Calls a function with a trial's environment variables, and with the generators of Python and NumPy seeded.
 
-    Environment and working directory are put back in case that the trial before has changed them.
+    Environment variables and working directory are restored first, in case the trial before has changed them.
     """
     os.environ[_SEED_VARIABLE] = str(trial.seed)
     wanted = {**run.environment, **trial.variables, _SEED_VARIABLE: str(trial.seed)}
@@ -300,7 +300,7 @@ def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row])
 
 
 def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> None:
-    """Runs trials once more, now recorded: those that are asked for, and the first that did not pass."""
+    """Runs some trials again with a recording: the requested ones, and the first that did not pass."""
     plan = run.plan
     failed = tally.first_failing[: trials.record_failed]
     if not plan.record and plan.video == "none":
@@ -328,7 +328,7 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
 
 
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:
-    """Runs one trial as a run of its own; that it fails again is no failure of the job."""
+    """Runs one trial again as a separate recorded run; another failure of it does not fail the job."""
     try:
         attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
     except Exception as error:

@@ -1,6 +1,6 @@
-"""A waiting process, forked before its run is known.
+"""Waiting process that is forked before its run is known.
 
-A fork of a process that has imported MuJoCo takes milliseconds, for which no job has to wait this way.
+Forking a process that has imported MuJoCo takes milliseconds, which jobs need not wait for this way.
 """
 
 import os
@@ -18,24 +18,24 @@ from ..sandbox.kernel import give_up_rights
 from .run_request import RunRequest, rules_of_run
 
 RunChild = Callable[[RunRequest, Progress], int]
-"""Carries out the run described by a request; returns the exit code."""
+"""Function that runs the simulation of a request; returns the process's exit code."""
 
 Rehearse = Callable[[Callable[[float], bool]], None]
-"""See `rehearsal.rehearse`: is given what waits for a run."""
+"""Function that warms up the process until a run arrives; see `rehearsal.rehearse`."""
 
 _BEGIN = b"!"
 _INTERNAL_ERROR = 70  # EX_SOFTWARE: the runtime itself failed
 
 
 class WaitingRun:
-    """A forked child process that waits for a run and then carries it out.
+    """A forked child process that waits for a run's request and then runs the simulation.
 
     Args:
-        run_child: What the run's process does.
-        progress: What it shares with this process.
-        close_in_child: What of this process's it must not keep open.
-        rehearse: What it does until there is a run.
-        box: The box that it is in, if it is in one.
+        run_child: Function that runs the simulation.
+        progress: Memory that the child shares with this process.
+        close_in_child: File descriptors of this process that the child must close.
+        rehearse: Function that warms up the child until there is a run.
+        box: Sandbox of the child, if it has one.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class WaitingRun:
             request: A `RunRequest` as JSON in one line.
 
         Returns:
-            Whether it still runs; it may have been killed while it waited.
+            Whether the process is still running; it may have been killed while it waited.
         """
         try:
             self._pipe.sendall(request + b"\n")
@@ -92,7 +92,7 @@ class WaitingRun:
 
 
 def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse) -> NoReturn:
-    """Turns a fork into the run's process."""
+    """Waits in the forked child for a request, then runs the simulation and exits."""
     code = _INTERNAL_ERROR
     try:
         rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))

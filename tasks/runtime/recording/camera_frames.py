@@ -1,6 +1,7 @@
-"""Pose and projection of a camera in ROS's form: transforms, and `sensor_msgs/CameraInfo`.
+"""Pose and projection of a camera in ROS: transforms, and `sensor_msgs/CameraInfo`.
 
-Frames follow REP 103: a camera's own x forward, y left, z up; its optical frame z forward, x to the right, y down.
+Frames follow REP 103: a camera's own frame has x forward, y left, z up; its optical frame has z forward, x right, y
+down.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -17,13 +18,15 @@ from .messages import CameraInfo
 
 CAMERA_FRAME, OPTICAL_FRAME = "camera_link", "camera_optical_frame"
 WORLD = "world"
-"""Name of MuJoCo's body 0, which everything fixed belongs to."""
+"""Frame name of MuJoCo's body 0, to which all fixed geoms belong."""
 
 TO_OPTICAL = ros.Transform(rotation=ros.Quaternion(-0.5, 0.5, -0.5, 0.5))
-"""Rotation from a camera's frame to its optical one."""
+"""Rotation from a camera's frame to its optical frame."""
 
 _FROM_MUJOCO = np.array((0.5, -0.5, 0.5, 0.5))
-"""Rotation from the axes of MuJoCo's cameras (x right, y up, looking along -z) to a camera's frame; w first."""
+"""Rotation from the axes of MuJoCo's cameras (x right, y up, looking along -z) to a camera's frame, as a quaternion
+with w first.
+"""
 
 _BODY = mujoco.mjtObj.mjOBJ_BODY.value
 _AS = ', such as {"world": "map", "chassis": "base_link"}'
@@ -33,19 +36,19 @@ class Mount(NamedTuple):
     """Pose of a camera in the ROS frame that it is fixed to."""
 
     parent: str
-    """Frame that it is seen from."""
+    """Name of the frame that the camera is fixed to."""
 
     transform: ros.Transform
     is_fixed: bool
-    """Whether it always stays there."""
+    """Whether the camera never moves relative to that frame."""
 
 
 def frames_of(environment: Any, model: mujoco.MjModel) -> Mapping[int, str]:
     """Returns the ROS frame names of an environment's bodies, by body number.
 
     Args:
-        environment: It may have `tf_frames`: frames by names of bodies, or by numbers of those without a name. Bodies
-            that the model does not have are left out.
+        environment: Environment that may have `tf_frames`: frame names by body name, or by the number of bodies without
+            a name. Bodies that the model does not have are left out.
         model: Its model.
 
     Raises:
@@ -79,14 +82,14 @@ def find_mount(
 ) -> Mount:
     """Determines the ROS frame that a camera is fixed to, and its pose there.
 
-    A camera that is fixed to a body with a frame, or to what is fixed to it, is seen from there; others are seen from
+    The frame is that of the body that carries the camera, or of a body to which that one is rigidly fixed; else it is
     the world.
 
     Args:
         model: The model.
-        view: The camera.
-        scene: What `mjv_updateCamera` says of it.
-        frames: Names of frames by numbers of bodies; the world has one.
+        view: Camera.
+        scene: Scene after `mjv_updateCamera`.
+        frames: Frame names by body number, including the world's.
     """
     if view.type == mujoco.mjtCamera.mjCAMERA_FIXED.value:
         fixed = _fixed_mount(model, view.fixedcamid, frames)
@@ -104,8 +107,8 @@ def camera_info(header: ros.Header, scene: mujoco.MjvScene, size: tuple[int, int
     """Makes the ROS `CameraInfo` (projection) of a scene's camera; `None` if it is not a pinhole camera.
 
     Args:
-        header: When, and in which optical frame.
-        scene: What `mjv_updateCamera` says of it.
+        header: Time stamp and optical frame.
+        scene: Scene after `mjv_updateCamera`.
         size: Width and height of the picture in pixels.
     """
     eye = scene.camera[0]
@@ -135,7 +138,7 @@ def transform_of(place: Any, turn: Any) -> ros.Transform:
 
 
 def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[int, str]) -> Mount | None:
-    """The body that a camera is fixed to; None where it moves on a body that has a frame."""
+    """Returns the ROS frame and pose of a camera with a rigid mount; None if the camera moves relative to its frame."""
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
         return None
     # From the model's constants, so that it is the same whenever it is worked out.

@@ -1,4 +1,4 @@
-"""ROS 2 messages as bytes (CDR): one by one, or many of one shape by columns."""
+"""Encoding of ROS 2 messages as CDR bytes: one by one, or many of the same shape at once."""
 
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ Message = ros.Message | display.DisplayMessage
 """Messages that can be recorded."""
 
 _STORE = get_typestore(Stores.ROS2_HUMBLE)
-"""Later distributions have the same types, with the same hashes."""
+"""Type store of ROS 2 Humble; later distributions have the same types with the same hashes."""
 
 
 def encode(message: Message) -> bytes:
@@ -58,7 +58,7 @@ def is_known(ros_type: str) -> bool:
 
 
 def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
-    """Returns the members of a ROS message type: name and type description."""
+    """Returns the fields of a ROS message type: name and type description."""
     return _STORE.fielddefs[ros_type][1]
 
 
@@ -214,16 +214,16 @@ class Columns(NamedTuple):
     """Template of a ROS message in which only the stamp and some numbers change, for fast encoding."""
 
     kind: type[ros.Message]
-    """Its type."""
+    """Class of the message."""
 
     template: bytes
-    """Such a message, encoded."""
+    """CDR encoding of such a message."""
 
     stamps: tuple[int, ...]
-    """Positions of the stamps in the message, in bytes; transforms have one each."""
+    """Byte offsets of the time stamps in the message; a message with several transforms has one each."""
 
     numbers: Mapping[str, tuple[int, int, str]]
-    """Rows of numbers by name: position in the message in bytes, count, and type."""
+    """Arrays of numbers in the message by name: byte offset, count, and type."""
 
 
 def clock() -> Columns:
@@ -237,7 +237,7 @@ def transforms(frames: Sequence[tuple[str, str]]) -> Columns:
     Its numbers are the transforms' translations x, y, z and rotations x, y, z, w, each named by its child frame.
 
     Args:
-        frames: Of each transform the frame, and the child's frame.
+        frames: Parent frame and child frame of each transform.
     """
     items = [ros.TransformStamped(ros.Header(_ZERO, frame), child, ros.Transform()) for frame, child in frames]
     # A message with one transform less ends where the next one begins; each ends with its numbers.
@@ -285,7 +285,7 @@ def laser_scan(scan: ros.LaserScan) -> Columns:
     Its numbers are `ranges`.
 
     Args:
-        scan: Such a scan, for all that does not change.
+        scan: Scan with all values that do not change.
     """
     template = encode(scan._replace(header=scan.header._replace(stamp=_ZERO), intensities=ros.NO_INTENSITIES))
     count = len(scan.ranges)
@@ -327,7 +327,7 @@ class Series(Protocol):
 
 
 class _Single:
-    """A message of some kind that is filled in again and again."""
+    """Encodes a single message of a template again and again, in one buffer."""
 
     def __init__(self, columns: Columns) -> None:
         self._message = bytearray(columns.template)
@@ -351,7 +351,7 @@ class RowEncoder:
         """Prepares the layout.
 
         Args:
-            columns: Channel and kind of the messages, in the order in which a row has them.
+            columns: Channel number and message template of each message in a row.
         """
         self._starts: dict[int, int] = {}
         self._template = b""
@@ -374,7 +374,7 @@ class RowEncoder:
 
         Args:
             times_s: Simulated times of the rows, not negative.
-            values: For each kind of message its numbers in the order of `Columns.numbers`, each with a row per time.
+            values: Numbers of each message in the order of `Columns.numbers`, with a row per time.
         """
         times_ns = np.rint(times_s * _NANOSECONDS).astype(np.int64)
         seconds, nanoseconds = np.divmod(times_ns, _NANOSECONDS)
@@ -395,12 +395,12 @@ class RowEncoder:
     def encode_one(
         self, time_s: float, values: Sequence[Sequence[Sequence[float]]], wanted: Iterable[int]
     ) -> list[bytes]:
-        """Returns messages of one time, the same bytes as in a row.
+        """Encodes the messages of a single time; the bytes are the same as in a row.
 
         Args:
             time_s: Simulated time, not negative.
-            values: For each kind of message its numbers in the order of `Columns.numbers`.
-            wanted: Positions of the kinds that are encoded.
+            values: Numbers of each message in the order of `Columns.numbers`.
+            wanted: Indices of the messages to encode.
         """
         time_ns = round(time_s * _NANOSECONDS)
         return [self._single[number].filled(time_ns, values[number]) for number in wanted]

@@ -1,4 +1,4 @@
-"""Files beside a recording: Foxglove's layout and the metadata of rosbag2."""
+"""Files written next to a recording: a Foxglove layout and rosbag2's `metadata.yaml`."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 LAYOUT_FILE = "foxglove-layout.json"
 WORLD_TOPIC = "/world"
-"""Topic of the markers of floors, walls and furniture."""
+"""Topic with the markers of floors, walls and furniture."""
 
 _COLOURS = ("#4e98e2", "#f5774d", "#f7df71", "#5cd6a9")
 _POSES, _SCANS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
@@ -23,7 +23,7 @@ _DRAWN: Mapping[str, dict[str, Any]] = {
     "nav_msgs/msg/Path": {"type": "line", "lineWidth": 0.03, "gradient": ["#28c76fff", "#28c76fff"]},
     "visualization_msgs/msg/MarkerArray": {},
 }
-"""Settings by which the 3D panel draws topics, by type."""
+"""Display settings of Foxglove's 3D panel for topics, by ROS type."""
 
 Panel = tuple[str, dict[str, Any]]
 
@@ -31,11 +31,11 @@ Panel = tuple[str, dict[str, Any]]
 def layout(topics: Mapping[str, str]) -> dict[str, Any]:
     """Makes a Foxglove layout (panels) for a recording's topics, to be opened with "Import from file".
 
-    It has a 3D panel if there is something to draw and where that is, the pictures of cameras, plots of speeds and
-    joints, and the messages as they are.
+    It has a 3D panel if any topic can be drawn, the images of cameras, plots of speeds and joints, and a panel of raw
+    messages.
 
     Args:
-        topics: Types by topic.
+        topics: ROS type of each topic.
     """
     scene = [*_scene(topics), *_pictures(topics)]
     numbers = [*_plots(topics), *_raw(topics)]
@@ -92,7 +92,7 @@ def _pictures(topics: Mapping[str, str]) -> list[Panel]:
 
 
 def _image(topic: str, topics: Mapping[str, str]) -> dict[str, Any]:
-    """A camera's pictures, and how to draw the scene into them: its other topic, as `image_transport` finds it."""
+    """Makes an image panel for a camera, onto which the scene is drawn with the camera's `CameraInfo` topic."""
     info = f"{topic.partition('/image')[0]}/camera_info"
     return {"imageTopic": topic, **({"calibrationTopic": info} if info in topics else {})}
 
@@ -130,7 +130,7 @@ def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _raw(topics: Mapping[str, str]) -> list[Panel]:
-    """The messages of the topic that says most."""
+    """Makes a panel with the raw messages of the most informative topic."""
     ranked = [topic for kind in (_POSES, _JOINTS) for topic, type_ in topics.items() if type_ == kind] or [*topics]
     return [("RawMessages!messages", {"topicPath": ranked[0]})] if ranked else []
 
@@ -140,7 +140,7 @@ def _stack(panels: Sequence[Panel], percentage: float | None = None) -> Any:
 
 
 def _split(parts: Sequence[Any], direction: str, percentage: float | None = None) -> Any:
-    """Parts side by side or one below the other, in equal shares unless the first one's is given."""
+    """Arranges panels side by side or one below the other, in equal shares unless the first one's share is given."""
     if len(parts) < 2:
         return parts[0] if parts else ""
     return {
@@ -154,20 +154,20 @@ def _split(parts: Sequence[Any], direction: str, percentage: float | None = None
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
 _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robot_description"})
-"""Topics that are sent once; a player has to keep them for later subscribers."""
+"""Topics that are published once; a player has to keep their messages for later subscribers."""
 
 
 class Offer(NamedTuple):
     """Quality of service (QoS) with which a ROS topic is offered to subscribers."""
 
     is_latched: bool = False
-    """Whether a later subscriber gets the last messages (`transient local`)."""
+    """Whether later subscribers get the last messages (QoS durability `transient_local`)."""
 
     is_reliable: bool = True
-    """Whether messages that were lost are sent again."""
+    """Whether lost messages are sent again (QoS reliability `reliable`)."""
 
     depth: int = 10
-    """Messages that are kept for a subscriber."""
+    """Number of messages that are kept for a subscriber (QoS history depth)."""
 
 
 def own_offer(topic: str) -> Offer:
@@ -226,10 +226,10 @@ class RecordedTopic(NamedTuple):
     """A topic of a recording: name, type, number of messages and quality of service."""
 
     name: str
-    """Name, such as `/odom`."""
+    """Topic name, such as `/odom`."""
 
     type: str
-    """Type, such as `nav_msgs/msg/Odometry`."""
+    """ROS type, such as `nav_msgs/msg/Odometry`."""
 
     type_hash: str
     """Hash of the type, `RIHS01_…`."""
@@ -238,18 +238,18 @@ class RecordedTopic(NamedTuple):
     """Number of messages."""
 
     offer: Offer | None = None
-    """Quality of service at which it was offered; `None`: as the simulation offers a topic of this name."""
+    """Quality of service (QoS) of the recorded topic; `None`: that of the simulation's topic of this name."""
 
 
 def channel_metadata(topic: str, type_hash: str, offer: Offer | None = None) -> dict[str, str]:
     """Returns the metadata that `rosbag2_storage_mcap` stores for a topic in an MCAP file.
 
-    `ros2 bag play` offers a topic as it was offered when it was recorded.
+    `ros2 bag play` publishes a topic with the quality of service that is stored here.
 
     Args:
-        topic: Its name.
+        topic: Topic name.
         type_hash: The hash of its type, `RIHS01_…`.
-        offer: How it was offered; `None`: as the simulation offers a topic of this name.
+        offer: Quality of service of the topic; `None`: that of the simulation's topic of this name.
     """
     is_latched, is_reliable, depth = offer or own_offer(topic)
     # Numbers, as all versions read them here: keep last, reliable or not, transient local or volatile, automatic.
@@ -270,8 +270,8 @@ def metadata(path: str, topics: Sequence[RecordedTopic], start_ns: int, end_ns: 
     """Returns the text of a recording's `metadata.yaml`, which `ros2 bag` needs.
 
     Args:
-        path: Name of the recording, in the same folder.
-        topics: What it has.
+        path: File name of the recording, in the same folder.
+        topics: Topics in the recording.
         start_ns: Log time of the first message.
         end_ns: Log time of the last message.
     """
@@ -297,5 +297,5 @@ def _topic(topic: RecordedTopic) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Quotes a name as YAML; applications may use any characters."""
+    """Quotes a name for YAML; applications may use any characters."""
     return "'" + text.replace("'", "''") + "'"

@@ -1,7 +1,7 @@
 """Forward kinematics of a robot's links for `/tf`, from its joints, for many times at once.
 
-What `robot_state_publisher` does with a URDF, from the compiled model instead; MuJoCo's own kinematics need a state at
-a time.
+It does what `robot_state_publisher` does with a URDF, but from the compiled model. MuJoCo's own kinematics would need a
+pass for every single state.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 _Numbers = NDArray[np.float64]
 _Pose = tuple[_Numbers, _Numbers]
-"""Positions and quaternions with w first, a row per time."""
+"""Positions, and quaternions with w first; a row per time."""
 
 _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _XYZW = (1, 2, 3, 0)
@@ -24,32 +24,32 @@ _XYZW = (1, 2, 3, 0)
 
 @dataclass(frozen=True)
 class Link:
-    """A robot's body that moves by joints of its own, as a ROS link."""
+    """A robot's body with joints of its own, as a ROS link."""
 
     body: int
     parent_frame: str
     frame: str
-    """The body's name in the model, or `link_` and its number."""
+    """Frame name: the body's name in the model, or `link_` and its number."""
 
     start: _Pose
-    """Its pose in the parent's frame while its joints are as in the model."""
+    """Pose in the parent's frame while the joints are in the model's reference position."""
 
     joints: tuple[int, ...]
 
 
 class Links:
-    """The moving parts of one robot, as ROS links."""
+    """Moving bodies of one robot, as ROS links with transforms."""
 
     def __init__(self, model: mujoco.MjModel, base: int, base_frame: str, without: Iterable[int] = ()) -> None:
-        """Looks for bodies that hinges and slides move, outwards from the base.
+        """Finds the bodies that hinges and slides move, outwards from the base.
 
-        What hangs on another kind of joint, or on a body that is left out, has no frame.
+        Bodies with other kinds of joints, or below an excluded body, have no frame.
 
         Args:
             model: The model.
-            base: Body whose frame is known.
-            base_frame: That frame.
-            without: Bodies to leave out.
+            base: Body whose frame name is given.
+            base_frame: Frame name of the base.
+            without: Bodies to exclude.
         """
         self._model = model
         left_out = set(without)
@@ -73,7 +73,7 @@ class Links:
 
     @property
     def frames(self) -> list[tuple[str, str]]:
-        """ROS frames of each parent and its link."""
+        """Frame names of each link's parent and of the link."""
         return [(link.parent_frame, link.frame) for link in self.links]
 
     @property
@@ -85,7 +85,7 @@ class Links:
         """Computes each link's pose in its parent's frame: x, y, z, and a quaternion with w last.
 
         Args:
-            positions: Of `joints`, a row per time.
+            positions: Positions of `joints`, a row per time.
         """
         found, column = [], 0
         for link in self.links:
@@ -109,7 +109,7 @@ class Links:
 
 
 def _chain(model: mujoco.MjModel, body: int, ancestor: int) -> _Pose:
-    """Returns a body's pose in an ancestor's frame, with all joints in between as in the model."""
+    """Returns a body's pose in an ancestor's frame, with all joints in between in the model's reference position."""
     pose = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
     while body != ancestor:
         pose = _joined((model.body_pos[body][None], model.body_quat[body][None]), pose)
@@ -136,6 +136,6 @@ def _product(first: _Numbers, second: _Numbers) -> _Numbers:
 
 
 def _turned(turn: _Numbers, vectors: _Numbers) -> _Numbers:
-    """Vectors, turned."""
+    """Rotates vectors by quaternions."""
     across = 2.0 * np.cross(turn[:, 1:], vectors)
     return vectors + turn[:, :1] * across + np.cross(turn[:, 1:], across)

@@ -1,4 +1,4 @@
-"""MCAP files: records, chunks, indexes, and the stream they are written to."""
+"""Writer of MCAP files: records, chunks, indexes, and the output stream."""
 
 import errno
 import os
@@ -34,20 +34,20 @@ _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 TIMES_OFFSET = struct.calcsize("<BQHI")
 """Position of log time and publish time in a message's record, in bytes; both are unsigned integers of 8 bytes."""
 RECORD_HEAD_BYTES = _MESSAGE.size
-"""Size of a record's part before the message itself, in bytes."""
+"""Size of the header of a message record, before the message data, in bytes."""
 
 
 class Rows(NamedTuple):
-    """Messages of several topics that were logged at the same times: a row has one of each."""
+    """Messages of several topics with the same log times, as rows: a row has one message of each topic."""
 
     times_ns: NDArray[np.int64]
     """Log times of the messages, in order."""
 
     records: bytes | memoryview
-    """The rows one after the other, each the records of its messages (see `message_record`)."""
+    """Bytes of all rows; each row has the records of its messages (see `message_record`)."""
 
     starts: Mapping[int, int]
-    """Position of each channel's record in a row, in bytes, by channel."""
+    """Byte offset of each channel's record within a row, by channel."""
 
 
 def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
@@ -55,8 +55,8 @@ def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
 
     Args:
         channel_id: From `McapFile.add_channel`.
-        time_ns: When it was logged and published.
-        data: The message.
+        time_ns: Log time and publish time in nanoseconds.
+        data: Encoded message.
     """
     return _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, 0, time_ns, time_ns) + data
 
@@ -67,12 +67,12 @@ def in_order(
     """Sorts messages and rows of an MCAP chunk by time; rows come first at equal times.
 
     Args:
-        introductions: What the chunk begins with.
+        introductions: Bytes at the beginning of the chunk.
         rows: Messages in rows.
-        messages: Time, channel and record of the others.
+        messages: Time, channel and record of the other messages.
 
     Returns:
-        The content of a chunk, and by channel the time and the place in the chunk of each message, one after the other.
+        Content of the chunk; and by channel the time and byte offset of each message, one after the other.
     """
     pieces: list[tuple[int, bytes | memoryview, Mapping[int, int]]] = []
     for item in rows:
@@ -99,18 +99,18 @@ _FOOTER_START = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
 _COMPRESSION = "zstd"
 _COMPRESSION_LEVEL = -2
-"""A third of the time of the default; files become a tenth larger."""
+"""zstd compression level: takes a third of the default level's time; files are a tenth larger."""
 
 
 class Stream(Protocol):
     """Interface of the output stream that an MCAP file is written to."""
 
     def write(self, data: bytes, /) -> object:
-        """Writes all of the bytes."""
+        """Writes all of the bytes to the output stream."""
         ...
 
     def tell(self) -> int:
-        """Returns how many bytes have been written."""
+        """Returns the number of bytes written to the output stream."""
         ...
 
 
@@ -128,11 +128,11 @@ class McapFile:
         """Writes the beginning of the file.
 
         Args:
-            stream: Where to.
-            profile: What kind of messages these are, `ros2`.
-            library: Who writes.
-            chunk_bytes: Size of the messages from which on a chunk is written, rows not counted.
-            take_rows: Asked at every chunk for what else is to be in it; what it returned counts as written.
+            stream: Stream to write to.
+            profile: Name of the MCAP profile, `ros2`.
+            library: Name of the writing library.
+            chunk_bytes: Size of pending messages, without rows, at which a chunk is written.
+            take_rows: Called at every chunk for further rows; returned rows count as written.
         """
         self._stream = stream
         self._take_rows = take_rows
@@ -154,10 +154,10 @@ class McapFile:
         """Adds a topic of CDR messages to the file.
 
         Args:
-            topic: `/odom`.
+            topic: Topic name, such as `/odom`.
             message_type: ROS type, `nav_msgs/msg/Odometry`.
-            definition: What the type looks like, as concatenated `.msg` files; empty: that is not known.
-            metadata: What else a player has to know of the topic.
+            definition: Definition of the type as concatenated `.msg` files; empty if unknown.
+            metadata: Other information about the topic for players.
 
         Returns:
             The channel's number, for `add_message`.
@@ -178,8 +178,8 @@ class McapFile:
 
         Args:
             channel_id: From `add_channel`.
-            time_ns: When it was logged and published.
-            data: The message.
+            time_ns: Log time and publish time in nanoseconds.
+            data: Encoded message.
         """
         record = message_record(channel_id, time_ns, data)
         self._messages.append((time_ns, channel_id, record))
@@ -219,8 +219,8 @@ class McapFile:
         """Continues a file from a state that `state` returned; messages pending here are dropped.
 
         Args:
-            state: From `state`.
-            stream: The file, which ends at the `position` of the state.
+            state: Result of `state`.
+            stream: Stream of the file, which ends at the `position` in the state.
         """
         for _ in self._take_rows():
             pass  # what came before belongs to another beginning
@@ -237,7 +237,7 @@ class McapFile:
         return dict(self._counts), start_ns, end_ns
 
     def finish(self) -> None:
-        """Writes pending messages and the indexes that end the file; the stream stays open."""
+        """Writes pending messages and the index section at the end of the file; the stream stays open."""
         self.flush()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
@@ -310,7 +310,7 @@ class Unbuffered:
     """Binary output stream without a buffer, so that finished chunks survive a killed process."""
 
     def __init__(self, path: Path, keep_bytes: int = 0) -> None:
-        """Opens a file, of which the beginning is kept.
+        """Opens a file, and cuts it after `keep_bytes` bytes.
 
         Raises:
             OSError: The file is shorter than `keep_bytes`, or cannot be opened.
@@ -327,7 +327,7 @@ class Unbuffered:
         os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
-        """Writes all of the bytes."""
+        """Writes all of the bytes to the file, repeating partial writes."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)
@@ -336,7 +336,7 @@ class Unbuffered:
         return len(data)
 
     def tell(self) -> int:
-        """Returns how many bytes have been written."""
+        """Returns the number of bytes in the file."""
         return self._position
 
     def close(self) -> None:
@@ -348,11 +348,11 @@ class Nowhere:
     """Output stream that discards its bytes."""
 
     def write(self, data: bytes) -> int:
-        """Discards the bytes."""
+        """Discards the bytes, and returns their number."""
         return len(data)
 
     def tell(self) -> int:
-        """Returns 0."""
+        """Returns 0 as the position of the stream."""
         return 0
 
     def close(self) -> None:

@@ -156,7 +156,7 @@ class Imu(NamedTuple):
 
 
 Message = Clock | TFMessage | Odometry | LaserScan | JointState | Imu
-"""Messages that can be recorded, besides those below about plans, pictures and what is drawn."""
+"""Messages that can be recorded, besides those below about plans, images and drawings."""
 
 
 _NO_BYTES = np.zeros(0, np.uint8)
@@ -218,7 +218,7 @@ class Image(NamedTuple):
     """`rgb8`, `32FC1` (metres) or `16UC1` (millimetres)."""
 
     pixels: NDArray[np.generic]
-    """Height x width, or height x width x channels, of the encoding's type."""
+    """Pixels as an array of height x width (x channels), of the encoding's type."""
 
     ROS_TYPE = "sensor_msgs/msg/Image"
 
@@ -236,16 +236,16 @@ class PointCloud2(NamedTuple):
 class CameraInfo(NamedTuple):
     """ROS message `sensor_msgs/CameraInfo` of a camera without distortion.
 
-    Pixels are counted as ROS and OpenCV do: (0, 0) is the middle of the first one.
+    Pixel coordinates are as in ROS and OpenCV: (0, 0) is the centre of the first pixel.
     """
 
     header: Header
-    """Its frame is the optical one: x to the right, y down, z ahead (REP 103)."""
+    """Header with the optical frame: x right, y down, z forward (REP 103)."""
 
     height: int
     width: int
     fx: float
-    """Focal lengths, pixels."""
+    """Horizontal focal length in pixels; `fy` is the vertical one."""
 
     fy: float
     cx: float
@@ -261,15 +261,15 @@ class OccupancyGrid(NamedTuple):
 
     header: Header
     resolution: float
-    """Side of a cell, metres."""
+    """Side length of a cell, in metres."""
 
     width: int
     height: int
     origin: Pose
-    """South-west corner of the first cell."""
+    """Pose of the first cell's south-west corner."""
 
     data: bytes
-    """A cell each, int8: 0 is free, 100 occupied, -1 unknown."""
+    """One int8 per cell: 0 is free, 100 occupied, -1 unknown."""
 
     ROS_TYPE = "nav_msgs/msg/OccupancyGrid"
 
@@ -298,7 +298,7 @@ class Marker(NamedTuple):
 
     header: Header
     ns: str
-    """With `id`, what the marker is: a new one with both the same takes its place."""
+    """Namespace; a marker replaces an earlier one with the same `ns` and `id`."""
 
     id: int
     type: MarkerType
@@ -306,12 +306,12 @@ class Marker(NamedTuple):
     scale: Vector3 = Vector3(1.0, 1.0, 1.0)
     color: ColorRGBA = ColorRGBA(1.0, 1.0, 1.0)
     lifetime: Time = Time(0, 0)
-    """After which it disappears; 0: never."""
+    """Time after which the marker disappears; 0: never."""
 
     points: Sequence[Vector3] = ()
     text: str = ""
     frame_locked: bool = False
-    """Whether it moves with its frame; else it stays where that was at the stamp."""
+    """Whether the marker moves with its frame; else it stays at the frame's pose at the time stamp."""
 
     # What all markers have in common: they are added or modified, and have nothing of the rest.
     action = 0

@@ -1,4 +1,4 @@
-"""Recorders: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open, or nowhere."""
+"""Recorders of ROS 2 messages: to an MCAP file for Foxglove and `ros2 bag`, or without output."""
 
 import json
 import time
@@ -22,7 +22,7 @@ class Frames(NamedTuple):
     base: str = "base_link"
     scan: str = "base_scan"
     footprint: str = "base_footprint"
-    """The base's place on the floor, which AMCL looks for; none where the base itself is called so."""
+    """Frame below the base on the floor, which AMCL needs; not published if the base itself has this name."""
 
     imu: str = "imu_link"
 
@@ -31,17 +31,17 @@ DEFAULT_FRAMES = Frames()
 
 
 class Recorder:
-    """Recorder of ROS 2 messages that drops them, for runs that are not recorded; base of real recorders."""
+    """Recorder that drops all ROS 2 messages, for runs that are not recorded; base class of real recorders."""
 
     enabled: bool = False
-    """Whether anything is written; producers skip making messages when it is not."""
+    """Whether anything is recorded; publishers skip making messages if not."""
     frames: Frames = DEFAULT_FRAMES
-    """Names of frames; those who publish ask when a run begins."""
+    """Names of the ROS frames, which publishers read when a run begins."""
     topics: frozenset[str] = frozenset()
-    """Topics that have messages; known when it is closed."""
+    """Topics with messages; complete after the recorder is closed."""
 
     def announce(self, topic: str, kind: type) -> None:
-        """Records that a topic is recorded even if it never has a message."""
+        """Records that a topic exists even if it never has a message."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records a ROS message at a simulated time."""
@@ -50,12 +50,12 @@ class Recorder:
         """Records an already encoded ROS message; see `write`."""
 
     def is_heard(self, topic: str) -> bool:
-        """Whether ROS nodes listen to a topic."""
+        """Returns whether ROS nodes subscribe to a topic."""
         del topic
         return False
 
     def tell(self, topic: str, message: Any) -> None:
-        """Publishes a message to ROS nodes that listen, without recording it."""
+        """Publishes a message to subscribed ROS nodes, without recording it."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move, on `/tf_static`."""
@@ -67,22 +67,22 @@ class Recorder:
         """Writes the messages of a series, and stops recording it."""
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes collected messages if it is time, or if a series is full."""
+        """Writes collected messages if two seconds have passed, or if a series is full."""
 
     def state(self) -> Any:
         """Writes pending messages, and returns the state for a checkpoint."""
 
     def restore(self, state: Any) -> None:
-        """Continues from a checkpoint's state."""
+        """Continues the recording from the state in a checkpoint."""
 
     def close(self) -> None:
         """Finishes the recording file."""
 
 
 _CHUNK_BYTES = 768 * 1024
-"""Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""
+"""Uncompressed size of a chunk in bytes: what a killed run can lose, and what the recorder keeps in memory."""
 _FLUSH_INTERVAL_S = 2.0
-"""Wall-clock time after which a chunk is finished even when it is not full."""
+"""Wall-clock seconds after which a chunk is written even if it is not full."""
 _NANOSECONDS = 1_000_000_000
 STATIC_TOPIC = "/tf_static"
 
@@ -94,10 +94,9 @@ class RecordingError(OSError):
 class McapRecorder(Recorder):
     """Recorder that writes ROS 2 messages to an MCAP file.
 
-    Memory stays bounded however long the run, and every finished chunk is on its way to the disk at
-    once, at the latest after two seconds, so that the file of a killed process can be read up to its
-    last chunk. When it is closed, `metadata.yaml` and a layout for Foxglove are written beside it. One thread may use
-    it.
+    Memory use is bounded. Every finished chunk is written at once, at the latest after two seconds, so that the file of
+    a killed process can be read up to its last chunk. On close, `metadata.yaml` and a layout for Foxglove are written
+    next to the file. It must be used by one thread only.
     """
 
     enabled: bool = True
@@ -106,8 +105,8 @@ class McapRecorder(Recorder):
         """Opens the file.
 
         Args:
-            path: The file to write; one that exists is replaced.
-            resume: The file is left as it is, and nothing is recorded, until `restore` is called.
+            path: Path of the file; an existing one is replaced.
+            resume: Keeps the existing file and records nothing until `restore` is called.
 
         Raises:
             RecordingError: The file cannot be opened.
@@ -123,7 +122,7 @@ class McapRecorder(Recorder):
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def announce(self, topic: str, kind: type[Message]) -> None:
-        """Records that a topic is recorded even if it never has a message, so that silence means no events.
+        """Records that a topic exists even if it never has a message, so that silence means no events.
 
         Raises:
             TypeError: The topic carries another type.
@@ -158,8 +157,8 @@ class McapRecorder(Recorder):
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move.
 
-        What is known of all such frames goes into one message on `/tf_static`, as tf2's broadcaster does it: players
-        and viewers may keep the last message of a topic only. Nothing is written where nothing is new.
+        All known static frames are written as one message on `/tf_static`, as tf2's broadcaster does: players and
+        viewers may keep only the last message of a topic. Nothing is written if nothing has changed.
 
         Args:
             transforms: One for each child frame.
@@ -175,7 +174,7 @@ class McapRecorder(Recorder):
         """Records the messages that a series collects, from now on.
 
         Args:
-            series: Asked for what it has whenever a chunk is written.
+            series: Source of messages, read whenever a chunk is written.
 
         Raises:
             TypeError: A topic of the series is already recorded with another message type.
@@ -196,7 +195,7 @@ class McapRecorder(Recorder):
         """Writes a chunk if the last one was two seconds ago (wall-clock time).
 
         Args:
-            full: Something has no more room; the chunk is written in any case.
+            full: Whether a series is full, so that the chunk is written in any case.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -238,7 +237,7 @@ class McapRecorder(Recorder):
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def close(self) -> None:
-        """Finishes the file with its index, and writes the files beside it; a second call does nothing.
+        """Finishes the file with its index, and writes the files next to it; a second call does nothing.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -320,12 +319,12 @@ class StaticTransforms:
         return True
 
     def message(self, without: Collection[str] = ()) -> TFMessage:
-        """Returns a `/tf_static` message with all frames but some."""
+        """Returns a `/tf_static` message with all frames except some."""
         return TFMessage(tuple(item for child, item in self.known.items() if child not in without))
 
 
 def _same_place(known: TransformStamped | None, item: TransformStamped) -> bool:
-    """Whether a frame is where it was, whenever that was said."""
+    """Returns whether a frame still has the known pose, regardless of the time stamp."""
     if known is None or known.header.frame_id != item.header.frame_id:
         return False
     return known.transform == item.transform

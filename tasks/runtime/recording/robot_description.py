@@ -1,4 +1,4 @@
-"""URDF of a robot in a compiled model, as `/robot_description` has it: links, joints, and shapes to be drawn."""
+"""URDF of a robot in a compiled model, for `/robot_description`: links, joints, and visual shapes."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -16,7 +16,7 @@ from .messages import TransformStamped
 _GEOM, _JOINT = mujoco.mjtGeom, mujoco.mjtJoint
 _HINGE, _SLIDE = int(_JOINT.mjJNT_HINGE), int(_JOINT.mjJNT_SLIDE)
 _SHOWN_GROUPS = 3
-"""Groups of geoms that MuJoCo draws by default: 0, 1, 2."""
+"""Number of geom groups that MuJoCo draws by default: 0, 1, 2."""
 _Array = NDArray[np.float64]
 
 
@@ -31,16 +31,16 @@ def robot_description(
 ) -> str:
     """Makes a URDF description of a simulated robot, for RViz and `robot_state_publisher`.
 
-    Meshes are boxes around them. Bodies that one hinge or slide through their own origin moves are links with joints;
-    others that move are fixed where they are now.
+    Meshes become their bounding boxes. Bodies that one hinge or slide through their origin moves become links with
+    joints; other moving bodies are fixed at their present pose.
 
     Args:
-        name: The robot's.
+        name: Name of the robot.
         model: The compiled world with the robot.
         data: A state, after `mj_forward`.
         base: Body whose frame is the base.
-        frames: Names of links by numbers of bodies, the base's among them; others are called as in the model.
-        joints: Names of joints by their numbers, as `/joint_states` has them.
+        frames: Link names by body number, including the base; other links have the names of the model.
+        joints: Joint names by joint number, as in `/joint_states`.
         mounts: Fixed frames of sensors on links.
     """
     robot = ET.Element("robot", name=name)
@@ -69,7 +69,7 @@ def robot_description(
 
 
 def _link_roots(model: mujoco.MjModel, base: int) -> list[int]:
-    """The base and all bodies below it that move against their parents; parents come before their children."""
+    """Returns the base and all bodies below it that move relative to their parents; parents come first."""
     below = {base}
     for body in range(base + 1, model.nbody):
         if int(model.body_weldid[model.body_parentid[body]]) in below and int(model.body_weldid[body]) == body:

@@ -1,4 +1,4 @@
-"""Series of a recording: clock, transforms, odometry, joint states and scans, encoded many at a time."""
+"""Series of ROS messages for a recording: clock, transforms, odometry, joint states and scans, encoded in batches."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -19,9 +19,9 @@ STATE_RATE_HZ = 50.0
 
 _MAX_SAMPLES = 1024
 _MAX_BYTES = 768 * 1024
-"""Limit of the messages that wait for a chunk, in bytes."""
+"""Limit in bytes of the messages that wait for a chunk."""
 _XYZW = (4, 5, 6, 3)
-"""Indices of a quaternion's parts in the positions of a free joint, in the order of ROS: x, y, z, w."""
+"""Indices of a free joint's quaternion in its positions, in the order of ROS: x, y, z, w."""
 
 
 class StateSeries:
@@ -49,18 +49,18 @@ class StateSeries:
         links: Links | None = None,
         frames: Frames = DEFAULT_FRAMES,
     ) -> None:
-        """Prepares a series; `Recorder.add_series` takes it.
+        """Prepares a series to be passed to `Recorder.add_series`.
 
         Args:
             model: The model.
             data: Its state, read at every sample.
-            joints: Ids of hinges and slides.
-            base: Id of the free joint that moves the robot, or of two slides along the world's axes and a hinge
-                that do; without it there is neither `/tf` nor `/odom`.
-            joint_names: What the joints are called in messages; else their names in the model.
-            joint_frame: Frame that the joint states name, usually the robot's base.
-            links: Moving parts that `/tf` tells of too, where there is a base.
-            frames: Names of the frames of odometry and base.
+            joints: Ids of hinges and slides to record.
+            base: Id of the free joint of the robot, or of two slides along the world's axes and a hinge; without it
+                `/tf` and `/odom` are not recorded.
+            joint_names: Names of the joints in messages; default: their names in the model.
+            joint_frame: Frame id of the joint states, usually the robot's base.
+            links: Links whose transforms are also recorded on `/tf`, if there is a base.
+            frames: Frame names of odometry and base.
         """
         joints = list(joints)
         names = joint_names or [model.joint(joint).name or f"joint_{joint}" for joint in joints]
@@ -89,10 +89,10 @@ class StateSeries:
         """Positions, velocities and forces."""
 
     def present(self, wanted: Collection[str]) -> tuple[float, list[list[Sequence[float]]]]:
-        """Returns the state as it is now: its time, and for each topic its numbers, the same as `take` has.
+        """Returns the present state: its time, and the numbers of each topic in the form of `take`.
 
         Args:
-            wanted: Topics; others have no numbers.
+            wanted: Topics to compute; others have no numbers.
         """
         values: list[list[Sequence[float]]] = [[] for _ in self.topics]
         place = {topic: number for number, (topic, _) in enumerate(self.topics) if topic in wanted}
@@ -132,7 +132,7 @@ class StateSeries:
         """Samples the current state.
 
         Args:
-            recorder: Who was given the series; it writes what there is when no more fits.
+            recorder: Recorder that has the series; it writes a chunk when the buffer is full.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -178,7 +178,7 @@ def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def _addresses(model: mujoco.MjModel, base: Sequence[int]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Returns the indices of the base's positions and of its velocities in the state."""
+    """Returns the indices of the base's positions and velocities in the state."""
     free = len(base) == 1
     positions = [int(model.jnt_qposadr[joint]) + part for joint in base for part in range(7 if free else 1)]
     velocities = [int(model.jnt_dofadr[joint]) + part for joint in base for part in range(6 if free else 1)]
@@ -186,13 +186,13 @@ def _addresses(model: mujoco.MjModel, base: Sequence[int]) -> tuple[NDArray[np.i
 
 
 def _span(*addresses: NDArray[np.intp]) -> slice:
-    """The stretch of the state that holds all of them."""
+    """Returns the slice of the state that contains all given indices."""
     numbers = np.concatenate(addresses)
     return slice(int(numbers.min()), int(numbers.max()) + 1) if numbers.size else slice(0, 0)
 
 
 def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Poses and twists, as messages have them, of a free joint."""
+    """Converts the state of a free joint to poses and twists of ROS messages."""
     pose = positions[:, [0, 1, 2, *_XYZW]]
     # MuJoCo has the linear velocity in the world's frame and the angular one in the body's; ROS has both in the body's.
     back = np.stack(_turned_back(pose[:, 3:].T, velocities[:, :3].T), axis=1)
@@ -200,7 +200,7 @@ def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numb
 
 
 def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Poses and twists of two slides and a hinge: x, y, heading."""
+    """Converts the state of two slides and a hinge (x, y, heading) to poses and twists."""
     pose, twist = np.zeros((len(positions), 7)), np.zeros((len(positions), 6))
     heading, (east, north, turning) = positions[:, 2], velocities.T
     pose[:, :2], pose[:, 5], pose[:, 6] = positions[:, :2], np.sin(heading / 2), np.cos(heading / 2)
@@ -210,7 +210,7 @@ def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Nu
 
 
 def _turned_back(quaternion: Any, vector: Any) -> Any:
-    """Vectors of the world, seen from frames with these orientations (x, y, z, w): numbers, or rows of them."""
+    """Rotates world vectors into frames with given orientations (x, y, z, w); single vectors, or rows."""
     x, y, z, w = -quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]
     east, north, up = vector
     across = 2.0 * (y * up - z * north), 2.0 * (z * east - x * up), 2.0 * (x * north - y * east)
@@ -223,18 +223,18 @@ def _turned_back(quaternion: Any, vector: Any) -> Any:
 
 _NO_TIMES = np.zeros(0)
 _MAX_ROW_BYTES = 256 * 1024
-"""Limit of the messages that wait for a chunk, in bytes."""
+"""Limit in bytes of the messages that wait for a chunk."""
 
 
 class RowSeries:
     """Collects a sensor's measurements, which become ROS messages when a chunk is written."""
 
     def __init__(self, topic: str, columns: Columns) -> None:
-        """Prepares a series; `Recorder.add_series` takes it.
+        """Prepares a series to be passed to `Recorder.add_series`.
 
         Args:
-            topic: Where the messages go, `/scan`.
-            columns: Their kind, with numbers of one type.
+            topic: Topic name, such as `/scan`.
+            columns: Message template, with numbers of one type.
         """
         self.topics: list[tuple[str, Columns]] = [(topic, columns)]
         self._widths = [width for _, width, _ in columns.numbers.values()]
@@ -248,7 +248,7 @@ class RowSeries:
         """Adds a measurement.
 
         Args:
-            recorder: Who was given the series; it writes what there is when no more fits.
+            recorder: Recorder that has the series; it writes a chunk when the buffer is full.
             time_s: Simulated time.
             numbers: All numbers of the message, in the order of its columns.
 

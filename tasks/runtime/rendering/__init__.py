@@ -1,1 +1,1 @@
-"""Pictures of a simulation: cameras, views, light, OpenGL and ray casting."""
+"""Rendering of a simulation: cameras, views, light, OpenGL and ray casting."""

@@ -1,4 +1,4 @@
-"""Rendering backends that work on this machine, found by trying them."""
+"""Rendering backends (EGL, OSMesa, ray casting) that work on this machine, found by trying them."""
 
 import os
 import subprocess
@@ -34,13 +34,13 @@ class VideoBackend:
     """`egl`, `osmesa` or `rays`."""
 
     works: bool
-    """Whether a picture could be made with it here."""
+    """Whether a test image could be rendered on this machine."""
 
     problem: str
     """Reason why it does not work; empty if it does."""
 
     packages: tuple[str, ...]
-    """Debian packages it needs."""
+    """Debian packages that it needs."""
 
 
 def available_video_backends() -> list[VideoBackend]:
@@ -60,7 +60,7 @@ def best_video_backend() -> str:
 
 @lru_cache
 def _probe(name: str) -> VideoBackend:
-    """Makes a picture in a process of its own, since a bad driver may end the process that tries it.
+    """Renders a test image in a separate process, since a bad graphics driver may crash it; the result is cached.
 
     Found out once: what is installed seldom changes while a process runs.
     """

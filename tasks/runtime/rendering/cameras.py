@@ -1,4 +1,4 @@
-"""Cameras that draw with OpenGL: context, light, pictures."""
+"""Renderers with OpenGL: context, light, images."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -23,7 +23,7 @@ class Relighting:
     """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
-        """Finds the lights and the materials that shine."""
+        """Finds the model's lights and shiny materials."""
         self._appearance = appearance
         self._colors: dict[int, Rgb] = {}
         for light in range(model.nlight):
@@ -38,7 +38,7 @@ class Relighting:
         }
 
     def light(self, scene: mujoco.MjvScene) -> None:
-        """Sets the lights of a new scene."""
+        """Sets the lights of a rendered scene to the chosen appearance."""
         for light in scene.lights[: scene.nlight]:
             if light.headlight:
                 light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
@@ -68,7 +68,7 @@ class Relighting:
 
 
 def _gradient(look: str, wide: int, tall: int) -> np.ndarray:
-    """The sky that MuJoCo makes of a look."""
+    """Computes the sky texture that MuJoCo generates for an appearance."""
     texture = f'<texture type="skybox" {look} width="{wide}" height="{tall}"/>'
     return mujoco.MjModel.from_xml_string(f"<mujoco><asset>{texture}</asset></mujoco>").tex_data
 
@@ -80,7 +80,7 @@ def follow_environment() -> None:
     """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now.
 
     Raises:
-        Exception: The OpenGL asked for is not there; the kind depends on what is missing.
+        Exception: The requested OpenGL backend is missing; the type depends on what is missing.
     """
     if os.environ.get("MUJOCO_GL", DISABLED) == DISABLED:
         return
@@ -92,9 +92,9 @@ def make_context(width: int, height: int, backend: str | None = None) -> Any:
     """Creates an OpenGL context, independent of MuJoCo's and dm_control's choice.
 
     Args:
-        width: Pixels at most.
-        height: Pixels at most.
-        backend: `egl`, `osmesa` or `glfw`, where `MUJOCO_GL` does not say.
+        width: Maximum width in pixels.
+        height: Maximum height in pixels.
+        backend: Name of the backend (`egl`, `osmesa` or `glfw`) if `MUJOCO_GL` is not set.
 
     Returns:
         An object of MuJoCo's with `make_current()` and `free()`.
@@ -108,20 +108,20 @@ def make_context(width: int, height: int, backend: str | None = None) -> Any:
 
 
 Image = NDArray[np.uint8]
-"""Height x width x 3, red, green, blue."""
+"""Image: height x width x 3, red, green, blue."""
 
 Depths = NDArray[np.float32]
-"""Height x width: metres from the camera's plane, along its axis; infinite where nothing is seen."""
+"""Depth image, height x width: distances in metres from the camera's plane, infinite where nothing is hit."""
 
 MAX_GEOMS = 20_000
 _SMALL_HEIGHT = 300
 _SMALL_SLICES = 20
 _LARGE_M = 0.5
 _SHINES = 0.2
-"""Specular reflection from which a light is seen as a spot."""
+"""Specular reflectance of a material from which highlights are visible."""
 _NO_MATERIAL_SPECULAR = 0.5
 _THROUGH_ROOFS = 0.35
-"""Share of the light under roofs that remains for lights with shadows: this renderer draws no shadows."""
+"""Factor on light under roofs for lights with shadows, since this renderer draws no shadows."""
 
 
 class Camera(Protocol):
@@ -132,17 +132,17 @@ class Camera(Protocol):
 
         Args:
             data: The state.
-            view: From where.
-            size: Width and height in pixels, at most those of the camera; None: those.
+            view: Camera view.
+            size: Width and height in pixels, at most those of the renderer, which are the default.
         """
         ...
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image: the distance in metres of the surface at each pixel of a view.
+        """Renders a depth image: the distance in metres of the surface at each pixel.
 
         Args:
             data: The state.
-            view: From where.
+            view: Camera view.
         """
         ...
 
@@ -152,7 +152,7 @@ class Camera(Protocol):
 
 
 class GlCamera:
-    """Renderer with MuJoCo's classic OpenGL renderer; used and closed by the thread that made it."""
+    """Renderer with MuJoCo's classic OpenGL renderer; must be used and closed by the thread that created it."""
 
     def __init__(
         self,
@@ -162,14 +162,14 @@ class GlCamera:
         backend: str | None = None,
         appearance: Appearance | None = None,
     ) -> None:
-        """Makes a renderer.
+        """Creates the renderer.
 
         Args:
-            model: The model; its visual settings are as before afterwards.
+            model: Compiled model; its visual settings are restored afterwards.
             width: Pixels.
             height: Pixels.
-            backend: `egl` or `osmesa`, where `MUJOCO_GL` does not say.
-            appearance: How a world is lit; None: as the model says.
+            backend: Name of the backend (`egl` or `osmesa`) if `MUJOCO_GL` is not set.
+            appearance: Light of the world; None: that of the model.
 
         Raises:
             Exception: OpenGL does not work here; the kind depends on the driver.
@@ -194,7 +194,7 @@ class GlCamera:
         self._renderer.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """See `Camera`."""
+        """Renders a simulation state from a camera view; see `Camera`."""
         width, height = size or self._size
         self._see(data, view, width / height)
         if self._relighting is not None:
@@ -208,7 +208,7 @@ class GlCamera:
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """See `Camera`."""
+        """Renders a depth image of a camera view; see `Camera`."""
         width, height = self._size
         self._see(data, view, width / height)
         before = self._scene.flags.copy()
@@ -229,20 +229,20 @@ class GlCamera:
         return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
 
     def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
-        """Adds the visible geoms to the scene."""
+        """Adds the geoms that are visible in a camera view to the scene."""
         model, scene, camera = self._model, self._scene, view(data)
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, aspect):
             mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
 
     def _dim_under_roofs(self) -> None:
-        """Dims the sun below roofs, which would let it through without shadows."""
+        """Dims the sun below roofs, as it would shine through them without shadows."""
         for light in self._scene.lights[: self._scene.nlight] if self._has_roofs else ():
             if light.castshadow and not light.headlight:
                 light.diffuse[:] = light.diffuse * _THROUGH_ROOFS
 
     def close(self) -> None:
-        """See `Camera`."""
+        """Frees the renderer's memory and OpenGL context; see `Camera`."""
         self._context.make_current()
         self._renderer.free()
         self._context.free()
@@ -250,11 +250,11 @@ class GlCamera:
 
 @contextmanager
 def _fast_settings(model: mujoco.MjModel, width: int, height: int) -> Iterator[None]:
-    """Gives a model's visual settings values that a CPU can draw with, as long as a renderer is made from them.
+    """Sets a model's visual settings for fast rendering on a CPU inside the `with` block.
 
-    No multisampling. Faces of boxes in one piece where that looks the same; MuJoCo divides them because light is worked
-    out at corners only. In small pictures rounds have as many corners as can be told apart. Together it halves the time
-    for a picture of 320 x 240.
+    Multisampling is off. Faces of boxes are not divided where that looks the same; MuJoCo divides them because light is
+    computed at vertices only. In small images, round shapes have fewer vertices. Together this halves the time of a 320
+    x 240 image.
     """
     size, quality = model.vis.global_, model.vis.quality
     before = size.offwidth, size.offheight
@@ -273,7 +273,7 @@ def _fast_settings(model: mujoco.MjModel, width: int, height: int) -> Iterator[N
 
 
 def _is_evenly_lit(model: mujoco.MjModel) -> bool:
-    """Whether faces are of one brightness: light comes from afar, and no large one shines."""
+    """Returns whether each face has one brightness: light comes from afar, and no large face is shiny."""
     if (model.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value).any():
         return False
     large = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX.value) & (model.geom_size.max(axis=1) > _LARGE_M)

@@ -1,4 +1,4 @@
-"""Pictures of a simulation without OpenGL: a ray per pixel."""
+"""Renderer without OpenGL: casts a ray for each pixel."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -18,11 +18,11 @@ from .views import SHOWN_GROUPS, View, hidden, roofs
 _SKY = np.array([0.62, 0.74, 0.88])
 _LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])
 _MAX_RAYS = 320 * 240
-"""Larger pictures are enlarged ones: a ray costs about two microseconds in a furnished flat."""
+"""Maximum number of rays; larger images are upscaled. A ray costs about two microseconds in a furnished flat."""
 _GRID = 3
-"""Every third pixel of every third row is cast first; in between only where those around it differ."""
+"""Step of the coarse grid in pixels: pixels in between are cast only if the grid pixels around them differ."""
 _SAME_SURFACE = 0.995
-"""Cosine of the angle between the normals of what counts as one flat surface."""
+"""Cosine of the angle between normals up to which pixels belong to one flat surface."""
 
 _Vectors = NDArray[np.float64]
 _Pixels = NDArray[np.intp]
@@ -41,7 +41,7 @@ class RayCamera:
     """Renderer that casts a ray for each pixel: flat colours, no textures; needs no graphics driver."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Prepares colours.
+        """Computes the colours of the geoms.
 
         Args:
             model: The model.
@@ -58,15 +58,15 @@ class RayCamera:
         self._buffers: dict[tuple[int, int], _Buffers] = {}
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """See `Camera`."""
+        """Renders a simulation state from a camera view; see `Camera`."""
         return self._enlarged(lambda shape: self._cast(data, view, shape), size or self._size)
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """See `Camera`."""
+        """Renders a depth image of a camera view; see `Camera`."""
         return self._enlarged(lambda shape: self._measure(data, view, shape), self._size)
 
     def _enlarged(self, make: Callable[[tuple[int, int]], NDArray[Any]], size: tuple[int, int]) -> NDArray[Any]:
-        """A picture of a size, from one of at most so many rays."""
+        """Renders an image with a limited number of rays, and upscales it to a size."""
         width, height = size
         coarseness = math.ceil(math.sqrt(width * height / _MAX_RAYS))
         made = make((math.ceil(height / coarseness), math.ceil(width / coarseness)))
@@ -75,7 +75,7 @@ class RayCamera:
         return np.ascontiguousarray(made)
 
     def close(self) -> None:
-        """See `Camera`."""
+        """Does nothing, as this renderer has no OpenGL context; see `Camera`."""
 
     def _cast(self, data: mujoco.MjData, view: View, shape: tuple[int, int]) -> Image:
         with self._aimed(data, view, shape) as (eye, rays, buffers, housing):
@@ -138,9 +138,9 @@ class RayCamera:
         return eye, forward, up, _Window(middle - half, middle + half, bottom, top)
 
     def _body_around(self, data: mujoco.MjData, eye: _Vectors, forward: _Vectors) -> int:
-        """The body whose geom the eye is in, as cameras are in their housings, or -1.
+        """Returns the body whose geom encloses the camera, such as its housing, or -1.
 
-        OpenGL does not draw surfaces from behind; a ray would hit the housing from inside.
+        OpenGL does not draw back faces, but a ray would hit the housing from inside.
         """
         geom, normal = np.zeros(1, dtype=np.int32), np.zeros(3)
         mujoco.mj_ray(self._model, data, eye, forward, SHOWN_GROUPS, True, -1, geom, normal)
@@ -197,7 +197,7 @@ class _Buffers:
         return np.flatnonzero(~(known.ravel() | self._in_grid))
 
     def _enlarged(self, cells: NDArray[Any]) -> NDArray[Any]:
-        """A value per cell of the grid, given to each pixel of the cell."""
+        """Repeats each grid cell's value for all pixels of the cell."""
         return cells.repeat(self._steps[0], axis=0).repeat(self._steps[1], axis=1)
 
 
@@ -210,7 +210,7 @@ def geom_colours(model: mujoco.MjModel, geoms: NDArray[np.intp] | None = None) -
 
     Args:
         model: The model.
-        geoms: Whose colours; None: of all, and an extra last row for what geom id -1, no geom, finds.
+        geoms: Ids of the geoms; None: all, and an extra last row for rays without a hit (geom id -1).
     """
     chosen = slice(None) if geoms is None else geoms
     colours, materials = model.geom_rgba[chosen, :3].astype(float), model.geom_matid[chosen]

@@ -1,4 +1,4 @@
-"""Views of a model: cameras that follow or look from above, what they see, poses without simulation."""
+"""Camera views of a model: views that follow the robot or look from above, visible geoms, poses without simulation."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -15,19 +15,21 @@ from numpy.typing import NDArray
 from ..episode.physics import radius_of, robot_body
 
 View = Callable[[mujoco.MjData], mujoco.MjvCamera]
-"""Says for a state where the camera stands and looks."""
+"""Function that returns the camera's pose for a simulation state."""
 
 FOLLOW, TOP, BOTH = "follow", "top", "both"
 SHOWN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
-"""MuJoCo's viewers show groups 0 to 2; 3 to 5 are collision shapes by custom."""
+"""Mask of the geom groups that MuJoCo's viewers show: 0 to 2; groups 3 to 5 are collision shapes by convention."""
 
 _ELEVATION_DEG = -32.0
 _STEEPER_DEG, _STEEPEST_DEG = 15.0, -75.0
-"""Angles at which a camera rises where something is in between: straight down there is no behind any more."""
+"""Step in which a camera's elevation gets steeper when something is in between, and the steepest elevation, in degrees;
+straight down there is no "behind" any more.
+"""
 _UPRIGHT = 0.5
-"""Cosine of the tilt beyond which a body lies rather than stands, so that its front says nothing of a direction."""
+"""Cosine of the tilt beyond which a body has fallen, so that its front gives no direction."""
 _SIDE_DEG = 55.0
-"""Angle at which robots that cannot move are seen, in degrees: from the side rather than from behind."""
+"""Azimuth in degrees at which robots that cannot move are shown: from the side rather than from behind."""
 _DISTANCE_RADII = 3.6
 _SMOOTHING_S = 0.4
 _MARGIN_M = 0.3
@@ -45,8 +47,8 @@ def choose_views(
 
     Args:
         model: The model.
-        name: `follow`, `top`, `both`, or a camera's name; None: follow, if there is anything to follow.
-        said_by: Where the name comes from, for the error.
+        name: Name of the view: `follow`, `top`, `both`, or a camera's name; None: follow, if anything can be followed.
+        said_by: Source of the name, for the error message.
         aspect: Width of the picture divided by its height.
 
     Raises:
@@ -62,11 +64,11 @@ def choose_view(
 ) -> View:
     """Returns the camera view of a name.
 
-    A camera of the model goes first, so a robot may bring its own `follow` and a world its own `top`. Where a robot's
-    `follow` is fixed to it, the view keeps that camera's distance, side and slope, but not its tilt. Cameras of
-    robots are found with and without the robot's name: `front` is `<robot>/front` once it is attached. Without a
-    name it is the model's `follow`, else its first camera, else a camera made to follow what the actuators move,
-    else MuJoCo's own view of the whole.
+    A camera of the model with that name takes precedence, so that a robot can have its own `follow` and a world its own
+    `top`. If a robot's `follow` is fixed to it, the view keeps that camera's distance, side and slope, but not its
+    tilt. Cameras of robots are found with and without the robot's name: `front` is `<robot>/front` in the compiled
+    world. Without a name the view is the model's `follow`, else its first camera, else a camera that follows the body
+    that the actuators move, else MuJoCo's default view.
 
     Args:
         model: The model.
@@ -100,7 +102,7 @@ def choose_view(
 class FollowView:
     """Camera view from behind and above a robot, which follows it with a level horizon.
 
-    Where something fixed is in between it rises to look over it, and comes closer where that does not help.
+    If a fixed object hides the robot, the camera rises to look over it, and moves closer if that does not help.
     """
 
     def __init__(self, model: mujoco.MjModel, body: int, camera: int | None = None) -> None:
@@ -108,9 +110,9 @@ class FollowView:
 
         Args:
             model: The model.
-            body: Root body of what is followed.
-            camera: A camera on the robot that says from where it is seen at rest; None: from behind, or from the side
-                if it stands still.
+            body: Root body of the robot to follow.
+            camera: Id of a camera on the robot that defines the view at rest; None: from behind, or from the side if
+                the robot cannot move.
         """
         self._model, self._body = model, body
         self._radius_m = radius_of(model, body)
@@ -124,7 +126,7 @@ class FollowView:
         self._heading_deg = 0.0
 
     def _stand_like(self, camera: int) -> None:
-        """Takes distance, side and slope from a camera; a narrower field of view needs more distance."""
+        """Takes distance, side and slope from a camera of the model; a narrower field of view needs more distance."""
         x, y, z = (float(value) for value in self._model.cam_poscom0[camera])
         narrower = math.tan(math.radians(self._model.cam_fovy[camera] / 2)) / _half_view(self._model)
         self._distance_m = math.hypot(x, y, z) * narrower
@@ -132,7 +134,7 @@ class FollowView:
         self._elevation_deg = -math.degrees(math.atan2(z, math.hypot(x, y)))
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Moves the camera on to the state's time."""
+        """Returns the camera's pose for a state, moving smoothly from its pose at the previous state."""
         place = np.array(data.subtree_com[self._body])
         azimuth_deg = self._turned_to(data) + self._side_deg
         view = self._view
@@ -157,7 +159,7 @@ class FollowView:
         return self._heading_deg
 
     def _free_stand(self, data: mujoco.MjData) -> tuple[float, float]:
-        """Elevation and distance: the flattest that sees the robot from the full distance, else the farthest."""
+        """Chooses elevation and distance: the flattest free view from the full distance, else the farthest free one."""
         best = (self._elevation_deg, 0.0)
         elevation_deg = self._elevation_deg
         while elevation_deg >= min(_STEEPEST_DEG, self._elevation_deg):
@@ -248,7 +250,7 @@ def _own_camera(model: mujoco.MjModel, name: str) -> int | None:
 
 
 def _rides_along(model: mujoco.MjModel, camera: int, body: int) -> bool:
-    """Whether a camera is fixed to a part of the robot, so that it tips over with it."""
+    """Returns whether a camera is fixed to a part of the robot, so that it tips over with it."""
     is_fixed = int(model.cam_mode[camera]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
     return is_fixed and int(model.cam_bodyid[camera]) == body and _roams(model, body)
 
@@ -260,7 +262,7 @@ def _roams(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _half_view(model: mujoco.MjModel) -> float:
-    """Tangent of half the vertical field of view of free cameras."""
+    """Returns the tangent of half the vertical field of view of free cameras."""
     return math.tan(math.radians(model.vis.global_.fovy / 2))
 
 
@@ -278,7 +280,7 @@ def _whole(model: mujoco.MjModel) -> View:
 
 
 MODEL_BORROWED = threading.Lock()
-"""Held while geoms of a model are in a group that is not shown; other threads must not copy a model meanwhile."""
+"""Lock held while geoms of a model are in a hidden group; other threads must not copy a model meanwhile."""
 
 _HIDDEN_GROUP = 5
 _UNSEEN_MARGIN_M = 0.01
@@ -286,7 +288,7 @@ _ROOFS = ("ceiling_", "lamp_")
 
 
 def roofs(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Returns the geoms that are ceilings, which worlds show from below only."""
+    """Returns the geoms that are ceilings, which are shown from below only."""
     meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH.value)
     return np.array([geom for geom in meshes if model.geom(int(geom)).name.startswith(_ROOFS)], np.intp)
 
@@ -308,9 +310,9 @@ def without_unseen(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.Mjv
     """Hides geoms outside a camera's view inside the `with` block, to render faster.
 
     Args:
-        model: Its `geom_group` is as before afterwards.
+        model: Compiled model; its `geom_group` is restored afterwards.
         data: Its state.
-        scene: Its camera is the one that looks, after `mjv_updateCamera`; it must not show group 5.
+        scene: Scene with the camera, after `mjv_updateCamera`; it must not show group 5.
         aspect: Width of the picture divided by its height.
     """
     unseen = outside(data.geom_xpos, model.geom_rbound, scene, aspect)
@@ -322,9 +324,9 @@ def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: 
     """Returns the numbers of the spheres that are completely outside a camera's view.
 
     Args:
-        middles: Of the spheres, metres, shape (n, 3).
-        radii_m: Their radii; 0 means without an end.
-        scene: Has the camera.
+        middles: Centres of the spheres in metres, shape (n, 3).
+        radii_m: Radii of the spheres; 0 means infinite.
+        scene: Scene with the camera.
         aspect: Width of the picture divided by its height.
     """
     left, right = scene.camera  # eyes; what is drawn is seen from between them
@@ -351,7 +353,7 @@ def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: 
 
 
 def awake(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Switches off sleeping bodies in a model, because their poses would not follow `qpos`; returns it."""
+    """Switches off sleeping bodies in a model, as their poses would not follow `qpos`; returns the model."""
     model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     return model
 

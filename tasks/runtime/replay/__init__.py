@@ -1,1 +1,1 @@
-"""Running a stored run again, and comparing the two."""
+"""Reruns of stored runs, and comparison of a rerun with its run."""

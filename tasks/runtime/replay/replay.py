@@ -1,4 +1,4 @@
-"""Reruns: whether a run can be repeated, its plan, and where the rerun first differs."""
+"""Reruns: whether a run can be repeated, the rerun's plan, and where the rerun first differs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,24 +17,24 @@ from ..episode.results import RESULT_FILE
 from ..states.digest import DIGEST_FILE, StateTimeline, read_timeline
 
 STOPPED_FROM_OUTSIDE = ("duration limit", "canceled")
-"""Ends that depend on the clock of a wall; a rerun ends at the same simulated time."""
+"""Causes of a run's end that depend on wall-clock time; a rerun ends at the same simulated time."""
 
 _FACTS = {"python": "Python", "system": "the system", "libc": "the C library"}
 
 
 @dataclass(frozen=True)
 class RunOutputs:
-    """Output files of a run, parsed: provenance, state hashes, result, as far as they exist."""
+    """Output files of a run, parsed: provenance, state hashes and result, as far as they exist."""
 
     provenance: Provenance
     timeline: StateTimeline | None
-    """Absent when the run had no physics."""
+    """Hashes of the run's states over time; absent if the run had no physics."""
 
     result: RunResult | None
-    """Absent when the run failed."""
+    """Result of the run; absent if the run failed."""
 
     actions: Path | None = None
-    """Action log of a robot program; absent when the robot is no program, or has no log."""
+    """Path of the robot program's action log; absent if there is none."""
 
 
 def read_outputs(folder: Path) -> RunOutputs:
@@ -42,7 +42,7 @@ def read_outputs(folder: Path) -> RunOutputs:
 
     Raises:
         FileNotFoundError: The folder has no `provenance.json`.
-        ValueError: A file is not what it should be.
+        ValueError: A file has invalid content.
     """
     provenance = Provenance.model_validate_json((folder / PROVENANCE_FILE).read_bytes())
     digest, result, actions = (folder / name for name in (DIGEST_FILE, RESULT_FILE, ACTIONS_FILE))
@@ -57,11 +57,11 @@ def read_outputs(folder: Path) -> RunOutputs:
 def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[str]:
     """Lists reasons for which a rerun may have other states; empty if it must be identical.
 
-    Recorded actions repeat a robot program, with all that its tools contributed.
+    Recorded actions repeat a robot program, including its tools.
 
     Args:
-        run: The run.
-        run_program: Whether the robot's program is run again, instead of what was recorded of it.
+        run: Outputs of the run.
+        run_program: Whether the robot program is run again instead of using its recorded actions.
     """
     plan = run.provenance.plan
     programs = without_robot(plan).programs if run.actions is not None and not run_program else plan.programs
@@ -126,17 +126,17 @@ def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
 
 
 def _images(plan: RunPlan) -> dict[str, str]:
-    """Returns ids of the container images of a run's applications, by their roles."""
+    """Returns the container image ids of a run's applications, by role."""
     return {each.role: each.image_id for each in plan.programs if each.image_id is not None}
 
 
 def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy = "none") -> RunPlan:
-    """Makes the plan of a rerun: the same run in other folders, ended where the first was stopped.
+    """Makes the plan of a rerun: the same run in other folders, ended when the first one was stopped.
 
     Args:
-        plan: The run, with the folders of this machine.
-        of: What the run wrote down; recorded actions in it take the place of the robot's program.
-        folder: Where the rerun's own folders are made.
+        plan: Plan of the run, with the folders of this machine.
+        of: Outputs of the run; recorded actions in them replace the robot program.
+        folder: Parent folder of the rerun's folders.
         video: Whether a video of the rerun is recorded.
     """
     first = of.provenance
@@ -168,7 +168,7 @@ def _recorded_actions(of: RunOutputs) -> RecordedActions | None:
 
 
 def _why_no_actions(run: RunOutputs) -> list[str]:
-    """Returns why the actions of a robot program cannot be repeated; empty when they can."""
+    """Returns the reason why a robot program's actions cannot be played back; empty if they can."""
     about = _about_robot(run)
     if run.actions is None:
         return [f"{about} none of its actions were kept"]
@@ -185,7 +185,7 @@ def _why_no_actions(run: RunOutputs) -> list[str]:
 
 
 def _why_not_in_lockstep(run: RunOutputs) -> list[str]:
-    """Returns why even a deterministic robot program may act differently in a rerun; empty when it cannot."""
+    """Returns the reason why even a deterministic robot program may act differently in a rerun; empty if it cannot."""
     about = _about_robot(run)
     if run.actions is None:
         return [f"{about} whether the simulation waited for it is not known"]
@@ -204,14 +204,14 @@ def _about_robot(run: RunOutputs) -> str:
 
 @dataclass(frozen=True)
 class JointNames:
-    """Names of the joints that the numbers of a state vector belong to."""
+    """Joint names of the numbers in a state vector."""
 
     joints: Sequence[JointPlace]
     positions: int
-    """Number of positions; velocities follow them."""
+    """Number of positions; the velocities follow them in the state vector."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
-        """Returns the joint of the number at an index of the state, and whether it is a position or velocity."""
+        """Returns the joint of the number at an index of the state vector, and whether it is a position (qpos)."""
         quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
         place = index if quantity == "qpos" else index - self.positions
         owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
@@ -222,8 +222,8 @@ def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
     """Finds the first difference between the states of two runs.
 
     Args:
-        one: The run; one that was killed is compared as far as it got.
-        other: The rerun.
+        one: Outputs of the run; the run may have been killed, then only its written states are compared.
+        other: Outputs of the rerun.
 
     Returns:
         The first difference; None when all states are equal.
@@ -248,7 +248,7 @@ def compare_timelines(
         one: States of the run.
         other: States of the rerun.
         names: Names of the model's joints.
-        whole: Whether the run came to its end, so that the rerun has to end there too.
+        whole: Whether the run was complete, so that the rerun has to end at the same step.
     """
     both = min(len(one.links), len(other.links))
     at = next((i for i in range(both) if one.links[i] != other.links[i]), None)
@@ -266,7 +266,7 @@ def compare_timelines(
 
 
 def _other_digest(one: RunOutputs, other: RunOutputs) -> Divergence | None:
-    """Whether a trial, of which only the digest of its states is kept, has parted from its rerun."""
+    """Finds whether a trial and its rerun differ when only the hash of the trial's states is kept."""
     digest, again = one.provenance.digest, other.provenance.digest
     if digest is None or again is None or digest == again:
         return None
@@ -286,7 +286,7 @@ def _name_joint(
     names: JointNames,
     from_s: float,
 ) -> Divergence | None:
-    """The joint that differs most in the first kept state that differs."""
+    """Names the joint that differs most in the first kept state that differs."""
     for state, again in zip(one, other, strict=False):
         if state[0] < from_s or len(state) != len(again) or state[0] != again[0]:
             continue
@@ -319,11 +319,11 @@ def _difference(
 def result_difference(first: RunResult | None, again: RunResult | None) -> str | None:
     """Describes how the results of two runs with equal states differ; `None` if they do not.
 
-    The same states have the same results, unless a file was changed afterwards or something is judged that is no state.
+    Equal states give equal results, unless a file was changed afterwards or a requirement judges something else.
 
     Args:
-        first: The run's result; None: it has none, such as one that failed.
-        again: The rerun's.
+        first: Result of the run; None: it has none, as a failed run.
+        again: Result of the rerun.
     """
     if first is None or again is None or again.ended_by == "canceled" or first.ended_by == "canceled":
         return None
@@ -337,7 +337,7 @@ def result_difference(first: RunResult | None, again: RunResult | None) -> str |
 
 
 def _judged(requirement: Requirement | None) -> str:
-    """Describes how a requirement was judged, with its margin and without words about wall-clock time."""
+    """Describes how a requirement was judged, with its margin and without wall-clock times."""
     if requirement is None:
         return "absent"
     judged = "met" if requirement.satisfied else "broken" if requirement.error is not None else "missed"

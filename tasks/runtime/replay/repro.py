@@ -1,4 +1,4 @@
-"""Reproduction folder of a run: its inputs, its outcome, and a test that repeats it."""
+"""Reproduction folder of a run: its inputs, its outcome, and a test that repeats the run."""
 
 import re
 import shutil
@@ -18,7 +18,7 @@ from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable, wh
 
 PLAN_FILE = "plan.json"
 FIRST_OUTPUTS = "first"
-"""Folder of the run's outputs."""
+"""Name of the subfolder with the outputs of the original run."""
 
 _MOST_OF_NAME = 200
 _TEST = '''\
@@ -61,7 +61,7 @@ class Rerun:
     outcome: RunOutcome
     outputs: RunOutputs
     folder: Path
-    """Its outputs."""
+    """Folder of the rerun's outputs."""
 
     @property
     def ending(self) -> dict[str, Any]:
@@ -76,13 +76,13 @@ class Rerun:
 
 
 class Reproduction:
-    """A folder with everything to repeat a run, which `write_reproduction` has written."""
+    """A folder with everything to repeat a run, written by `write_reproduction`."""
 
     def __init__(self, folder: Path) -> None:
         """Opens the folder.
 
         Args:
-            folder: It may have been moved, also to another machine.
+            folder: Path of the folder; it may have been moved, also to another machine.
 
         Raises:
             FileNotFoundError: The folder is not one that `write_reproduction` wrote.
@@ -108,9 +108,9 @@ class Reproduction:
         """Runs the reproduced run again, in separate processes.
 
         Args:
-            folder: Where it works and writes; what was there of an earlier rerun is removed.
+            folder: Folder for the rerun's work and outputs; an earlier rerun in it is removed.
             video: Whether a video is recorded.
-            launcher: What starts it; absent: one for this rerun alone.
+            launcher: Launcher of the rerun's processes; absent: a new one for this rerun.
 
         Raises:
             LaunchError: The run cannot be started on this machine.
@@ -138,7 +138,7 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
 def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
     """Returns the outcome that an identical rerun must have.
 
-    A run that was cancelled has no verdict; its rerun ends by itself at that time, and has one.
+    A cancelled run has no verdict; its rerun ends by itself at the same time, and has one.
     """
     ending = ending_of(outputs, failure_code)
     if ending.get("ended_by") == "canceled":
@@ -162,13 +162,13 @@ def in_words(ending: dict[str, Any]) -> str:
 
 
 def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, folder: Path) -> Path:
-    """Writes a folder from which a run can be repeated anywhere; all of it, or nothing.
+    """Writes a folder from which a run can be repeated on any machine; all of it, or nothing.
 
     Args:
         plan: The run, with folders of this machine.
-        first: Outputs of the run, at least `provenance.json`.
-        failure_code: The failure code of its job, if it has one.
-        folder: Where to; made unless it exists.
+        first: Folder with the outputs of the run, at least `provenance.json`.
+        failure_code: Failure code of the run's job, if it has one.
+        folder: Path of the new folder.
 
     Returns:
         The test that repeats it.
@@ -191,7 +191,7 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 
 def _move_all(source: Path, folder: Path) -> None:
-    """Moves the content of a folder to another one, the plan last: with the plan a reproduction is complete."""
+    """Moves the content of a folder to another one, the plan last: its presence marks a complete reproduction."""
     folder.mkdir(exist_ok=True)
     names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
     if taken := [name for name in names if (folder / name).exists()]:

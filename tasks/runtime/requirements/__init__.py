@@ -1,1 +1,1 @@
-"""Requirements: the scene that rules measure in, and the observer that checks a run."""
+"""Requirements on runs: the scene in which rules are measured, and the observer that checks them."""

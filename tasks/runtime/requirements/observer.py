@@ -1,4 +1,4 @@
-"""The observer that checks a run against its requirements."""
+"""Observer that checks a run against its requirements."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,15 +25,16 @@ _ROUNDING_S = 5e-7
 class RequirementsObserver(Observer):
     """Observer that checks the requirements (pass criteria) of a run, each at its own interval.
 
-    A run without any costs one call. What cannot be judged fails the run at its first step, before time is spent.
+    Without requirements it costs one call. A requirement that cannot be judged fails the run at its first step, before
+    time is wasted.
     """
 
     def __init__(self, plan: RunPlan, world: World | None = None) -> None:
         """Prepares the checks.
 
         Args:
-            plan: The run; its requirements replace those of the environment that have the same names.
-            world: Its world; absent: it is read when it is needed.
+            plan: Plan of the run; its requirements replace those of the environment with the same names.
+            world: World of the run; absent: it is read when needed.
         """
         self._plan = plan
         self._rules: list[Rule[Any]] | None = None
@@ -91,7 +92,7 @@ class RequirementsObserver(Observer):
         """Returns the judged requirements; empty for a run that failed.
 
         Args:
-            ended_by: What ended it; None when it failed.
+            ended_by: Cause of the run's end; None if it failed.
         """
         if ended_by is None:
             return Findings()
@@ -110,7 +111,7 @@ class RequirementsObserver(Observer):
         """Checks all requirements once more at the end of the run.
 
         Raises:
-            RequirementError: The environment's requirements are none.
+            RequirementError: The environment's requirements are invalid.
         """
         if self._rules is None:
             self._begin(environment)
@@ -123,7 +124,7 @@ class RequirementsObserver(Observer):
             check.look_if_new(self._time_s)
 
     def _cut(self, rules: Sequence[Rule[Any]]) -> str:
-        """Describes how much of a run the job's duration limit has cut off; empty if that is not known."""
+        """Describes how much of the run the job's duration limit has cut off; empty if that is unknown."""
         whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
         if self._time_s >= whole_s:
@@ -139,7 +140,7 @@ class RequirementsObserver(Observer):
                 rule.is_there = rule.asked.name in names
 
     def _bind(self, environment: Any) -> None:
-        """Ties the rules to the model, which environments may replace."""
+        """Binds the rules to the environment's model, which environments may replace."""
         self._model, self._data = raw_physics(environment.physics)
         make_scene = getattr(environment, "requirements_scene", None)  # of one that plays a recording
         if make_scene is None:
@@ -168,7 +169,7 @@ class RequirementsObserver(Observer):
 
 
 def _bound(rule: Rule[Any], scene: Any) -> Look:
-    """Binds a rule to a scene; a rule that cannot be measured there is an error, and is never checked."""
+    """Binds a rule to a scene and returns its check; a rule that cannot be measured there becomes an error."""
     try:
         look = rule.bind(scene)
     except NotMeasuredError as error:
@@ -181,7 +182,7 @@ def _bound(rule: Rule[Any], scene: Any) -> Look:
 
 
 class _Check:
-    """A rule with its measurement and its cadence."""
+    """A rule with its measurement and its check interval."""
 
     def __init__(self, rule: Rule[Any], look: Look) -> None:
         self.rule = rule
@@ -205,7 +206,7 @@ class _Check:
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
-    """Makes the rule that judges each requirement."""
+    """Makes a rule for each requirement, which judges it during the run."""
     rules = [requirement.rule(requirement) for requirement in requirements]
     for index, rule in enumerate(rules):
         rule.follow(rules[:index])
@@ -213,7 +214,7 @@ def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
-    """Merges the requirements of environment and job; the job's win where names are equal."""
+    """Merges the requirements of environment and job; the job's take precedence where names are equal."""
     names = {requirement.name for requirement in requested}
     return [*(requirement for requirement in own if requirement.name not in names), *requested]
 
@@ -253,7 +254,7 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Returns the metrics of all requirements of a kind, for tables and comparisons; unmeasured ones are left out."""
+    """Returns the metrics of all requirements that have one, for tables and comparisons, if measured."""
     metrics: dict[str, float] = {}
     for rule in rules:
         if rule.error is None:

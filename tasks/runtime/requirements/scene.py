@@ -1,4 +1,4 @@
-"""The scene that requirements are measured in: readings of MuJoCo, the world, functions of applications."""
+"""Scene in which requirements are measured: MuJoCo's state, the world, functions of applications."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -31,9 +31,9 @@ from ..episode.physics import (
 
 _MAX_SHOWN = 12
 _UPRIGHT_AXIS = 0.99999
-"""Cosine above which an axis is vertical."""
+"""Cosine above which an axis counts as vertical."""
 _LEVEL_AXIS = 1e-5
-"""Cosine below which an axis is level."""
+"""Cosine below which an axis counts as level."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +48,17 @@ class Scene:
 
     @property
     def world(self) -> World | None:
-        """World of the run, read when first needed."""
+        """Description of the run's world, read when first needed."""
         return self.read_world()
 
     @cached_property
     def names(self) -> list[str]:
-        """Names of the geoms."""
+        """Names of the model's geoms, for messages about contacts."""
         return geom_names(self.model, [piece.id for piece in self.world.furniture] if self.world else [])
 
     @cached_property
     def is_stale(self) -> bool:
-        """Whether contacts have no forces yet, as between two steps; see `ContactForces`."""
+        """Whether contacts have no forces yet, as between `mj_step1` and `mj_step2`; see `ContactForces`."""
         return bool(getattr(self.environment.physics, "legacy_step", False))
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:
@@ -66,11 +66,11 @@ class Scene:
         return self.data.xpos[self._robot(rule)]
 
     def orientation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Orientation of the robot's body, a quaternion with w first, which changes with the simulation."""
+        """Returns the robot's orientation (quaternion, w first), as an array that follows the simulation."""
         return self.data.xquat[self._robot(rule)]
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
-        """Whether a joint lets the robot's body tilt: hinges around the vertical alone do not."""
+        """Returns whether a joint lets the robot's body tilt; hinges around the vertical do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]
@@ -84,11 +84,11 @@ class Scene:
         return False
 
     def floor(self, rule: Rule[Any]) -> MapFloor | None:
-        """The floor of the world, from its map; `None`: there is no world."""
+        """Returns the free floor of the world, from its map; `None`: there is no world."""
         return floor_of(self.plan, rule)
 
     def can_rise(self, rule: Rule[Any]) -> bool:
-        """Whether a joint lets the height of the robot's body change: hinges around, slides along the level do not."""
+        """Returns whether a joint lets the robot's body change its height; vertical hinges and level slides do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]
@@ -104,11 +104,11 @@ class Scene:
         """Does nothing: a simulation always contains the end of the run."""
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
-        """Messages are read when the run is over; until then a rule that needs them is an error."""
+        """Raises the error that messages are read after the run, so that a rule on topics cannot be judged yet."""
         raise NotMeasuredError(NOT_READ)
 
     def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:  # noqa: ARG002 - as above
-        """Poses on topics are read when the run is over, as messages are."""
+        """Raises the error that poses on topics are read after the run, as messages are."""
         raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
@@ -136,13 +136,13 @@ class Scene:
         return load_judging_function(self.plan, rule, attribute)
 
     def _obstacles(self, rule: Rule[Any], robot: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Returns which geoms count as obstacles, shape `(ngeom,)`: neither the robot's, nor floor, nor ignored.
+        """Returns a mask of the geoms that count as obstacles, shape `(ngeom,)`: not of the robot, floor, or ignored.
 
-        A requirement that nothing could miss becomes an error: a robot without collision shapes, no such thing.
+        A requirement that could never be violated (no collision shapes, no such object) becomes an error.
 
         Args:
             rule: The rule.
-            robot: Which geoms are the robot's.
+            robot: Mask of the robot's geoms.
         """
         others, ignore = getattr(rule.asked, "others", None), getattr(rule.asked, "ignore", None)
         if not can_touch(self.model, robot):
@@ -159,7 +159,7 @@ class Scene:
         return obstacles
 
     def _robot(self, rule: Rule[Any]) -> int:
-        """The robot's body: the one that is named, else the environment's `robot_body`, else the one that acts.
+        """Returns the robot's body: the one the rule names, else the environment's `robot_body`, else the actuated one.
 
         Raises:
             RequirementError: The model has no such body, or none that can be taken for a robot.

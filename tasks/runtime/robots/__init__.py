@@ -1,1 +1,1 @@
-"""Robots: Scout, the walker, robots of `robot.yaml` and of MuJoCo Menagerie, and their drives."""
+"""Robots and their drives: Scout, the walker, robots of `robot.yaml` and of MuJoCo Menagerie."""

@@ -1,4 +1,4 @@
-"""Drives and bases of robots: commands to actuators, place and speed of the base."""
+"""Drives of robots, which convert commands to actuator controls; and pose and velocity of robots' bases."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -24,11 +24,11 @@ class VelocityController(KeepsAttributes):
     substep: Callable[[], None] | None = None
 
     def __init__(self, limits: Limits, move: Callable[[float, float], None]) -> None:
-        """Starts from standing still.
+        """Starts with the robot standing still.
 
         Args:
-            limits: of the robot.
-            move: called with forward velocity and turning rate at every control step.
+            limits: Velocity and acceleration limits of the robot.
+            move: Called with forward velocity and turning rate at every control step.
         """
         self._move = move
         self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
@@ -37,11 +37,11 @@ class VelocityController(KeepsAttributes):
         self.reset()
 
     def reset(self) -> None:
-        """See `Controller`."""
+        """Resets the controller at the start of a run; see `Controller`."""
         self._linear = self._angular = 0.0
 
     def command(self, action: Action) -> bool:
-        """See `Controller`."""
+        """Applies a velocity command for the next control step; see `Controller`."""
         linear, angular = self._checked(action)
         self._linear += _clip(linear - self._linear, self._linear_change)
         self._angular += _clip(angular - self._angular, self._angular_change)
@@ -77,18 +77,18 @@ class DifferentialDrive(VelocityDrive):
     """Drive with velocity-controlled wheels on the left and right."""
 
     left: tuple[str, ...]
-    """Names of actuators."""
+    """Names of the actuators of the left wheels."""
 
     right: tuple[str, ...]
     wheel_radius_m: float
     track_width_m: float
-    """Distance between the points where the wheels touch the floor."""
+    """Distance in metres between the contact points of left and right wheels."""
 
     directions: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     """Factors from a wheel's speed (rad/s, forward positive) to the command of each actuator; absent: 1."""
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """See `Drive`."""
+        """Makes the controller of this drive in a compiled world; see `Drive`."""
         control, radius_m, half_track_m = data.ctrl, self.wheel_radius_m, self.track_width_m / 2
         factors = self.directions or ((1.0,) * len(self.left), (1.0,) * len(self.right))
         left, right = (
@@ -111,19 +111,21 @@ class PlanarDrive(VelocityDrive):
     """Drive with velocity actuators that move the base over the floor."""
 
     x: str
-    """Name of an actuator, m/s."""
+    """Name of the actuator along x, in m/s."""
 
     y: str | None
-    """Likewise; needed in the world's frame."""
+    """Name of the actuator along y, in m/s; required in the world's frame."""
 
     yaw: str
-    """Likewise, rad/s."""
+    """Name of the turning actuator, in rad/s."""
 
     yaw_joint: str | None = None
-    """Hinge that tells the heading; x and y are along the world's axes then, otherwise along the robot's."""
+    """Name of the hinge that measures the heading; x and y are then along the world's axes, otherwise along the
+    robot's.
+    """
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """See `Drive`."""
+        """Makes the controller of this drive in a compiled world; see `Drive`."""
         control = data.ctrl
         x, yaw = (int(model.actuator(f"{prefix}{name}").id) for name in (self.x, self.yaw))
         y = None if self.y is None else int(model.actuator(f"{prefix}{self.y}").id)
@@ -153,11 +155,11 @@ class RawController(KeepsAttributes):
         self._last: bytes | None = None
 
     def reset(self) -> None:
-        """See `Controller`."""
+        """Resets the controller at the start of a run; see `Controller`."""
         self._last = None
 
     def command(self, action: Action) -> bool:
-        """See `Controller`; a robot whose actuators are told the same as before stands still."""
+        """Applies actuator controls; see `Controller`. Unchanged controls tell the robot to stand still."""
         wanted = self._spec.name
         try:
             values = np.asarray(action, np.float64)
@@ -179,7 +181,7 @@ class RawDrive:
     actuators: tuple[str, ...]
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """See `Drive`."""
+        """Returns the spec of actions: the controls of the robot's actuators, with their ranges."""
         ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
         limited = model.actuator_ctrllimited[ids].astype(np.bool_)
         low = np.where(limited, model.actuator_ctrlrange[ids, 0], -np.inf)
@@ -187,7 +189,7 @@ class RawDrive:
         return specs.BoundedArray((len(ids),), np.float64, low, high, name=", ".join(self.actuators))
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """See `Drive`."""
+        """Makes the controller of this drive in a compiled world; see `Drive`."""
         ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
         return RawController(data, ids, self.action_spec(model, prefix))
 
@@ -203,18 +205,18 @@ class BaseState(NamedTuple):
     y: float
     yaw: float
     linear: float
-    """Along the robot's own x axis."""
+    """Velocity along the robot's x axis, in m/s."""
 
     angular: float
     tilt: float
-    """Angle between the base's axis and the vertical."""
+    """Angle between the base's axis and the vertical, in radians."""
 
 
 class Base(Protocol):
     """Interface to the base of a robot in a simulation."""
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; without `mj_forward`."""
+        """Places the robot at the origin with a heading; the caller calls `mj_forward`."""
         ...
 
     def read(self) -> BaseState:
@@ -228,7 +230,7 @@ def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
 
 
 def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Sets the joints to their initial positions, with position servos holding them."""
+    """Sets the joints to their home positions, and position servos to hold them."""
     for name, value in robot.home.items():
         data.qpos[int(model.joint(f"{robot.prefix}{name}").qposadr[0])] = value
     for actuator in range(model.nu):
@@ -251,11 +253,11 @@ class FreeBase:
         self._height_m = robot.spawn_height_m
 
     def place(self, heading: float) -> None:
-        """See `Base`."""
+        """Places the robot at the origin with a heading; see `Base`."""
         self._pose[:] = (0.0, 0.0, self._height_m, math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2))
 
     def read(self) -> BaseState:
-        """See `Base`."""
+        """Returns the base's pose and velocity; see `Base`."""
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         vx, vy, _, _, _, turning = self._velocity.tolist()
@@ -273,12 +275,12 @@ class PlanarBase:
         self._velocities = [data.qvel[int(joint.dofadr[0]) :] for joint in joints]
 
     def place(self, heading: float) -> None:
-        """See `Base`."""
+        """Places the robot at the origin with a heading; see `Base`."""
         for view, value in zip(self._positions, (0.0, 0.0, heading), strict=True):
             view[0] = value
 
     def read(self) -> BaseState:
-        """See `Base`."""
+        """Returns the base's pose and velocity; see `Base`."""
         x, y, yaw = (float(view[0]) for view in self._positions)
         vx, vy, turning = (float(view[0]) for view in self._velocities)
         yaw = math.remainder(yaw, math.tau)

@@ -1,7 +1,7 @@
-"""The interface of robots for the navigation task.
+"""Interface of robots for the navigation task.
 
-A robot is a model for MjSpec with names for its parts, and a drive. The task knows nothing else of it, so that Scout,
-a walker and what comes in a bundle are the same to it.
+A robot is a MuJoCo model with names for its parts, and a drive. The task uses nothing else of a robot, so that Scout, a
+walker and robots from bundles are interchangeable.
 """
 
 # MuJoCo has no type stubs.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .sensors.kind import Sensor
 
 CONTROL_TIMESTEP_S = 0.05
-"""Between two actions."""
+"""Simulated seconds between two actions."""
 
 Action = NDArray[np.float64] | Sequence[float]
 
@@ -30,12 +30,12 @@ class Limits:
     """Size and velocity limits of a robot, for path planners."""
 
     radius_m: float
-    """Radius of the disc that holds all of the robot, seen from above, in metres."""
+    """Radius in metres of the smallest disc that contains the robot, seen from above."""
 
     linear_mps: float
     angular_radps: float
     linear_mps2: float = 1.2
-    """Ramp of the motor controller."""
+    """Acceleration limit of the motor controller, in m/s²."""
 
     angular_radps2: float = 8.0
 
@@ -45,14 +45,14 @@ class Lidar:
     """Settings of a horizontal lidar on a robot."""
 
     height_m: float
-    """Over the floor."""
+    """Height over the floor, in metres."""
 
     rate_hz: float = 5.0
-    """Scans per second, a whole number of control steps apart."""
+    """Scans per second; the time between scans is a whole number of control steps."""
 
     rays: int = 360
     field_of_view_rad: float = math.tau
-    """Rays are spread evenly over it, half of it on each side of the robot's x axis."""
+    """Field of view in radians, over which rays are spread evenly, half on each side of the robot's x axis."""
 
     range_min_m: float = 0.06
     range_max_m: float = 3.5
@@ -79,7 +79,7 @@ class Controller(Protocol):
     """Interface of a controller that moves one robot in a simulation."""
 
     substep: Callable[[], None] | None
-    """Called every 10 ms of simulated time, if there is one."""
+    """Function to call every 10 ms of simulated time, if there is one."""
 
     def reset(self) -> None:
         """Resets the controller at the start of a run: the robot stands still."""
@@ -118,7 +118,7 @@ class Drive(Protocol):
         Args:
             model: the world with the robot.
             data: its state, after `mj_forward`.
-            prefix: comes before the names of everything of the robot.
+            prefix: Prefix of all names of the robot.
         """
         ...
 
@@ -128,49 +128,53 @@ class Robot:
     """A robot model that can be placed in a world: body, drive, sensors and limits."""
 
     name: str
-    """Short name; `<name>/` comes before the names of its parts in a compiled world."""
+    """Short name; `<name>/` is the prefix of the names of its parts in a compiled world."""
 
     build: Callable[[], mujoco.MjSpec]
-    """Makes its model, new at every call."""
+    """Function that makes a new MjSpec of the robot at every call."""
 
     base: str
-    """Body that is attached to the world; x points forward, z up."""
+    """Name of the body that is attached to the world; x points forward, z up."""
 
     limits: Limits
     drive: Drive
     joints: tuple[str, ...]
-    """Hinges and slides whose positions are published; of a differential drive its wheels, left and right."""
+    """Names of the hinges and slides whose positions are published; for a differential drive its wheels, left and
+    right.
+    """
 
     footprint: str | None = None
-    """Body on whose z axis range sensors are, its origin on the floor when the robot stands; absent: the base."""
+    """Name of the body that carries the range sensors on its z axis, and whose origin is on the floor; absent: the
+    base.
+    """
 
     free_joint: str | None = None
-    """Joint that lets it move through the world."""
+    """Name of the free joint that moves the robot through the world."""
 
     planar_joints: tuple[str, str, str] | None = None
-    """Two slides along the world's axes and a hinge that do so instead."""
+    """Names of two slides along the world's axes and a hinge that move the robot instead of a free joint."""
 
     spawn_height_m: float = 0.0
     """Height of the base's origin over the floor at the start, in metres."""
 
     home: Mapping[str, float] = field(default_factory=dict)
-    """Positions of joints at the start, radians or metres."""
+    """Joint positions at the start, in radians or metres, by joint name."""
 
     lidar: Lidar | None = None
-    """Absent: it has no range sensors."""
+    """Lidar of the robot; absent: it has no range sensors."""
 
     proximity_height_m: float = 0.04
     sensors: Sequence[Sensor] = ()
-    """Others, which observations and recordings have."""
+    """Other sensors, which observations and recordings contain."""
 
     video_camera: str | None = None
-    """Camera for video, absent: the model's first."""
+    """Name of the camera for videos; absent: the model's first."""
 
     ros: Mapping[str, Any] = field(default_factory=dict)
-    """Options of the ROS bridge that its `robot.yaml` sets; see `RosOptions`."""
+    """Options of the ROS bridge from the robot's `robot.yaml`; see `RosOptions`."""
 
     is_differential: bool = False
-    """Whether `joints` are one wheel on the left and one on the right, observed as `wheel_velocity`."""
+    """Whether `joints` are one wheel on the left and one on the right, which the observation `wheel_velocity` has."""
 
     @property
     def prefix(self) -> str:
@@ -195,10 +199,10 @@ def add_camera(
     """Adds a camera to a robot's part.
 
     Args:
-        body: The part that it is mounted on.
-        name: Its name.
-        pos: Its place on the part, metres.
-        up: Direction on the part that is up in the picture.
+        body: Body that carries the camera.
+        name: Name of the camera.
+        pos: Position on the body, in metres.
+        up: Direction on the body that points up in the image.
         fovy_deg: Vertical field of view.
     """
     camera = body.add_camera(name=name, pos=pos, fovy=fovy_deg)
@@ -212,14 +216,14 @@ def add_sensors(spec: mujoco.MjSpec, site: str, kinds: Mapping[str, str]) -> Non
     Args:
         spec: The robot's model.
         site: Name of the site.
-        kinds: MuJoCo's types of sensors by the sensors' names, `{"gyro": "GYRO"}`.
+        kinds: MuJoCo's sensor types by sensor name, `{"gyro": "GYRO"}`.
     """
     for name, kind in kinds.items():
         spec.add_sensor(name=name, type=sensor_type(kind), objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
 
 
 def sensor_type(kind: str) -> mujoco.mjtSensor:
-    """Returns MuJoCo's type of a sensor."""
+    """Returns MuJoCo's sensor type of a name, such as `GYRO`."""
     return getattr(mujoco.mjtSensor, f"mjSENS_{kind}")
 
 

@@ -1,4 +1,4 @@
-"""Finds the robot of a job.
+"""Finds the robot model of a job.
 
 In this order:
 
@@ -39,13 +39,13 @@ _MAX_NAME = 60
 
 
 class _Package(NamedTuple):
-    """Folders of an application's files."""
+    """Folders of a robot application's files, in which its robot is searched."""
 
     folders: list[Path]
-    """Its packages' folders, the innermost first."""
+    """Folders of the application's packages, the innermost first."""
 
     root: Path
-    """The folder that holds everything it may use."""
+    """Folder that contains all files that the application may use."""
 
 
 class FoundRobot(NamedTuple):
@@ -53,10 +53,10 @@ class FoundRobot(NamedTuple):
 
     robot: Robot
     why: str
-    """Part of a sentence for people: `as ROBOMAKER_ROBOT says`."""
+    """Reason for the choice, as part of a sentence: `as ROBOMAKER_ROBOT says`."""
 
     def __str__(self) -> str:
-        """One line: `Robot: scout, as ROBOMAKER_ROBOT says.`."""
+        """Describes robot and reason in one line: `Robot: scout, as ROBOMAKER_ROBOT says.`."""
         return f"Robot: {self.robot.name}, {self.why}."
 
 
@@ -64,8 +64,8 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
     """Finds the robot model of a simulation job.
 
     Args:
-        application: its robot application, if it names one.
-        variables: environment variables of the launch configurations, and of the process.
+        application: Robot application of the job, if it names one.
+        variables: Environment variables of the launch configurations, and of the process.
 
     Raises:
         LaunchError: the robot that is meant does not exist, or cannot be made.
@@ -92,7 +92,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
 
 
 def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
-    """Returns the reason why an application has no robot; names a file that was probably meant."""
+    """Returns the reason why an application has no robot model; names the file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
         is_container = application.attribute is None and application.package is None
@@ -162,14 +162,14 @@ def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, 
 
 
 def _short_name(text: str) -> str:
-    """Makes a name for a robot without one, in the form that `name` has to have."""
+    """Makes a valid short name for a robot that has none, from a text."""
     name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
     name = name if re.match("[a-z]", name) else f"robot_{name}"
     return name[:_MAX_NAME].strip("_")
 
 
 def _package_of(application: ApplicationPlan) -> _Package | None:
-    """Finds an application's files without importing them: a failed import could not be attributed yet."""
+    """Finds an application's files without importing it, as a failed import could not be attributed yet."""
     module = application.package or (application.attribute or "").rpartition(".")[0]
     parts = module.split(".") if module else []
     if application.policy is not None:  # the attribute is that of a built-in factory
@@ -189,7 +189,7 @@ def _package_of(application: ApplicationPlan) -> _Package | None:
 
 
 def _inwards(folder: Path, parts: list[str]) -> list[Path]:
-    """Folders on the way down, as far as there are any."""
+    """Returns the folders on the way down from a folder, as far as they exist."""
     folders = []
     for part in parts:
         folder = folder / part

@@ -1,8 +1,8 @@
 """Scout, the built-in robot: a round differential drive made of primitive shapes.
 
-It is 0.34 m across and 0.19 m high and weighs 3 kg. Its frame, `base_link`, lies on the floor between the wheels;
-x points forward, y to the left, z up. All of it can be imitated in hardware: two velocity-controlled
-wheels, two slides, a planar lidar, an IMU and a camera.
+It is 0.34 m wide and 0.19 m high and weighs 3 kg. Its frame `base_link` is on the floor between the wheels; x points
+forward, y left, z up. It could be built in hardware: two velocity-controlled wheels, two slides, a planar lidar, an IMU
+and a camera.
 """
 
 # MuJoCo has no type stubs.
@@ -20,31 +20,36 @@ RADIUS_M = 0.17
 
 WHEEL_RADIUS_M = 0.04
 TRACK_WIDTH_M = 0.22
-"""Distance between the points where the wheels touch the floor."""
+"""Distance in metres between the points where the wheels touch the floor."""
 
 LIDAR_HEIGHT_M = 0.13
 """Height of the lidar's plane over the floor, in metres; low enough to see most things on the floor of a home."""
 
 LIDAR = Lidar(LIDAR_HEIGHT_M)
-"""Every fifth of a second 360 rays, 0.06 to 3.5 m, as of the LDS-01 of a TurtleBot3."""
+"""Lidar with 360 rays every 0.2 s and a range of 0.06 to 3.5 m, like the LDS-01 of a TurtleBot3."""
 
 MAX_LINEAR_MPS = 0.55
 MAX_ANGULAR_RADPS = 2.2
 
 PREFIX = "scout/"
-"""Comes before the names of everything of the robot in a compiled world."""
+"""Prefix of all names of the robot in a compiled world."""
 
 WHEELS = ("wheel_left", "wheel_right")
 
 _SERVO_GAIN = 0.2
 _SERVO_TORQUE_NM = 0.15
-"""Two wheels push with at most 7.5 N: they stall against furniture instead of climbing it."""
+"""Torque limit of a wheel in N m. Two wheels push with at most 7.5 N: they stall at furniture instead of climbing it.
+"""
 
 _TYRE_FRICTION = 0.6
-"""Below that of every floor of a generated world: MuJoCo takes the larger of the two, so the floor decides."""
+"""Friction coefficient of the tyres, below that of every floor of a generated world: MuJoCo uses the larger of the two,
+so the floor decides.
+"""
 
 _BUMPER_SOLREF = (0.06, 1.0)
-"""The body yields like a sprung bumper: 70 N when it hits a wall at full speed, where a stiff one takes 200 N."""
+"""Contact parameters (`solref`) of the body, which yields like a sprung bumper: 70 N when it hits a wall at full speed,
+where a stiff body has 200 N.
+"""
 
 _DARK = (0.13, 0.14, 0.16, 1.0)
 _SHELL = (0.93, 0.94, 0.95, 1.0)
@@ -59,7 +64,7 @@ _SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 _CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 
 _ON_ITS_SIDE = (0.7071067811865476, -0.7071067811865476, 0.0, 0.0)
-"""Turns a cylinder's axis from z to y."""
+"""Quaternion that turns a cylinder's axis from z to y."""
 
 
 def build_scout() -> mujoco.MjSpec:
@@ -82,7 +87,7 @@ def build_scout() -> mujoco.MjSpec:
 
 
 def _add_chassis(base: mujoco.MjsBody) -> None:
-    """Adds the geoms that collide: a disc with the drive and the battery in it, and the lidar's housing."""
+    """Adds the geoms that collide: a disc with the mass of drive and battery, and the lidar's housing."""
     base.add_geom(
         name="chassis",
         type=_CYLINDER,
@@ -99,7 +104,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 
 def _add_looks(base: mujoco.MjsBody) -> None:
-    """Adds the geoms that are only visible."""
+    """Adds geoms of the robot that are only visible and do not collide."""
     add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
     add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
     add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)
@@ -117,7 +122,7 @@ def _add_looks(base: mujoco.MjsBody) -> None:
 
 
 def _add_slides(base: mujoco.MjsBody) -> None:
-    """Adds smooth knobs fore and aft, 1 mm off the floor so that the wheels carry the weight.
+    """Adds low-friction slides in front and behind, 1 mm off the floor so that the wheels carry the weight.
 
     Their `priority` makes their own low friction count on every floor.
     """
@@ -131,8 +136,8 @@ def _add_slides(base: mujoco.MjsBody) -> None:
 def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, y: float) -> None:
     """Adds a driven wheel.
 
-    It touches the floor as a sphere: one contact point, at a known distance from the middle, on any
-    kind of floor. The tyre that is seen is a cylinder.
+    It touches the floor as a sphere: one contact point, at a known distance from the centre, on any kind of floor. The
+    visible tyre is a cylinder.
     """
     wheel = base.add_body(name=name, pos=[0, y, WHEEL_RADIUS_M])
     wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.0005, damping=0.001)
@@ -175,4 +180,4 @@ SCOUT = Robot(
     lidar=LIDAR,
     sensors=[Sensor(Imu, tuple(Imu.parts))],
 )
-"""Scout, as the navigation task uses it."""
+"""Scout as a robot of the navigation task."""

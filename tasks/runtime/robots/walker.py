@@ -1,4 +1,4 @@
-"""The walker: a robot on four legs, and its trot."""
+"""The walker, a built-in robot with four legs, and its trot gait."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -26,18 +26,18 @@ class LegGeometry:
     """Lengths of a walking robot's legs, and where they are attached; metres."""
 
     hip_x_m: float
-    """Distance from the body's middle to the abduction joints, forward."""
+    """Forward distance in metres from the body's centre to the abduction joints."""
 
     hip_y_m: float
-    """Likewise, sideways."""
+    """Sideways distance in metres from the body's centre to the abduction joints."""
 
     offset_m: float
-    """Distance from the abduction joint's axis out to the plane that hip and knee move in."""
+    """Distance in metres from the abduction joint's axis to the plane in which hip and knee move."""
 
     thigh_m: float
     shank_m: float
     stance_height_m: float
-    """Height of the abduction joints above the feet's middles."""
+    """Height in metres of the abduction joints above the centres of the feet."""
 
     @property
     def hips(self) -> tuple[tuple[float, float], ...]:
@@ -51,22 +51,22 @@ class GaitSettings:
     """Step frequency, height and other settings of a trot gait."""
 
     period_s: float = 0.24
-    """Time from one step of a foot to its next."""
+    """Seconds from one step of a foot to its next."""
 
     stance_share: float = 0.56
-    """Share of the period that a foot is on the floor; above a half, so that at times all four are."""
+    """Fraction of the period that a foot is on the floor; above 0.5, so that at times all four are."""
 
     lift_m: float = 0.035
-    """Height to which feet are lifted."""
+    """Height in metres to which feet are lifted."""
 
     levelling: float = 0.6
-    """Share of the body's tilt that the legs take back."""
+    """Fraction of the body's tilt that the legs compensate."""
 
     placing_s: float = 0.05
-    """Distance ahead at which a foot lands, per m/s that the body is too fast."""
+    """Distance in metres by which a foot lands farther ahead, per m/s that the body is too fast."""
 
     speed_gain: float = 0.6
-    """Gain of the speed correction: by how much a command is raised, per m/s or rad/s that is missing."""
+    """Gain of the speed correction: increase of a command per m/s or rad/s that is missing."""
 
 
 class Motion(NamedTuple):
@@ -85,7 +85,7 @@ class TrotGait(KeepsAttributes):
     KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 
     def __init__(self, legs: LegGeometry, settings: GaitSettings) -> None:
-        """Begins standing."""
+        """Starts the gait with all feet on the floor."""
         self._legs, self._settings = legs, settings
         self.reset()
 
@@ -105,7 +105,7 @@ class TrotGait(KeepsAttributes):
             dt_s: time since the last call.
             linear: commanded forward velocity, m/s.
             angular: commanded turning rate, rad/s.
-            motion: what the body does.
+            motion: Present velocity of the body.
 
         Returns:
             Joint angles of the legs, in the order of `LegGeometry.hips`.
@@ -123,7 +123,7 @@ class TrotGait(KeepsAttributes):
         return any(place is not None for place in self._lifted_from)
 
     def _notice(self, dt_s: float, linear: float, angular: float, motion: Motion, *, walking: bool) -> None:
-        """Adapts slowly how much to add to commands: feet slip, and legs yield."""
+        """Adapts slowly how much is added to commands, as feet slip and legs yield."""
         errors = (linear - motion.forward_mps, angular - motion.turning_radps)
         limits = (0.5 * abs(linear) + 0.02, 0.5 * abs(angular) + 0.1)
         for axis, (error, limit) in enumerate(zip(errors, limits, strict=True)):
@@ -153,7 +153,7 @@ class TrotGait(KeepsAttributes):
         )
 
     def _landing(self, leg: int, asked: tuple[float, float], motion: Motion) -> tuple[float, float]:
-        """Half a stand ahead of the foot's place, and farther the more the body drifts."""
+        """Returns a foot's landing position: half a stance ahead of its rest position; farther if the body drifts."""
         x, y, _ = self._nominal[leg]
         half_stand_s = self._settings.period_s * self._settings.stance_share / 2
         vx, vy = asked[0] - asked[1] * y, asked[1] * x
@@ -167,7 +167,7 @@ class TrotGait(KeepsAttributes):
         return x, y, z + share * (motion.pitch_rad * x - motion.roll_rad * y)
 
     def _solve(self, leg: int, foot: Point) -> Angles:
-        """Angles that bring a foot to a place in the body's frame; as near as the leg reaches."""
+        """Computes the joint angles that bring a foot to a position in the body's frame, as near as the leg reaches."""
         legs = self._legs
         hip_x, hip_y = legs.hips[leg]
         offset = math.copysign(legs.offset_m, hip_y)
@@ -189,7 +189,7 @@ LIMITS = Limits(radius_m=0.185, linear_mps=0.40, angular_radps=1.6, linear_mps2=
 LIDAR_HEIGHT_M = 0.20
 
 SUBSTEP_S = 0.01
-"""The gait's own control period."""
+"""Control period of the gait, in seconds."""
 
 _FOOT_RADIUS_M = 0.014
 BODY_HEIGHT_M = LEGS.stance_height_m + _FOOT_RADIUS_M
@@ -204,7 +204,9 @@ _DAMPING_NMS = 0.6
 _TORQUE_NM = 4.0
 
 _SOLE_FRICTION = 0.6
-"""Below that of every floor of a generated world: MuJoCo takes the larger of the two, so the floor decides."""
+"""Friction coefficient of the feet, below that of every floor of a generated world: MuJoCo uses the larger of the two,
+so the floor decides.
+"""
 
 _DARK = (0.13, 0.14, 0.16, 1.0)
 _SHELL = (0.93, 0.94, 0.95, 1.0)
@@ -295,7 +297,7 @@ class TrotDrive(VelocityDrive):
     settings: GaitSettings = field(default_factory=GaitSettings)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """See `Drive`."""
+        """Makes the controller of this drive in a compiled world; see `Drive`."""
         return TrotController(self, model, data, prefix)
 
 
@@ -307,7 +309,7 @@ class TrotController(VelocityController):
     substep: Callable[[], None] | None
 
     def __init__(self, drive: TrotDrive, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> None:
-        """Looks up the legs; see `Drive.bind`."""
+        """Finds the legs in the model; see `Drive.bind`."""
         super().__init__(drive.limits, self._take)
         self._gait = TrotGait(LEGS, drive.settings)
         self.substep = self._substep
@@ -321,11 +323,11 @@ class TrotController(VelocityController):
         self._substep()
 
     def state(self) -> dict[str, Any]:
-        """See `Controller`."""
+        """Returns the gait's state for a checkpoint; see `Controller`."""
         return {**super().state(), "gait": self._gait.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """See `Controller`."""
+        """Restores the gait's state from a checkpoint; see `Controller`."""
         super().restore(state)
         self._gait.restore(state["gait"])
 
@@ -349,7 +351,7 @@ class TrotController(VelocityController):
 
 
 def _standing() -> dict[str, float]:
-    """Joint angles with which it stands."""
+    """Returns the joint angles of the standing robot."""
     gait = TrotGait(LEGS, GaitSettings())
     angles = gait.advance(0.0, 0.0, 0.0, Motion(0.0, 0.0, 0.0, 0.0, 0.0))
     return dict(zip(JOINTS, (angle for leg in angles for angle in leg), strict=True))
@@ -371,4 +373,4 @@ WALKER = Robot(
     sensors=[Sensor(Imu, tuple(Imu.parts))],
     video_camera="follow",
 )
-"""The walker, as the navigation task uses it."""
+"""The walker as a robot of the navigation task."""

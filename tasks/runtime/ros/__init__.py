@@ -1,1 +1,1 @@
-"""The ROS bridge: a robot interface for robot applications that are ROS nodes."""
+"""ROS bridge: robot interface for robot applications that are ROS nodes."""

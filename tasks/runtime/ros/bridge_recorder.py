@@ -1,4 +1,4 @@
-"""A recorder that also publishes: ROS nodes get the bytes that the recording gets."""
+"""Recorder that also publishes: ROS nodes get the same bytes as the recording."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
@@ -36,7 +36,7 @@ TOPICS: Mapping[str, Topic] = {
         Topic("/camera/depth/points", "sensor_msgs/msg/PointCloud2", depth=2, is_on_demand=True),
     )
 }
-"""Topics that nodes can have, of those that a simulation records."""
+"""Topics that are published to nodes if the simulation records them, by name."""
 
 _EACH_STEP = ("/tf", "/odom", "/joint_states", "/imu")
 _MAY_BE_SILENT = ("/goal_pose", "/initialpose")
@@ -46,15 +46,15 @@ _ON_DEMAND = frozenset(topic.name for topic in TOPICS.values() if topic.is_on_de
 class BridgeRecorder(Recorder):
     """Recorder that passes a simulation's ROS messages to the run's recording and to live ROS nodes.
 
-    Single messages go out when they are written. Series gather what they have until `publish`, which adds the state at
-    that very time: a recording has states 50 times a second, and a node that gets a scan needs the transform of the
-    scan's own stamp.
+    Single messages are published when they are written. Series are published by `publish`, together with the state at
+    that time: a recording has states 50 times a second, and a node that gets a scan needs the transform at the scan's
+    own stamp.
     """
 
     enabled = True
 
     def __init__(self, inner: Recorder) -> None:
-        """Takes the run's recorder, which may drop all it is given."""
+        """Wraps the run's recorder, which may be one that drops all messages."""
         self._inner = inner
         self._wire: Wire | None = None
         self._names: Mapping[str, str] = {}
@@ -76,17 +76,17 @@ class BridgeRecorder(Recorder):
 
     @property
     def topics(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Number of topics in the recording."""
+        """Names of the topics in the recording."""
         return self._inner.topics
 
     def attach(self, wire: Wire, names: Mapping[str, str], frames: Frames, hidden_frames: Collection[str]) -> None:
         """Begins to publish messages to ROS nodes.
 
         Args:
-            wire: The way to the nodes.
-            names: Topics that are published, by their names in the recording.
-            frames: Names of frames, from now on.
-            hidden_frames: Child frames that nodes find out themselves.
+            wire: Connection to the nodes.
+            names: Names of the published topics for nodes, by their names in the recording.
+            frames: Frame names, used from now on.
+            hidden_frames: Child frames that are not published, since nodes estimate them themselves.
         """
         self._wire, self._names, self.frames, self._hidden_frames = wire, names, frames, hidden_frames
 
@@ -96,11 +96,12 @@ class BridgeRecorder(Recorder):
         self._after_states.clear()
 
     def note_heard(self, heard: Collection[str], *, spares: bool) -> None:
-        """Takes over which topics nodes listen to.
+        """Sets the topics that nodes subscribe to.
 
         Args:
-            heard: The topics, by the names that nodes know.
-            spares: Whether states are sent only there: each message costs as much as waking who listens, 10 to 100 us.
+            heard: Topics, by the names that nodes use.
+            spares: Whether states are published only on these topics: each message wakes its subscribers, which takes
+                10 to 100 us.
         """
         self._heard = heard
         self._unheard = frozenset(topic for topic in _EACH_STEP if spares and self._names.get(topic) not in heard)
@@ -110,16 +111,16 @@ class BridgeRecorder(Recorder):
         return self._wire is not None and self._names.get(topic) in self._heard
 
     def without_messages(self, heard: Collection[str]) -> list[str]:
-        """Returns topics that nodes listened to and on which nothing was published; goals need not come.
+        """Returns topics with subscribers on which nothing was published; goals are left out.
 
         Args:
-            heard: The topics, by the names that nodes know.
+            heard: Topics, by the names that nodes use.
         """
         silent = [topic for topic in self._names if topic not in self.sent and topic not in _MAY_BE_SILENT]
         return sorted(name for topic in silent if (name := self._names[topic]) in heard)
 
     def tell(self, topic: str, message: Any) -> None:
-        """Publishes a message to nodes that listen, and records nothing."""
+        """Publishes a message to subscribed nodes, and records nothing."""
         if self.is_heard(topic):
             self._send(topic, encode(message))
 
@@ -209,7 +210,7 @@ _Gathered = tuple[Numbers, Sequence[Sequence[AnyNumbers]]]
 
 
 def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]]:
-    """Rows that were gathered in parts, one after the other."""
+    """Joins rows of recorded numbers that were gathered in several parts."""
     if not parts:
         return np.zeros(0), []
     if len(parts) == 1:
@@ -223,7 +224,7 @@ def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]
 
 
 class _Relayed:
-    """A series that is read twice: by the recording, whenever it writes, and by nodes, at every step."""
+    """A series that is read twice: by the recording, whenever it writes, and for nodes, at every step."""
 
     def __init__(self, series: Series, *, keeps: bool, publishes: Callable[[], bool]) -> None:
         self.series = series
@@ -239,7 +240,7 @@ class _Relayed:
 
     @property
     def topics(self) -> Any:
-        """Topics of the series."""
+        """Topics of the relayed series, with their message templates."""
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
@@ -249,7 +250,7 @@ class _Relayed:
         return _joined(kept)
 
     def gather(self) -> None:
-        """Collects new messages from the series."""
+        """Collects new messages from the wrapped series."""
         found = self.series.take()
         if not len(found[0]):
             return
@@ -267,7 +268,7 @@ class _Relayed:
         """Returns the messages for nodes: the present state, and all new sensor readings.
 
         Args:
-            wanted: Topics of the series that nodes are to get.
+            wanted: Topics of the series to publish.
         """
         if self._states is not None:
             time_s, now = self._states.present(wanted)

@@ -1,7 +1,7 @@
-"""DDS as ROS 2 speaks it: participants, writers and readers of messages as bytes, by Eclipse Cyclone DDS.
+"""DDS for ROS 2 with Eclipse Cyclone DDS: participants, publishers and subscribers of messages as bytes.
 
-Writing and reading bytes needs two private functions of `cyclonedds`, which only this module knows, so that exactly one
-release is taken. Names and QoS are those of ROS 2's middleware interface (`rmw`); the traps are in the comments.
+Writing and reading bytes needs two private functions of `cyclonedds`, which only this module uses, so that exactly one
+release is supported. Names and QoS are those of ROS 2's middleware interface (`rmw`); comments explain the pitfalls.
 """
 
 # cyclonedds' decorators hide the types of what they make.
@@ -24,20 +24,21 @@ from ....schemas.wire.errors import LaunchError
 from ..recording.cdr import fields_of, is_known, type_hash
 
 CYCLONEDDS = "11.0.1"
-"""The release whose private functions are known, and the first with `IgnoreTypeInformation`."""
+"""Required release of `cyclonedds`: its private functions are known, and it is the first with `IgnoreTypeInformation`.
+"""
 
 RECORDER_MARK = b"robomaker=recorder;"
-"""User data of subscribers that record topics."""
+"""DDS user data of the subscribers that record topics."""
 SIMULATION_MARK = b"robomaker=simulation;"
-"""Among the user data of the participant of a simulation: what it publishes is in its own recording."""
+"""DDS user data of a simulation's participant: its topics are already in its own recording."""
 _ENCLAVE = b"enclave=/;"
-"""ROS 2's participants have this among theirs."""
+"""DDS user data that every ROS 2 participant has."""
 _WRITE_BLOCKED_MS = 100
-"""A reliable reader whose buffers are full holds a writer up so long; ROS 2 has the same."""
+"""Milliseconds for which a reliable subscriber with full buffers blocks a publisher, as in ROS 2."""
 _MAX_TAKEN = 64
-"""Messages taken at once."""
+"""Maximum number of messages taken at once."""
 _ANY_STATE = 0x7F
-"""All states of samples, views and instances."""
+"""Mask of all sample, view and instance states."""
 
 _PRIMITIVES = {
     **{name: name for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")},
@@ -50,21 +51,21 @@ _PRIMITIVES = {
 
 
 class Publication(NamedTuple):
-    """A publisher that some ROS 2 node has announced over DDS."""
+    """A ROS topic's publisher that was discovered over DDS."""
 
     topic: str
-    """Name in ROS, `/scan`; DDS topics that are not of ROS are left out."""
+    """Name of the topic in ROS, such as `/scan`; DDS topics that are not of ROS are left out."""
 
     ros_type: str
-    """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+    """Message type in ROS 2's form, such as `sensor_msgs/msg/LaserScan`."""
 
     type_hash: str
-    """`RIHS01_…` (REP 2011), or nothing where the node does not say."""
+    """Type hash `RIHS01_…` (REP 2011); empty if the node announces none."""
 
     is_reliable: bool
     is_latched: bool
     participant: bytes
-    """Prefix of the GUID of whose it is, the same for all of one participant."""
+    """Prefix of the publisher's GUID, the same for all publishers and subscribers of one participant."""
 
 
 def dds_type_name(ros_type: str) -> str:
@@ -86,14 +87,14 @@ class Reach:
     """Machines and network interfaces on which ROS 2 nodes (DDS participants) are discovered."""
 
     peers: tuple[str, ...] = ()
-    """Addresses besides this machine's own."""
+    """Addresses of other machines to discover nodes on."""
 
     interface: str | None = None
-    """Network interface; none: loopback only."""
+    """Name of the network interface; none: loopback only."""
 
 
 def configuration(reach: Reach) -> str:
-    """Makes the configuration of Cyclone DDS: loopback only, unless other machines are to be reached."""
+    """Makes the configuration of Cyclone DDS: loopback only, unless other machines are to be discovered."""
     interfaces = '<NetworkInterface name="lo" multicast="false"/>'
     multicast = "false"
     if reach.interface is not None:
@@ -133,12 +134,12 @@ class Participant:
     """Participant in a ROS 2 domain (DDS), which publishes and subscribes topics."""
 
     def __init__(self, domain: int, reach: Reach, *, is_simulation: bool = False) -> None:
-        """Joins a domain.
+        """Joins a ROS 2 domain.
 
         Args:
-            domain: Its number, 0 to 232.
-            reach: Where others are looked for.
-            is_simulation: Whether it is a simulation's, whose own recording has what it publishes.
+            domain: Domain id, 0 to 232.
+            reach: Machines and interfaces on which others are discovered.
+            is_simulation: Whether this is a simulation's participant, whose topics are in its own recording.
 
         Raises:
             LaunchError: cyclonedds is missing or another release, or the domain cannot be joined; says why.
@@ -195,7 +196,7 @@ class Participant:
         return self._types[ros_type]
 
     def publications(self) -> list[Publication]:
-        """Lists the publishers of ROS topics in the domain, its own included."""
+        """Lists the publishers of ROS topics in the domain, including this participant's own."""
         from cyclonedds import builtin
 
         if self._publications is None:
@@ -209,7 +210,7 @@ class Participant:
 
     @property
     def entity(self) -> Any:
-        """The participant as `cyclonedds` object."""
+        """The DDS participant as an object of `cyclonedds`."""
         return self._entity
 
     @property
@@ -287,10 +288,10 @@ class Received(NamedTuple):
     """Time of publication in nanoseconds since 1970, by the publisher's clock."""
 
     writer: int
-    """Handle of its publisher here."""
+    """Local handle of the message's publisher."""
 
     data: bytes
-    """CDR with its encapsulation header."""
+    """CDR bytes of the message with encapsulation header."""
 
 
 def without_padding(message: bytes) -> bytes:
@@ -311,7 +312,7 @@ class Reader:
 
     @property
     def has_news(self) -> bool:
-        """Whether a message has arrived since the last take; that costs a fifth of taking nothing."""
+        """Returns whether a message has arrived since the last `take`; five times faster than taking none."""
         return bool(self.entity.get_status_changes() & self._data_available)
 
     def take(self) -> Iterator[tuple[bytes, int]]:
@@ -327,7 +328,7 @@ class Reader:
         """Returns received messages with source and time.
 
         Args:
-            most: How many at most.
+            most: Maximum number of messages.
         """
         taken = self._take(self.entity._ref, _ANY_STATE, most)
         if isinstance(taken, int):
@@ -340,7 +341,7 @@ class Reader:
 
     @property
     def writers(self) -> int:
-        """Number of matching publishers."""
+        """Number of publishers that match this DDS subscriber."""
         return len(self.entity.get_matched_publications())
 
 
@@ -377,8 +378,8 @@ def idl_type(ros_type: str, known: dict[str, Any]) -> Any:
     """Makes the complete DDS type of a ROS type, for tools that read type information.
 
     Args:
-        ros_type: `geometry_msgs/msg/Twist`.
-        known: Types that were made before; those that it needs are added.
+        ros_type: ROS message type, such as `geometry_msgs/msg/Twist`.
+        known: Types that were made before; newly needed types are added.
     """
     if ros_type not in known:
         members = {name: _idl_member(kind, known) for name, kind in fields_of(ros_type)}
@@ -395,7 +396,7 @@ def _idl_types() -> Any:
 
 
 def _idl_member(kind: tuple[int, Any], known: dict[str, Any]) -> Any:
-    """A member's type, from the way in which rosbags describes it: base, name, array or sequence, and its argument."""
+    """Makes the DDS type of a message field from its description by rosbags: base, name, array or sequence."""
     idl, (node, about) = _idl_types(), kind
     match Nodetype(node):
         case Nodetype.BASE:
@@ -427,7 +428,7 @@ def _struct(ros_type: str, members: dict[str, Any]) -> Any:
 
 
 def _publication(sample: Any) -> Publication | None:
-    """Makes a ROS publication of a sample of the built-in reader; None if it is not of ROS, or has left."""
+    """Makes a ROS publication of a discovery sample; None if it is not of ROS, or the publisher has left."""
     topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
     if not topic or not topic.startswith("rt/") or _has_left(sample):
         return None
@@ -448,7 +449,7 @@ def _publication(sample: Any) -> Publication | None:
 
 
 def _has_left(sample: Any) -> bool:
-    """Whether the sample says that the publisher is gone."""
+    """Returns whether a discovery sample reports that the publisher has left."""
     info = getattr(sample, "sample_info", None)
     state = getattr(info, "instance_state", None)
     with suppress(TypeError, ValueError):

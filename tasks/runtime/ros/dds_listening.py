@@ -1,4 +1,4 @@
-"""Listening to a whole domain of ROS 2: all its publishers, their messages, and calls of services of nodes."""
+"""Listening to a whole ROS 2 domain: all publishers, their messages, and service calls to nodes."""
 
 # cyclonedds' decorators hide the types of what they make.
 # pyright: reportMissingTypeStubs=false, reportAttributeAccessIssue=false, reportUnknownMemberType=false
@@ -14,7 +14,9 @@ _BLOCKED_NS = 100_000_000
 _NANOSECONDS = 1_000_000_000
 _HASH = b"typehash="
 _MATCH_PAUSE_S = 0.4
-"""The other side of a match learns of it later; what is sent before it does is lost."""
+"""Seconds to wait after a subscriber and a publisher have matched: the other side learns of it later, and messages
+before that are lost.
+"""
 _ASK_AGAIN_S = 2.0
 _REPLIES = 10
 
@@ -23,24 +25,24 @@ class Announced(NamedTuple):
     """A publisher of any DDS topic in the domain."""
 
     writer: int
-    """Its handle, which messages have."""
+    """Handle of the publisher, as in its messages."""
 
     participant: str
-    """Its participant: a process, or a part of one."""
+    """Id of the publisher's DDS participant (a process, or a part of one)."""
 
     topic: str
-    """Its topic on the wire: `rt/scan`."""
+    """DDS topic name, such as `rt/scan`."""
 
     type: str
-    """Its type on the wire: `sensor_msgs::msg::dds_::LaserScan_`."""
+    """DDS type name, such as `sensor_msgs::msg::dds_::LaserScan_`."""
 
     type_hash: str
-    """`RIHS01_…`; empty: it does not say."""
+    """Type hash `RIHS01_…`; empty if it announces none."""
 
     is_latched: bool
     is_reliable: bool
     depth: int
-    """Messages that it keeps."""
+    """Number of messages that the publisher keeps (QoS history depth)."""
 
 
 class Subscription:
@@ -88,7 +90,7 @@ class Listener:
     """DDS participant that subscribes all topics for recording, without being a ROS node."""
 
     def __init__(self, domain: int, reach: Reach) -> None:
-        """Joins a domain.
+        """Joins a ROS 2 domain.
 
         Raises:
             LaunchError: The domain cannot be joined; the message says why.
@@ -107,7 +109,7 @@ class Listener:
         """Participants that are simulations."""
 
     def wait(self, timeout_s: float) -> None:
-        """Waits for a new publisher or message, at most for a time."""
+        """Waits for a new publisher or message, with a time limit."""
         self._waits.wait(int(timeout_s * _NANOSECONDS))
 
     def changes(self) -> list[Announced]:
@@ -132,10 +134,10 @@ class Listener:
         """Subscribes a topic for recording.
 
         Args:
-            topic: Its name on the wire.
-            type_name: The type's name in ROS.
-            depth: Messages that are kept between two takes.
-            is_latched: Whether messages from before are wanted.
+            topic: DDS topic name.
+            type_name: ROS message type.
+            depth: Number of messages that are kept between two takes.
+            is_latched: Whether earlier messages are requested (`transient local`).
 
         Raises:
             ListenError: The topic cannot be subscribed.
@@ -145,12 +147,12 @@ class Listener:
         return subscription
 
     def call(self, service: str, ros_type: str, request: bytes) -> Call:
-        """Begins to call a ROS 2 service of a node.
+        """Starts to call a ROS 2 service of a node.
 
         Args:
-            service: Its name without a slash at the beginning: `robot/get_type_description`.
-            ros_type: `type_description_interfaces/srv/GetTypeDescription`.
-            request: CDR with its encapsulation header.
+            service: Service name without a leading slash, such as `robot/get_type_description`.
+            ros_type: Service type, such as `type_description_interfaces/srv/GetTypeDescription`.
+            request: CDR bytes of the request with encapsulation header.
 
         Raises:
             ListenError: The service cannot be called.
@@ -178,7 +180,7 @@ class Listener:
 
 
 class ListenError(Exception):
-    """Raised when a topic or service cannot be subscribed or called; says why."""
+    """Raised when a topic or service cannot be subscribed or called; the message says why."""
 
 
 def _qos(depth: int, *, is_reliable: bool, is_latched: bool) -> Any:

@@ -1,4 +1,4 @@
-"""The way to ROS 2 nodes: DDS, without ROS installed."""
+"""Connection from a simulation to ROS 2 nodes over DDS, without ROS installed."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from .dds import Participant, Reach, Reader, Waiter, Writer
 from .wire import Command, Peers, Topic
 
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-"""Types of commands. One name with two types is two topics in DDS, so that each has a reader."""
+"""ROS types of velocity commands. In DDS one topic name with two types is two topics, so that each has a subscriber."""
 
 _NO_NUMBERS = (math.nan, math.nan, math.nan)
 
@@ -18,12 +18,12 @@ class DdsWire:
     """Connection from the simulation to the ROS 2 nodes of one domain."""
 
     def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
-        """Prepares; nothing is announced before `open`.
+        """Stores the settings; nothing is announced before `open`.
 
         Args:
-            domain: The nodes' domain.
-            reach: Where they are looked for.
-            is_reliable: Whether no command may be lost, which publishers that are best effort do not promise.
+            domain: ROS 2 domain id of the nodes.
+            reach: Machines and interfaces on which the nodes are discovered.
+            is_reliable: Whether the command subscriber is reliable, which best-effort publishers do not match.
         """
         self.name = f"ROS 2, domain {domain}"
         self._domain, self._reach, self._is_reliable = domain, reach, is_reliable
@@ -35,7 +35,7 @@ class DdsWire:
         self._own = b""
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """See `Wire`."""
+        """Announces topics, and subscribes the velocity commands; see `Wire`."""
         participant = self._participant = Participant(self._domain, self._reach, is_simulation=True)
         self._own, self._command_topic = participant.prefix, command_topic
         for kind in (TWIST, TWIST_STAMPED):
@@ -47,11 +47,11 @@ class DdsWire:
             )
 
     def send(self, topic: str, message: bytes) -> None:
-        """See `Wire`."""
+        """Publishes a message; see `Wire`."""
         self._writers[topic].write(message)
 
     def take(self) -> list[Command]:
-        """See `Wire`."""
+        """Returns the velocity commands received since the last call; see `Wire`."""
         found: list[tuple[int, Command]] = []
         for kind, reader in [each for each in self._readers if each[1].has_news]:
             for data, published_ns in reader.take():
@@ -63,12 +63,12 @@ class DdsWire:
         return [command for _, command in found]
 
     def wait(self, timeout_s: float) -> bool:
-        """See `Wire`."""
+        """Waits until a velocity command arrives; see `Wire`."""
         assert self._waiter is not None
         return self._waiter.wait(timeout_s)
 
     def peers(self) -> Peers:
-        """See `Wire`."""
+        """Returns which ROS nodes are connected; see `Wire`."""
         assert self._participant is not None
         publications = [each for each in self._participant.publications() if each.participant != self._own]
         of_commands = [each for each in publications if each.topic == self._command_topic]
@@ -82,7 +82,7 @@ class DdsWire:
         )
 
     def close(self) -> None:
-        """See `Wire`."""
+        """Disconnects from the ROS nodes; see `Wire`."""
         participant, self._participant = self._participant, None
         if participant is not None:
             participant.close()

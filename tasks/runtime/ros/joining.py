@@ -1,12 +1,12 @@
-"""Joins the recording of a run with those that other programs made beside it: a program of its own.
+"""Program that merges the recording of a run with those of other programs of the run.
 
-`python -P -m prefect_robomaker.tasks.runtime.ros.joining FOLDER NAME...` joins the files of these names, of which
-some may be missing, into `recording.mcap` in the folder, writes what lies beside it anew, and removes the others. It
-prints a JSON object: the number of `messages` of the others, and which of them were `cut` off, as those of killed
-programs are; they count up to their last whole chunk. An exit code other than 0 says that nothing was changed.
+`python -P -m prefect_robomaker.tasks.runtime.ros.joining FOLDER NAME...` merges the files of these names (some may be
+missing) into `recording.mcap` in the folder, rewrites the files next to it, and deletes the merged ones. It prints a
+JSON object: the number of `messages` of the other files, and which of them were `cut` off, as those of killed programs
+are; they are read up to their last whole chunk. If the exit code is not 0, nothing was changed.
 
 Programs of the run could write to all of these files, so nothing in them is trusted: no link is followed, and memory is
-bounded.
+limited.
 """
 
 import heapq
@@ -42,9 +42,9 @@ _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _MAGIC_BYTES = 8
 _MOST_CHUNK_BYTES = 512 * 1024 * 1024
-"""Size of a chunk, compressed or not: one message more than what the recorder gathers."""
+"""Size limit of a chunk in bytes, compressed or not: one message more than the recorder gathers."""
 _MEMORY_BYTES = 4 * 1024 * 1024 * 1024
-"""Address space of the program: four chunks of the largest size, beside what libraries reserve."""
+"""Limit of the program's address space in bytes: four chunks of the largest size, and what libraries reserve."""
 _HASH = "topic_type_hash"
 
 
@@ -53,7 +53,7 @@ class Message(NamedTuple):
 
     time_ns: int
     part: str
-    """Name of the file."""
+    """Name of the file that contains the message."""
 
     channel: "Source"
     data: bytes
@@ -66,11 +66,11 @@ class Source(NamedTuple):
     type: str
     definition: str
     noted: tuple[tuple[str, str], ...]
-    """Its metadata, which two files may differ in."""
+    """Metadata of the topic, which may differ between two files."""
 
 
 class Part:
-    """Reader of a recording that is merged with others, also if it was cut off."""
+    """Reader of a recording that is merged with others; it may be cut off."""
 
     def __init__(self, name: str, file: BinaryIO) -> None:
         self.name = name
@@ -81,7 +81,7 @@ class Part:
         """Whether it was written to its end; known once it is read."""
 
     def __iter__(self) -> Iterator[Message]:
-        """Yields its messages in the order of their times.
+        """Yields the recording's messages in the order of their times.
 
         Raises:
             ValueError: The file is not a recording that this package wrote.
@@ -96,7 +96,7 @@ class Part:
                 yield from self._of_chunk(content)
 
     def _next(self) -> tuple[int, bytes] | None:
-        """Reads the next record; None at the end of the file, also within a record."""
+        """Reads the next record; None at the end of the file, or if the record is incomplete."""
         head = self._file.read(_HEAD.size)
         if len(head) < _HEAD.size:
             return None
@@ -153,7 +153,7 @@ class Target:
         self._channels: dict[tuple[str, str, str], tuple[int, Source]] = {}
 
     def add(self, message: Message) -> None:
-        """Adds a message; topics of equal name, type and definition become one channel."""
+        """Adds a message; topics with the same name, type and definition become one channel."""
         source = message.channel
         channel = self._known.get(source)
         if channel is None:
@@ -186,8 +186,8 @@ def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
     """Merges the recordings of a run (its own and those of ROS topics) into one file.
 
     Args:
-        folder: Output folder of a run, none of whose processes is left.
-        names: Names of the files besides the run's own recording.
+        folder: Output folder of a run whose processes have all ended.
+        names: File names besides that of the run's own recording.
 
     Raises:
         OSError: A file cannot be read or written.
@@ -230,7 +230,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _fresh(path: Path) -> Path:
-    """The same, with nothing there: programs may have left a link."""
+    """Deletes whatever is at a path, such as a link that a program left, and returns the path."""
     unfinished = unfinished_of(path)
     unfinished.unlink(missing_ok=True)
     return unfinished

@@ -32,10 +32,10 @@ from pathlib import Path
 from typing import Any
 
 SOCKET_VARIABLE = "ROBOMAKER_ROS1_SOCKET"
-"""The environment variable that holds the path of the simulation's socket for the bridge."""
+"""Name of the environment variable with the path of the simulation's socket for the bridge."""
 
 BRIDGE = Path(__file__)
-"""The program."""
+"""Path of the program."""
 
 PROTOCOL = "robomaker-ros1"
 VERSION = 1
@@ -44,39 +44,39 @@ NODE = "robomaker_bridge"
 HELLO, MESSAGE, COMMAND, STATE = 1, 2, 3, 4  # types of frames
 
 HEADER = struct.Struct("<II")
-"""Before every frame: bytes that follow, type."""
+"""Header of every frame on the socket: content size in bytes, and type."""
 TOPIC = struct.Struct("<I")
-"""Before a message: position of its topic in the greeting."""
+"""Start of a message's content: index of its topic in the greeting."""
 VELOCITY = struct.Struct("<7d")
-"""A command: linear x, y, z in m/s, angular x, y, z in rad/s, and the stamp in seconds, NaN where it has none."""
+"""Content of a command: linear x, y, z in m/s, angular x, y, z in rad/s, and the stamp in seconds (NaN without one)."""
 
 MOST_BYTES = {HELLO: 1 << 20, MESSAGE: 64 << 20, COMMAND: VELOCITY.size, STATE: 64 << 10}
-"""Longest content of each type. A raw image of 4 K has 25 MB."""
+"""Maximum content size in bytes of each frame type. A raw 4K image has 25 MB."""
 
 COMMAND_TYPES = {
     "geometry_msgs/Twist": "9f195f881246fdfa2798d1d3eebca84a",
     "geometry_msgs/TwistStamped": "98d34b0043a2093cf9d9345ab6eef12e",
 }
-"""Types of messages that are understood as commands, with the MD5 sums of their definitions."""
+"""ROS 1 types that are accepted as velocity commands, with the MD5 sums of their definitions."""
 
 _OWN_NODES = re.compile(r"/(robomaker_\w+|rosout|record(_\d+)?)")
-"""Nodes that are there without a robot: the run's own, roslaunch's, and `rosbag record` beside a launch."""
+"""Names of nodes that exist without a robot: those of the run and of roslaunch, and `rosbag record`."""
 
 _TWIST = struct.Struct("<6d")
 _STAMPED = struct.Struct("<IIII")
-"""A header of ROS 1 without its frame: sequence number, seconds, nanoseconds, length of the frame's name."""
+"""ROS 1 header without its frame id: sequence number, seconds, nanoseconds, length of the frame id."""
 
 _LOOK_S, _LATER_LOOK_S = 0.02, 0.5
-"""Seconds between two polls while it waits, at first and later: nodes in C++ connect 50 ms after the master."""
+"""Seconds between two polls while waiting, at first and later: C++ nodes connect 50 ms after the master."""
 _HASTE_S = 30.0
-"""Seconds of waiting after which it polls more slowly: the program may need no ROS, and run for hours."""
+"""Seconds of waiting after which polls become rarer: the program may need no ROS, and run for hours."""
 _STATE_S = 0.1
 _LINGER_S = 600.0
-"""Wall-clock time in which a run has finished its outputs."""
+"""Wall-clock seconds within which a run finishes its outputs."""
 _PATIENCE_S = 5.0
-"""For an answer of the master, which is on this machine."""
+"""Time limit in seconds for an answer of the ROS master, which is on this machine."""
 _KEPT_COMMANDS = 256
-"""Commands that a simulation which is busy has not taken yet; the newest stay."""
+"""Maximum number of commands that wait for a busy simulation; the newest are kept."""
 
 
 class Gone(Exception):
@@ -87,7 +87,7 @@ class Link:
     """Connection from the ROS 1 bridge process to the simulation."""
 
     def __init__(self, path: str) -> None:
-        """Connects.
+        """Connects to the simulation's socket.
 
         Raises:
             OSError: The simulation does not listen on the socket.
@@ -171,10 +171,10 @@ def log(text: str) -> None:
 
 
 def use_sim_time(uri: str) -> bool | None:
-    """Sets the ROS 1 parameter by which nodes use simulated time, unless their launch file has set it.
+    """Sets the ROS 1 parameter `/use_sim_time`, unless the launch file has set it.
 
     Args:
-        uri: Of the master, which has the parameters, too.
+        uri: URI of the ROS master, which has the parameters, too.
 
     Returns:
         Whether nodes take the simulation's time; None while there is no master.
@@ -197,11 +197,11 @@ class Meeting:
     """Waits for both the simulation and the ROS 1 master, and reports which is missing."""
 
     def __init__(self, path: str, uri: str) -> None:
-        """Begins.
+        """Stores the addresses.
 
         Args:
-            path: Of the simulation's socket.
-            uri: Of the master.
+            path: Path of the simulation's socket.
+            uri: URI of the ROS master.
         """
         self._path, self._uri = path, uri
         self._link: Link | None = None
@@ -252,7 +252,7 @@ class Meeting:
 
 
 def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
-    """Parses the velocity command in a ROS 1 message; NaN where the message is cut off."""
+    """Parses the velocity command in a ROS 1 message; missing numbers are NaN."""
     try:
         if ros_type == "geometry_msgs/Twist":
             return (*_TWIST.unpack(content), math.nan)
@@ -266,7 +266,8 @@ def commanders_in(connections: Iterable[Any]) -> tuple[int, list[str]]:
     """Counts the publishers of velocity commands, and lists unsupported types.
 
     Args:
-        connections: Of rospy, with a type and an MD5 sum, or none while a publisher has not said its type yet.
+        connections: Connections of rospy, each with a type and an MD5 sum; both are None until the publisher has
+            announced its type.
     """
     count, wrong = 0, set()
     for each in connections:
@@ -283,7 +284,7 @@ class Bridge:
     """ROS 1 node that publishes the simulation's topics and subscribes velocity commands."""
 
     def __init__(self, link: Link, greeting: dict[str, Any]) -> None:
-        """Begins; the node is there."""
+        """Creates publishers and subscribers; the ROS node already exists."""
         self._rospy = rospy = import_module("rospy")
         self._link = link
         self._topics = greeting["topics"]
@@ -298,7 +299,7 @@ class Bridge:
         )
 
     def publish(self, content: memoryview) -> None:
-        """Publishes a message on the topic of its number."""
+        """Publishes a message on the topic whose index it has."""
         number = TOPIC.unpack_from(content)[0]
         message = self._kinds[number]()
         message._buff = content[TOPIC.size :]
@@ -339,7 +340,7 @@ class Bridge:
             self._link.command(velocity_in(ros_type, message._buff))
 
     def _kind(self, topic: dict[str, Any]) -> type:
-        """A message whose content is bytes already, with the names by which nodes know its type."""
+        """Makes a rospy message class whose content is already encoded, with the type's name and MD5 sum."""
         about = {"_type": topic["type"], "_md5sum": topic["md5sum"], "_full_text": topic["definition"]}
         return type("Ready", (self._rospy.AnyMsg,), {**about, "__slots__": []})
 
@@ -368,8 +369,8 @@ def main() -> int:
 def leave(path: str, why: str) -> int:
     """Shuts the ROS 1 node down when the simulation has closed the connection; returns the exit code.
 
-    After a run that is over it stays, without a node, until the run ends it: a tool that ends is started again, and
-    the result tells how often. A simulation that is still there is to be met again soon.
+    If the run is over, the process waits without a node until the run ends it: a tool that exits would be restarted,
+    and restarts are counted in the result. If the simulation is still running, the process exits soon to reconnect.
     """
     log(f"leaves the nodes, since the simulation is gone: {why}")
     import_module("rospy").signal_shutdown("the simulation is gone")

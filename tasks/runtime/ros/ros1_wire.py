@@ -1,7 +1,7 @@
-"""The way to nodes of ROS 1: frames on a socket, which a bridge node beside the launch turns into topics.
+"""Connection from a simulation to ROS 1 nodes: frames on a socket, which a bridge node converts to topics.
 
-Nothing here waits for the bridge but `Ros1Wire.wait`. A bridge that is slow loses messages, never the simulation time;
-one that ends is started again by the run, greeted again, and given the latched messages again.
+Only `Ros1Wire.wait` waits for the bridge. A slow bridge loses messages, but does not slow down the simulation. A bridge
+that exits is restarted by the run, greeted again, and given the latched messages again.
 """
 
 import json
@@ -30,9 +30,11 @@ from .wire import Command, Peers, Topic
 _HEADER = "std_msgs/msg/Header"
 _SEQUENCE = struct.Struct("<I")
 _READS = 16
-"""Most reads from the socket in one poll: a node that floods the bridge does not hold up the simulation."""
+"""Maximum number of reads from the socket in one poll, so that a node that floods the bridge does not block the
+simulation.
+"""
 _KEPT_COMMANDS = 1000
-"""Commands that were not taken yet; a robot gets fifty a second."""
+"""Maximum number of waiting commands; a robot gets about fifty a second."""
 _MOST_NAMED = 32
 _SHOWN = 200
 
@@ -43,10 +45,10 @@ class Ros1Wire:
     """Connection from the simulation to ROS 1 nodes, through a bridge process."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Does nothing yet.
+        """Stores the settings; the socket is opened by `open`.
 
         Args:
-            plan: The run, in whose folder the socket is.
+            plan: Plan of the run, in whose folder the socket is.
         """
         self.name = "ROS 1, whose bridge has not connected yet"
         self.dropped: Counter[str] = Counter()
@@ -111,7 +113,7 @@ class Ros1Wire:
         return taken
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command is there; returns whether one is."""
+        """Waits until a velocity command arrives; returns whether one did."""
         deadline_s = time.monotonic() + timeout_s
         while True:
             self._look()
@@ -223,10 +225,10 @@ class Ros1Wire:
 
 
 class _Link:
-    """A connection to a bridge, which never blocks."""
+    """A non-blocking connection to a bridge process."""
 
     def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
-        """Begins with the greeting."""
+        """Starts sending the greeting to a newly connected bridge process."""
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)
@@ -243,7 +245,7 @@ class _Link:
     def add(self, topic: Topic, frame: bytes) -> None:
         """Queues a message; the oldest of its topic is dropped if the bridge process is too slow.
 
-        Of a latched topic only the last message counts, which nodes that connect later get.
+        Of a latched topic only the last message is kept, which nodes that connect later get.
         """
         if self._counts[topic.name] >= (1 if topic.is_latched else topic.depth):
             oldest = next(index for index, (other, _) in enumerate(self._waiting) if other.name == topic.name)
@@ -295,7 +297,7 @@ class _Link:
 
 
 def _peers_in(state: Mapping[str, Any], topics: Mapping[str, int]) -> Peers:
-    """The nodes that a state tells of.
+    """Returns the ROS nodes that a state message of the bridge reports.
 
     Raises:
         ValueError: The object is not a state message of the bridge process.
@@ -309,7 +311,7 @@ def _peers_in(state: Mapping[str, Any], topics: Mapping[str, int]) -> Peers:
 
 @cache
 def _ros2() -> Typestore:
-    """Types of ROS 2, by which messages are read: its header has no number, which ROS 1 has."""
+    """Returns the ROS 2 types for reading messages: their header has no sequence number, unlike in ROS 1."""
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
@@ -326,7 +328,7 @@ def ros1_definition(ros_type: str) -> tuple[str, str]:
     """Returns the ROS 1 definition of a message type, and its MD5 sum.
 
     Args:
-        ros_type: In ROS 2's form.
+        ros_type: Message type in ROS 2's form.
 
     Raises:
         LaunchError: ROS 1 has no such type, or another of that name.

@@ -1,4 +1,4 @@
-"""The robot interface of ROS nodes: topics out, velocity commands in, whichever ROS they speak."""
+"""Robot interface for ROS nodes: publishes topics and receives velocity commands, in ROS 1 or ROS 2."""
 
 import math
 import sys
@@ -30,16 +30,20 @@ from .wire import STILL, Command, Peers, Wire
 
 COMMANDS = "/cmd_vel"
 _SETTLE_S = 0.5
-"""A publisher that is known need not know us yet: the first messages would be lost."""
+"""Seconds to wait after a publisher was discovered: it may not have discovered this node yet, and first messages would
+be lost.
+"""
 _LISTENERS_S = 10.0
-"""Wall-clock time after which simulated time begins for nodes that listen and do not command yet: some wait for it."""
+"""Wall-clock seconds after which simulated time starts for nodes that subscribe but send no commands yet: some wait for
+the clock.
+"""
 _LOOK_S = 0.5
 """Wall-clock time between two checks of which nodes are connected."""
 _RETURN_S = 10.0
-"""Wall-clock time in which publishers of commands that have left may come back, as nodes do that are respawned."""
+"""Wall-clock seconds in which command publishers that have left may return, as respawned nodes do."""
 _FIRST_COMMAND_S = 60.0
 _MOST_WALL_STAMP_S = 1e6
-"""A stamp later than this is of a wall clock: it is twelve days of simulated time."""
+"""Time stamp in seconds above which it is of a wall clock: twelve days of simulated time."""
 _UNHEALTHY, _CRASH = "RobotApplicationHealthCheckFailure", "RobotApplicationCrash"
 _CLOCK = "/clock"
 
@@ -48,8 +52,8 @@ def make_wire(plan: RunPlan, bridge: RosPlan) -> Wire:
     """Makes the connection to a run's ROS nodes.
 
     Args:
-        plan: The run.
-        bridge: Its bridge, with all options.
+        plan: Plan of the run.
+        bridge: Plan of the run's ROS bridge, with all options.
     """
     options = bridge.options
     if bridge.suite == 1:
@@ -62,13 +66,13 @@ class RosBridge:
     """ROS bridge of a run: publishes the simulation's topics, and makes an agent that ROS nodes drive."""
 
     def __init__(self, plan: RunPlan, robot: str, recorder: Recorder, clock: Callable[[], float] = time.monotonic):
-        """Prepares; nothing is announced before `open`.
+        """Stores the settings; nothing is announced yet.
 
         Args:
-            plan: The run, which has a plan of the bridge.
-            robot: The robot application's name.
-            recorder: The run's.
-            clock: Wall-clock seconds.
+            plan: Plan of the run, including the ROS bridge's.
+            robot: Name of the robot application.
+            recorder: Recorder of the run.
+            clock: Monotonic wall clock, in seconds.
         """
         assert plan.ros is not None
         self._plan, self._ros, self._robot, self._clock = plan, plan.ros, robot, clock
@@ -88,7 +92,7 @@ class RosBridge:
         self._environment = environment
 
     def _open(self) -> None:
-        """Announces the topics; `missing` says what is not available for that."""
+        """Announces the topics; errors are reported by `missing`."""
         environment, self._environment = self._environment, None
         try:
             self._options = _options_for(environment, self._ros.options)
@@ -105,7 +109,7 @@ class RosBridge:
         self.recorder.attach(wire, names, frames, () if self._options.localization == "truth" else {frames.odometry})
 
     def came(self) -> bool:
-        """Whether ROS nodes are connected that can drive or wait for simulated time."""
+        """Returns whether ROS nodes are connected that can drive, or that wait for simulated time."""
         if self._environment is not None:
             self._open()
         if self._wire is None:
@@ -141,9 +145,9 @@ class RosBridge:
         """Makes the agent whose actions are the velocity commands of ROS nodes.
 
         Args:
-            environment: Where it drives.
-            stop: Whether the run is to stop.
-            keep: Told each action that the environment is given, as bytes.
+            environment: Environment in which the nodes drive.
+            stop: Tells whether the run has to stop.
+            keep: Called with each action that the environment gets, as bytes.
         """
         assert self._wire is not None
         sys.stdout.write(f"ROS nodes drive: {self._wire.name}, time {self._options.time}\n")
@@ -156,7 +160,7 @@ class RosBridge:
 
     @property
     def options(self) -> RosOptions:
-        """Options of the ROS bridge; those of the robot's `robot.yaml` are known once it waits for nodes."""
+        """Options of the ROS bridge; they include the robot's `robot.yaml` once the simulation waits for nodes."""
         return self._options
 
     @property
@@ -168,7 +172,7 @@ class RosBridge:
         """Disconnects from the ROS nodes; returns findings about them for the run's result.
 
         Raises:
-            LaunchError: A run that came to its end had no command of theirs: nothing was tested.
+            LaunchError: The run ended normally, but the nodes never sent a command, so nothing was tested.
         """
         agent = self._agent
         findings = agent.findings() if agent is not None else Findings()
@@ -194,7 +198,7 @@ class RosAgent:
         keep: Callable[[bytes], None],
         clock: Callable[[], float],
     ) -> None:
-        """Begins with a robot that stands still; see `RosBridge.make_agent`."""
+        """Creates the agent with a robot that stands still; see `RosBridge.make_agent`."""
         self._wire, self._recorder, self._timing, self._options = wire, recorder, timing, options
         self._robot, self._environment, self._keep, self._clock = robot, environment, keep, clock
         self._command_topic = command_topic(options)
@@ -217,7 +221,7 @@ class RosAgent:
         self._notes: dict[str, None] = {}
 
     def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
-        """Returns (forward velocity in m/s, turning rate in rad/s).
+        """Returns the action of a time step: forward velocity in m/s and turning rate in rad/s.
 
         Raises:
             StopIteration: All publishers of commands have left and did not come back.
@@ -308,7 +312,7 @@ class RosAgent:
         return np.array((self._command.linear_mps[0], self._command.angular_radps[2]))
 
     def _look(self, time_s: float) -> None:
-        """Detects nodes that connect and disconnect."""
+        """Detects nodes that connect and disconnect, and acts on it."""
         now_s = self._clock()
         if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
             return
@@ -384,7 +388,7 @@ def _since(since_s: float | None, now_s: float, holds: bool) -> float | None:
 
 
 def _options_for(environment: Any, given: RosOptions) -> RosOptions:
-    """The options of the robot's `robot.yaml`, under those of the launch configuration."""
+    """Merges the ROS options of the robot's `robot.yaml` with those of the launch configuration, which win."""
     robot = robot_of(environment)
     own = dict(robot.ros) if robot is not None else {}
     try:
@@ -396,7 +400,7 @@ def _options_for(environment: Any, given: RosOptions) -> RosOptions:
 
 
 def _check_actions(environment: Any, robot_application: str) -> None:
-    """Refuses simulations that cannot be driven by velocity commands."""
+    """Raises an error for an environment that cannot be driven by velocity commands."""
     robot = robot_of(environment)
     spec = environment.action_spec() if callable(getattr(environment, "action_spec", None)) else None
     shape = getattr(spec, "shape", None)
@@ -410,11 +414,11 @@ def _check_actions(environment: Any, robot_application: str) -> None:
 
 
 _NAMES_IN_ROS_1 = {"/goal_pose": "/move_base_simple/goal"}
-"""Topics that have another name in ROS 1, where move_base subscribes goals."""
+"""Topics with another name in ROS 1, where move_base subscribes goals."""
 
 
 def _names(options: RosOptions, suite: Suite) -> dict[str, str]:
-    """The topics that are published, with the names that nodes know."""
+    """Returns the names under which topics are published to nodes, by their names in the recording."""
     others: dict[str, str | None] = {**(_NAMES_IN_ROS_1 if suite == 1 else {}), **options.topics}
     names = {topic: others.get(topic, topic) for topic in TOPICS}
     if options.localization == "robot":

@@ -1,4 +1,4 @@
-"""Passing of simulated time while ROS nodes drive: paced, free, or in lock-step."""
+"""Strategies for how simulated time advances while ROS nodes drive: paced, free, or in lock-step."""
 
 import math
 import time
@@ -13,11 +13,13 @@ from .wire import Command, Wire
 Clock = Callable[[], float]
 
 _LOOK_S = 0.05
-"""Longest wait, in seconds, between two checks whether the run has to stop."""
+"""Maximum seconds between two checks whether the run has to stop."""
 _IDLE_AFTER_S = 1.0
-"""Wall-clock time without a command after which paced nodes are taken for silent on purpose, as Nav2 is at a goal."""
+"""Wall-clock seconds without a command after which paced nodes count as intentionally silent, as Nav2 at a goal."""
 _WINDOW, _MOST_UNANSWERED = 20, 8
-"""Last steps that are counted, and how many may lack an answer: a timer of 0.1 s leaves out each second one."""
+"""Number of last steps that are counted, and how many of them may lack an answer: a timer of 0.1 s skips every second
+step.
+"""
 
 
 class TimerNodeError(Exception):
@@ -32,7 +34,7 @@ class Timing(Protocol):
 
         Args:
             time_s: Simulated time of the step.
-            scanned: Whether nodes were sent a scan with it.
+            scanned: Whether a scan was published with the step.
 
         Raises:
             RunStopped: The run has to stop, such as by cancellation.
@@ -46,7 +48,7 @@ class Timing(Protocol):
 
 
 class _Waits:
-    """Waiting for wall-clock time or a command, with an eye on the run's end."""
+    """Waiting for wall-clock time or a command, with checks whether the run has to stop."""
 
     def __init__(self, wire: Wire, stop: Stop, clock: Clock) -> None:
         self.wire, self._stop, self.clock = wire, stop, clock
@@ -92,7 +94,7 @@ class Free:
         self._due_s: float | None = None
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """See `Timing`."""
+        """Returns the newest command when real time has caught up with simulated time; see `Timing`."""
         del time_s, scanned  # the wall clock decides
         now_s = self._waits.clock()
         # Lost time is not made up for: a burst of steps after a pause would be worse.
@@ -100,15 +102,15 @@ class Free:
         return self._waits.until(self._due_s)
 
     def figures(self) -> dict[str, float | int]:
-        """See `Timing`."""
+        """Returns figures about waiting times for the run's result; see `Timing`."""
         return {}
 
 
 class Paced:
     """Timing strategy: like free, but simulated time waits if it is too far ahead of the nodes' last command.
 
-    Nodes that are slow, as on a busy machine, are waited for. Nodes that have nothing to say are not: after a second
-    without a command time goes on, until the next one comes.
+    This waits for slow nodes, as on a busy machine, but not for silent ones: after a second without a command time
+    advances, until the next one arrives.
     """
 
     def __init__(self, wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> None:
@@ -121,7 +123,7 @@ class Paced:
         self._waited_for = self._silences = 0
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """See `Timing`."""
+        """Returns the newest command, and waits if time is too far ahead of it; see `Timing`."""
         command = self._free.next_command(time_s, scanned=scanned)
         if command is None and self._commanded_at_s is not None and time_s - self._commanded_at_s >= self._ahead_s:
             began_s = self._waits.clock()
@@ -136,7 +138,7 @@ class Paced:
         return command
 
     def figures(self) -> dict[str, float | int]:
-        """See `Timing`."""
+        """Returns figures about waiting times for the run's result; see `Timing`."""
         return {"waits": self._waited_for, "waited_s": round(self._waited_s, 3), "silences": self._silences}
 
 
@@ -154,7 +156,7 @@ class Lockstep:
         """Simulated time of the last step that had to be answered."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """See `Timing`."""
+        """Waits for the command that answers the step; see `Timing`."""
         if not (scanned or self._each_step):
             return None
         began_s = self._waits.clock()
@@ -186,7 +188,7 @@ class Lockstep:
         self._waits.wire.take()
 
     def figures(self) -> dict[str, float | int]:
-        """See `Timing`."""
+        """Returns figures about waiting times for the run's result; see `Timing`."""
         mean_us = round(1e6 * self._waited_s / self._steps, 1) if self._steps else 0.0
         return {"answers_awaited": self._steps, "unanswered": self._unanswered, "mean_answer_us": mean_us}
 
@@ -195,11 +197,11 @@ def make_timing(wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, 
     """Makes the timing strategy that the ROS options ask for.
 
     Args:
-        wire: The way to the nodes.
-        stop: Whether the run is to stop.
-        options: Those of the bridge.
+        wire: Connection to the nodes.
+        stop: Tells whether the run has to stop.
+        options: Options of the ROS bridge.
         timestep_s: Simulated seconds of a step.
-        clock: Wall-clock seconds.
+        clock: Monotonic wall clock, in seconds.
     """
     if options.time == "lockstep":
         return Lockstep(wire, stop, options, clock)

@@ -1,10 +1,10 @@
-"""Records what nodes of ROS 2 publish: a program of its own, beside the programs of a run.
+"""Program that records all topics which ROS 2 nodes of a run publish.
 
 `python -P -m prefect_robomaker.tasks.runtime.ros.topic_recorder REQUEST`, where REQUEST is a `RecorderRequest` as JSON.
-It writes `ros-topics.N.mcap`, N the number of its start, and a report beside it. SIGTERM ends it.
+It writes `ros-topics.N.mcap`, where N counts its starts, and a report next to it. SIGTERM ends it.
 
-Topics of the simulation are left out: its own recording has them. What it publishes on topics that nodes publish on
-too, such as `/tf`, is told apart by its participant.
+Messages of the simulation are left out, as they are in its own recording. On topics with several publishers, such as
+`/tf`, they are recognised by their DDS participant.
 """
 
 import bisect
@@ -40,33 +40,39 @@ from .type_definitions import (
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
 _CHUNK_BYTES = 768 * 1024
-"""Uncompressed size of a chunk."""
+"""Uncompressed size of a chunk in bytes."""
 _FLUSH_INTERVAL_S = 2.0
-"""Wall-clock time after which a chunk is written even when it is not full: a killed recorder loses as much."""
+"""Wall-clock seconds after which a chunk is written even if it is not full; a killed recorder loses that much."""
 _GATHER_S = 0.05
-"""Pause between two polls while messages arrive: each poll of a topic costs as much as a message."""
+"""Seconds between two polls while messages arrive: polling a topic costs as much as a message."""
 _IDLE_S = 0.2
-"""Poll interval without messages, and longest delay until a signal to end is seen: a run gives a second to end."""
+"""Seconds between two polls without messages, and the longest delay until a stop signal is seen: a run waits one
+second.
+"""
 _DEPTH = 100
-"""Messages of a topic between two polls: 2,000 a second."""
+"""Number of messages of a topic that are kept between two polls; allows 2,000 a second."""
 _LARGE_DEPTH = 10
-"""The same for topics of large messages, 200 a second, so that a slow disk does not fill the memory with pictures."""
+"""Number of messages that are kept of topics with large messages; allows 200 a second, so that a slow disk does not
+fill the memory with images.
+"""
 _LARGE_TYPES = ("Image", "CompressedImage", "PointCloud", "PointCloud2", "OccupancyGrid", "Costmap", "VoxelGrid")
 _TOPIC_SHARE = 0.5
-"""Part of the limit that one topic may take: one camera must not keep all others out."""
+"""Share of the size limit that one topic may use, so that one camera does not displace all other topics."""
 _FREE_SHARE = 8
-"""The recorder takes one part of so many of what the disk has free when it starts: a run may use two fifths of that."""
+"""Divisor of the free disk space at the start that gives the recorder's size limit; a run may use two fifths of the
+space.
+"""
 _MOST_TOPICS = 1000
 _ASK_TIMEOUT_S = 15.0
-"""Time in which a node has to tell the definition of its type; it took 0.2 s, and several on a busy machine."""
+"""Seconds for a node to answer with the definition of its type; it took 0.2 s, and several on a busy machine."""
 _HELD_BYTES = 64 * 1024 * 1024
-"""Messages that are held back while definitions are asked for."""
+"""Size limit in bytes of messages that are held back while type definitions are requested."""
 _CLOCKS = 4096
-"""Remembered times of `/clock`: messages are at most seconds late, and it comes at most 1,000 times a second."""
+"""Number of remembered `/clock` messages: messages are at most seconds late, and the clock has at most 1,000 Hz."""
 _CLOCK_TOPIC, _CLOCK_TYPE = "rt/clock", "rosgraph_msgs/msg/Clock"
 _CLOCK_BYTES = 12
 _NOT_OF_TOPICS = ("rq/", "rr/", "ros_discovery_info")
-"""Beginnings of names on the wire that are no topics of nodes: services, and what nodes say of themselves."""
+"""Prefixes of DDS topic names that are not ROS topics: services and discovery."""
 _NANOSECONDS = 1_000_000_000
 
 
@@ -78,7 +84,7 @@ class SimulatedClock:
         self._times_ns: deque[int] = deque(maxlen=_CLOCKS)
 
     def add(self, message: Received) -> None:
-        """Adds a message of `/clock`."""
+        """Adds a received `/clock` message to the known times."""
         if len(message.data) < _CLOCK_BYTES or (self._sent_ns and message.sent_ns < self._sent_ns[-1]):
             return
         seconds = int.from_bytes(message.data[4:8], "little", signed=True)
@@ -102,20 +108,21 @@ class Recorded:
     type_hash: str
     offer: Offer
     subscriptions: dict[bool, Subscription] = field(default_factory=dict)
-    """A latched one, by `True`, hears what latched publishers sent before, and nothing of others."""
+    """Subscriptions by whether they are latched: a latched one gets earlier messages, but only from latched publishers.
+    """
 
     is_defined: bool = True
     messages: int = 0
     left_out: int = 0
-    """Messages beyond the limit."""
+    """Number of messages left out because of the size limit."""
 
     channel: int | None = None
-    """Its channel in the file; `None`: its definition is asked for."""
+    """Channel number in the MCAP file; `None` while its type definition is requested."""
 
     written_bytes: int = 0
     asked: "Question | None" = None
     held: list[tuple[int, bytes]] = field(default_factory=list)
-    """Times and messages that wait for the definition."""
+    """Times and messages that are held back until the type definition is known."""
 
     def report(self) -> TopicReport:
         """Returns the topic's entry for the recorder's report."""
@@ -150,11 +157,11 @@ class TopicRecorder:
     """Records all ROS 2 topics of a domain to an MCAP file until a signal to stop.
 
     Args:
-        listener: Hears the domain.
-        request: What to record.
-        domain: The domain, for the report.
-        path: The file.
-        clock: Seconds, for waits.
+        listener: DDS participant that subscribes the topics.
+        request: Limits and topics to record.
+        domain: ROS 2 domain id, for the report.
+        path: Path of the MCAP file.
+        clock: Monotonic clock, in seconds.
     """
 
     def __init__(
@@ -219,7 +226,7 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes new messages, and writes those that are due."""
+        """Takes new messages, and writes those whose type definition is known."""
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -293,7 +300,7 @@ class TopicRecorder:
     # Definitions
 
     def _ask(self, topic: Recorded, question: Question) -> None:
-        """Asks all nodes in the publisher's process for the definition of a type, and checks for an answer."""
+        """Requests the definition of a type from all nodes in the publisher's process, and checks for a reply."""
         for service in self._services.get(question.participant, set()):
             if service not in question.calls:
                 with suppress(ListenError):
@@ -332,7 +339,7 @@ class TopicRecorder:
         return [(topic, message) for topic, is_latched, message in taken if self._is_its(topic, is_latched, message)]
 
     def _is_its(self, topic: Recorded, is_latched: bool, message: Received) -> bool:
-        """Whether a message is not the simulation's, nor one that another subscription brings too."""
+        """Returns whether a message is to be recorded: not the simulation's, and not one that two subscriptions got."""
         publisher = self._writers.get(message.writer)
         if publisher is None:
             return True

@@ -1,4 +1,4 @@
-"""Request to the recorder of ROS topics, and its report of what it has and has not recorded."""
+"""Request to the recorder of ROS topics, and its report of what was and was not recorded."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -9,21 +9,21 @@ from pydantic import Field
 from ....schemas.wire.base import Model, optional
 
 PROGRAM = "ros-topics"
-"""Name of the recorder among the programs of a run, after the role that it is beside."""
+"""Name of the topic recorder among the programs of a run, after the application's role."""
 MODULE = "prefect_robomaker.tasks.runtime.ros.topic_recorder"
-"""The recorder."""
+"""Python module of the topic recorder."""
 LogTimes = Literal["clock", "elapsed", "sent"]
 MAX_REPORT_BYTES = 16 * 1024 * 1024
 _SHOWN = 20
-"""Topics that a note names."""
+"""Maximum number of topics that a note names."""
 _QUIET = frozenset({"/parameter_events", "/rosout"})
-"""Topics of every node, on which often nothing comes."""
+"""Topics that every node has, and that often have no messages."""
 _LOG = "rcl_interfaces/msg/Log"
-"""Type of messages that each say something of its own; of those that come again and again, one may be lost."""
+"""Type of log messages, each of which is unique; of periodic messages, single ones may be lost without harm."""
 
 
 def part_path(folder: Path, number: int) -> Path:
-    """Returns the path of the topic recorder's file, by the number of its start."""
+    """Returns the path of the file of the topic recorder's n-th start."""
     return folder / f"ros-topics.{number}.mcap"
 
 
@@ -73,11 +73,11 @@ class RecorderReport(Model):
 
 
 def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
-    """Returns notes for people about a recording of ROS topics.
+    """Returns notes for people about a recording of ROS topics, such as lost messages.
 
     Args:
-        reports: The reports that were found.
-        starts: How often the recorder was started, as far as its files show.
+        reports: Reports that were found.
+        starts: Number of starts of the recorder, as far as its files show.
     """
     topics = [topic for report in reports for topic in report.topics]
     if reports and not topics:
@@ -107,11 +107,11 @@ def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
 
 
 def losses_of(reports: Sequence[RecorderReport], starts: int) -> dict[str, str]:
-    """Returns why topics are not recorded whole, by their names; topics that are whole are not there.
+    """Returns reasons why topics are not recorded completely, by topic; complete topics are not included.
 
     Args:
-        reports: The reports that were found.
-        starts: How often the recorder was started, as far as its files show.
+        reports: Reports that were found.
+        starts: Number of starts of the recorder, as far as its files show.
     """
     found: dict[str, str] = {}
     for topic in (topic for report in reports for topic in report.topics):

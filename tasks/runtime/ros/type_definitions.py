@@ -1,4 +1,4 @@
-"""Definitions of message types: those that every ROS 2 has, those in files of packages, and those that nodes tell."""
+"""Definitions of ROS message types: standard ones, those in `.msg` files of packages, and those that nodes send."""
 
 import os
 import re
@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 _STORES = (Stores.ROS2_HUMBLE, Stores.LATEST)
-"""The first for nodes that say no hash, since only Humble's do not."""
+"""Type stores to search; Humble's is first, for nodes that announce no type hash, which only Humble's nodes do not."""
 _SEPARATOR = "=" * 80 + "\n"
 SERVICE = "get_type_description"
 SERVICE_TYPE = "type_description_interfaces/srv/GetTypeDescription"
@@ -31,19 +31,21 @@ _SIMPLE = {
     10: "float32", 11: "float64", 13: "char", 15: "bool", 16: "byte", 17: "string", 18: "wstring",
     21: "string", 22: "wstring",
 }  # fmt: skip
-"""Types of fields by the ids of `type_description_interfaces/msg/FieldType`; strings of fixed length are not in ROS."""
+"""Names of field types by the ids of `type_description_interfaces/msg/FieldType`; fixed-length strings do not exist in
+ROS.
+"""
 _NESTED = 1
 _BOUNDED_STRINGS = (21, 22)
 _KINDS = 48
-"""Step of the ids from a value to an array of them, to a bounded sequence, and to a sequence without a bound."""
+"""Difference between the ids of a value, an array, a bounded sequence and an unbounded sequence of a type."""
 
 
 def known_definition(ros_type: str, type_hash: str) -> str | None:
     """Returns the definition of a standard ROS 2 message type, as concatenated `.msg` files.
 
     Args:
-        ros_type: Its name in ROS.
-        type_hash: Its hash; empty: none is known, and the type of Humble is taken.
+        ros_type: ROS name of the type.
+        type_hash: Hash of the type; empty: unknown, and the type of Humble is used.
 
     Returns:
         `None` where it is not among them, or has another hash there.
@@ -56,9 +58,11 @@ def known_definition(ros_type: str, type_hash: str) -> str | None:
 
 
 _MOST_FOLDERS = 20_000
-"""Folders that are looked through for packages: a workspace of Nav2 has 6,000 once it is built, 0.3 s."""
+"""Maximum number of folders that are searched for packages: a built workspace of Nav2 has 6,000, which takes 0.3 s."""
 _DEEPEST = 7
-"""Folders below which packages are not looked for: `opt/ros/jazzy/share/PACKAGE/msg` of a bundle has six."""
+"""Maximum depth of folders that are searched for packages: `opt/ros/jazzy/share/PACKAGE/msg` of a bundle has six
+levels.
+"""
 _NOT_OF_PACKAGES = frozenset({"bin", "doc", "include", "lib", "log", "node_modules", "proc", "site-packages", "sys"})
 _MOST_FILE_BYTES = 256 * 1024
 _EVENT, _REQUEST_OF, _RESPONSE_OF = "_Event", "_Request", "_Response"
@@ -70,22 +74,23 @@ _EVENT_TEXT = """service_msgs/ServiceEventInfo info
 
 
 class PackageFiles:
-    """Definitions in `.msg` and `.srv` files of packages, which are looked for when they are first asked for."""
+    """Type definitions in `.msg` and `.srv` files of packages, searched on first use."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        """Looks at nothing yet.
+        """Stores the folders, without searching them yet.
 
         Args:
-            folders: Bundles and prefixes, whose packages are anywhere below; the first that has a package counts.
+            folders: Folders of bundles and ROS installations, with packages at any depth; the first that has a package
+                is used.
         """
         self._roots = folders
 
     def definition(self, ros_type: str, type_hash: str) -> str | None:
-        """The definition of a type, as concatenated files.
+        """Returns the definition of a type, as concatenated `.msg` files.
 
         Args:
-            ros_type: Its name in ROS.
-            type_hash: Its hash; empty: none is known, and the first file of that name is taken.
+            ros_type: ROS name of the type.
+            type_hash: Hash of the type; empty: unknown, and the first file of that name is used.
 
         Returns:
             `None` where there is no such file, or it has another hash.
@@ -104,7 +109,7 @@ class PackageFiles:
 
     @cached_property
     def _folders(self) -> dict[str, list[Path]]:
-        """Folders of packages that have definitions, by the packages' names."""
+        """Folders of packages with type definitions, by package name."""
         found: dict[str, list[Path]] = {}
         for folder in islice(self._walk(), _MOST_FOLDERS):
             if folder.name in ("msg", "srv"):
@@ -136,7 +141,7 @@ class PackageFiles:
         return texts.get(f"_{part}", _EVENT_TEXT.format(service=f"{package.name}/{service}"))
 
     def _gather(self, ros_type: str, text: str, texts: dict[str, str]) -> None:
-        """Adds a type's text and those of all that it needs, by their names in concatenated files.
+        """Adds the definitions of a type and of all types that it contains, by type name.
 
         Raises:
             Exception: The definition of a type is missing or invalid.
@@ -157,7 +162,7 @@ class PackageFiles:
 
 
 def _read(path: Path) -> str:
-    """The text of a file.
+    """Reads a definition file.
 
     Raises:
         OSError: The path is not a regular file, or the file is too large.
@@ -168,7 +173,7 @@ def _read(path: Path) -> str:
 
 
 def _types_in(members: Sequence[tuple[str, Any]]) -> Iterator[str]:
-    """Names of the types that members have, other than numbers and text."""
+    """Yields the message types of fields, without numbers and text."""
     for _, (node, about) in members:
         if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             node, about = about[0]
@@ -177,7 +182,7 @@ def _types_in(members: Sequence[tuple[str, Any]]) -> Iterator[str]:
 
 
 def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str:
-    """The hash of a definition; that of ROS 2 itself takes a `char` for a `uint8`, that of `rosbags` does not.
+    """Computes the hash of a definition; ROS 2 itself hashes `char` as `uint8`, `rosbags` does not.
 
     Raises:
         Exception: The text is not a message definition.
@@ -188,7 +193,7 @@ def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str
 
 
 def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
-    """The types of a definition; those of services are called so, which the parser takes for messages."""
+    """Parses the types of a definition; those of services get names that the parser accepts as messages."""
     package, kind, name = ros_type.split("/")
     parsed = get_types_from_msg(definition, f"{package}/msg/{name}")
     service = re.escape(name.rpartition("_")[0])
@@ -210,8 +215,8 @@ def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
 def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
     """Returns a message type's hash if readers would compute the same from its definition, else empty.
 
-    Readers refuse a whole recording for one type whose definition does not have the hash that is said of it, and
-    `rosbags` computes another for a few types, such as `std_msgs/msg/Char`.
+    Readers refuse a whole recording for one type whose definition does not have the stated hash, and `rosbags` computes
+    a different one for a few types, such as `std_msgs/msg/Char`.
     """
     if not (definition and type_hash):
         return type_hash
@@ -232,8 +237,8 @@ def definition_in(reply: bytes, ros_type: str) -> str | None:
     """Parses the type definition in a `get_type_description` reply.
 
     Args:
-        reply: CDR of a reply of `get_type_description`, perhaps to somebody else's request.
-        ros_type: The type that was asked for.
+        reply: CDR of a reply of `get_type_description`, possibly to another client's request.
+        ros_type: Type that was requested.
 
     Returns:
         `None`: the reply is about another type, or the node does not know this one.
@@ -253,7 +258,7 @@ def definition_in(reply: bytes, ros_type: str) -> str | None:
 
 
 def _text(description: Any, source: Any) -> str:
-    """One `.msg` file: as its author wrote it, or made of its fields where it has no file, as parts of actions."""
+    """Returns the text of a `.msg` file: the original, or one made from the type's fields if it has no file."""
     if source is not None and source.encoding == "msg" and source.raw_file_contents:
         text = str(source.raw_file_contents)
         return text if text.endswith("\n") else f"{text}\n"

@@ -1,4 +1,4 @@
-"""The way from a simulation to ROS nodes: topics out, velocity commands in."""
+"""Interface of a connection from a simulation to ROS nodes: publishes topics, receives velocity commands."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,19 +9,19 @@ class Topic(NamedTuple):
     """A ROS topic that the simulation publishes."""
 
     name: str
-    """With its slash: `/scan`."""
+    """Topic name with its slash, such as `/scan`."""
 
     ros_type: str
-    """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+    """Message type in ROS 2's form, such as `sensor_msgs/msg/LaserScan`."""
 
     is_latched: bool = False
     """Whether nodes that subscribe later get the last message: `transient local` in ROS 2, `latch` in ROS 1."""
 
     depth: int = 10
-    """Messages that are kept for a slow reader."""
+    """Number of messages that are kept for a slow subscriber (QoS history depth)."""
 
     is_on_demand: bool = False
-    """Whether it costs so much that it is made only where a node listens."""
+    """Whether messages are so expensive that they are made only if a node subscribes."""
 
 
 Vector = tuple[float, float, float]
@@ -32,37 +32,37 @@ class Command(NamedTuple):
     """A velocity command of a ROS node, from `geometry_msgs/Twist` or `TwistStamped`."""
 
     linear_mps: Vector
-    """Along x, y and z of the robot's base, metres a second."""
+    """Linear velocity along x, y and z of the robot's base, in m/s."""
 
     angular_radps: Vector
-    """About its axes, radians a second."""
+    """Angular velocity about the axes of the robot's base, in rad/s."""
 
     stamp_s: float | None = None
-    """Time in its header, seconds; none where it has no header."""
+    """Time stamp of the message in seconds; None if it has no header."""
 
 
 @dataclass(frozen=True)
 class Peers:
-    """The ROS nodes that the simulation knows of."""
+    """ROS nodes that are connected to the simulation."""
 
     heard: frozenset[str] = frozenset()
-    """Topics of the simulation that at least one node subscribes."""
+    """Topics of the simulation that at least one node subscribes to."""
 
     commanders: int = 0
-    """Publishers of the command topic."""
+    """Number of publishers of the command topic."""
 
     mistyped: Mapping[str, str] = field(default_factory=dict)
-    """Types of publishers of the command topic that cannot be understood, by the name of their topic."""
+    """Unsupported message types of publishers of the command topic, by topic name."""
 
 
 class Wire(Protocol):
     """Interface of a connection from the simulation to ROS nodes.
 
-    All methods are called by the thread that simulates; none but `wait` waits.
+    All methods are called by the simulation thread; only `wait` blocks.
     """
 
     name: str
-    """Its name in messages: `ROS 2, domain 7`."""
+    """Name of the connection in messages: `ROS 2, domain 7`."""
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
         """Announces topics, and subscribes the velocity commands.
@@ -81,7 +81,7 @@ class Wire(Protocol):
         ...
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command is there; returns whether one is."""
+        """Waits until a velocity command arrives; returns whether one did."""
         ...
 
     def peers(self) -> Peers:

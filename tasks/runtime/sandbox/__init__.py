@@ -1,1 +1,1 @@
-"""The box that a run's processes are in: namespaces of their own, or else rules of the kernel for files."""
+"""Sandbox of a run's processes: Linux namespaces, or else Landlock rules of the kernel."""

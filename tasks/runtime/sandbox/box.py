@@ -1,4 +1,4 @@
-"""Boxes: namespaces with a file system of their own, and processes forked into them."""
+"""Boxes: sandboxes of Linux namespaces with a root file system of their own, and forking of processes into them."""
 
 import json
 import os
@@ -22,10 +22,10 @@ def fork_beside(become: Callable[[], NoReturn]) -> int:
     """Forks a process in its own session, which dies with this process.
 
     Args:
-        become: What it does; it must not return.
+        become: Function that the new process runs; it must not return.
 
     Returns:
-        Its pid.
+        Process id of the new process.
     """
     parent = os.getpid()
     pid = os.fork()
@@ -53,7 +53,7 @@ _TEMPORARY_BYTES = 1 << 30
 class Furnishing:
     """Builds the root file system of a sandbox, inside its first process.
 
-    The new root lies on a folder that is hidden by it meanwhile, in the box's own mount namespace only.
+    The new root is mounted on a folder that it hides meanwhile, in the sandbox's own mount namespace only.
 
     Raises:
         OSError: This machine or this user may not mount file systems.
@@ -85,9 +85,9 @@ class Furnishing:
         """Adds the files a run may see, makes them the root, and gives up the right to change it.
 
         Args:
-            sights: files and folders of the run.
-            network: what is reached from the box.
-            services: ports in a network of its own at which servers outside will be reached.
+            sights: Files and folders that the run may see.
+            network: Network that processes in the sandbox can reach.
+            services: Ports at which a sandbox with a network of its own reaches servers outside.
 
         Returns:
             A socket that listens for each of `services`.
@@ -135,7 +135,7 @@ class Furnishing:
             kernel.restrict_mount(target, kernel.READ_ONLY)
 
     def _make_place(self, target: str, *, is_folder: bool) -> None:
-        """Creates a mount point, a file or folder, unless it exists; never through a link out of the new root."""
+        """Creates a mount point (file or folder) unless it exists; never through a link out of the new root."""
         if os.path.exists(target) and os.path.realpath(target).startswith(self._root + "/"):
             return
         parent = target if is_folder else os.path.dirname(target)
@@ -184,11 +184,11 @@ _MOST_SERVICES = 16
 
 
 class BoxError(OSError):
-    """Raised when a sandbox cannot be created on this machine; says why."""
+    """Raised when a sandbox cannot be created on this machine; the message says why."""
 
 
 class Box:
-    """Sandbox of a run's processes (Linux namespaces), as its supervisor controls it.
+    """Sandbox of a run's processes (Linux namespaces), controlled by the run's supervisor.
 
     Raises:
         BoxError: This machine or this user may not create the namespaces.
@@ -210,9 +210,9 @@ class Box:
         """Adds the files and network that the run may access, and closes the sandbox.
 
         Args:
-            sights: files and folders of the run.
-            network: what its processes reach.
-            services: ports of servers outside that are reached from a network of its own, too.
+            sights: Files and folders that the run may see.
+            network: Network that the run's processes can reach.
+            services: Ports at which a sandbox with a network of its own reaches servers outside.
 
         Raises:
             BoxError: The files or network cannot be added.
@@ -235,7 +235,7 @@ class Box:
         """Forks a process into the sandbox, which dies with this process.
 
         Args:
-            become: What it does; it must not return.
+            become: Function that the process runs; it must not return.
 
         Returns:
             Its pid, as this process sees it, whose child it is.
@@ -270,16 +270,16 @@ class Box:
 
 
 def enter_network_of_keeper(network: BoxNetwork) -> None:
-    """Moves a process that was forked early into the network of its sandbox."""
+    """Moves a process that was forked before the network was known into the network of its sandbox."""
     if network != "full":
         kernel.enter_namespaces(1, kernel.NEW_NETWORK)
 
 
 def _orphan(enter: Callable[[], None], become: Callable[[], NoReturn]) -> int:
-    """Forks twice: the first enters namespaces, the second is in them; returns its pid.
+    """Forks twice: the first process enters namespaces, and the second, which is in them, stays; returns its pid.
 
     Raises:
-        BoxError: The first could not.
+        BoxError: The namespaces could not be entered.
     """
     ours, theirs = socket.socketpair()
     with ours:
@@ -312,7 +312,7 @@ def _help(
 
 
 def _begin(theirs: socket.socket, become: Callable[[], NoReturn]) -> None:
-    """The second process: it belongs to the supervisor once the first has ended."""
+    """Runs in the second fork: waits until the supervisor has adopted it, then calls `become`."""
     try:
         if theirs.recv(1) == _READY:
             os.setsid()
@@ -334,7 +334,7 @@ def _identity(path: str) -> list[int] | None:
 
 
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
-    """Checks that a path is the same in this mount namespace, which lacks later mounts; returns its sight."""
+    """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`."""
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")
     return Sight(path, view)
@@ -347,7 +347,7 @@ def _unshare_all() -> None:
 
 
 def _keep(control: socket.socket) -> NoReturn:
-    """The keeper: furnishes, gives up its rights, and reaps."""
+    """Runs the sandbox's first process: builds the file system, gives up privileges, and reaps processes."""
     descriptor = control.fileno()
     os.closerange(3, descriptor)
     os.closerange(descriptor + 1, os.sysconf("SC_OPEN_MAX"))

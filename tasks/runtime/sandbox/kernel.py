@@ -1,4 +1,4 @@
-"""The kernel's means of a sandbox: namespaces, mounts, Landlock, filters of system calls."""
+"""Linux system calls for a sandbox: namespaces, mounts, Landlock, seccomp filters."""
 
 import ctypes
 import fcntl
@@ -18,7 +18,7 @@ NEW_USER, NEW_MOUNTS, NEW_IPC, NEW_NAMES, NEW_PIDS, NEW_NETWORK = (
     0x10000000, 0x00020000, 0x08000000, 0x04000000, 0x20000000, 0x40000000,
 )  # fmt: skip
 READ_ONLY, NO_SET_USER_ID, NO_DEVICES, NO_PROGRAMS = 1, 2, 4, 8
-"""Flags of mounts (`MOUNT_ATTR_…`, which for these are also `MS_…`)."""
+"""Flags of mounts (`MOUNT_ATTR_…`, which for these equal `MS_…`)."""
 
 _MS_BIND, _MS_REC, _MS_SLAVE = 0x1000, 0x4000, 0x80000
 _MNT_DETACH = 2
@@ -142,7 +142,7 @@ _FIRST_VERSION = (1 << 13) - 1
 _OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE | _IOCTL
 _READ = _EXECUTE | _READ_FILE | _READ_DIR
 _SCOPES = 3
-"""Abstract sockets and signals do not leave the processes that have the same rules."""
+"""Landlock scopes: abstract sockets and signals reach only processes with the same rules."""
 
 
 @dataclass(frozen=True)
@@ -159,10 +159,10 @@ def landlock_version() -> int:
 
 
 def restrict(rules: Sequence[Rules]) -> None:
-    """Confines this process and its children to some files with Landlock; needs `no_new_privs`.
+    """Confines this process and its children to some files with Landlock; requires `no_new_privs`.
 
     Args:
-        rules: what it still reaches; what is not there is left out.
+        rules: Files and folders that stay accessible; missing ones are left out.
 
     Raises:
         OSError: the kernel refuses.
@@ -206,13 +206,15 @@ def _checked(answer: int) -> int:
 
 _SECCOMP = {"x86_64": 317, "aarch64": 277}
 _SET_MODE_FILTER, _SPECULATE = 1, 1 << 2
-"""The second: speculative execution stays as it is; older kernels would slow down all that has a filter."""
+"""seccomp operation that sets a filter, and its flag that keeps speculative execution, as older kernels would slow down
+every process with a filter.
+"""
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 _NUMBER_AT, _MACHINE_AT, _ARGUMENT_AT, _THIRD_AT = 0, 4, 16, 32
 _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
 _X32 = 0x40000000
 _NEW_NAMESPACES = 0x7E020000
-"""`CLONE_NEW…` of users, mounts, processes, networks, IPC, names and control groups."""
+"""Mask of the `CLONE_NEW…` flags of users, mounts, processes, networks, IPC, names and control groups."""
 
 _REFUSED = {  # on x86-64, on i386, on 64-bit ARM
     "add_key": (248, 286, 217), "request_key": (249, 287, 218), "keyctl": (250, 288, 219),
@@ -231,18 +233,21 @@ _REFUSED = {  # on x86-64, on i386, on 64-bit ARM
 
 
 class _Machine(NamedTuple):
-    """Numbers of one kind of programs; several kinds run on one machine."""
+    """System call numbers of a machine type; programs of several types can run on one machine."""
 
     identity: int
     column: int
     unshare: int
     clone: int
     limits: int
-    """`prlimit64`: without a box a process could take files and time from its job worker."""
+    """Number of `prlimit64`, with which a process outside of a box could take files and CPU time from its job worker.
+    """
 
 
 _CLONE3 = 435
-"""Its arguments are in memory, where no filter looks; who finds it missing uses `clone`."""
+"""Number of `clone3`, which is blocked because its arguments are in memory, where filters cannot look; programs then
+use `clone`.
+"""
 _MACHINES = {
     "x86_64": (_Machine(0xC000003E, 0, 272, 56, 302), _Machine(0x40000003, 1, 310, 120, 340)),
     "aarch64": (_Machine(0xC00000B7, 2, 97, 220, 261),),
@@ -250,13 +255,13 @@ _MACHINES = {
 
 
 def filter_system_calls() -> bool:
-    """Blocks dangerous system calls for this process and its children (seccomp); needs `no_new_privs`.
+    """Blocks dangerous system calls for this process and its children (seccomp); requires `no_new_privs`.
 
     Returns:
-        Whether it did: not on other machines than 64-bit x86 and ARM, nor where the kernel has no filters.
+        Whether the filter is active: only on 64-bit x86 and ARM, and where the kernel has filters.
 
     Raises:
-        OSError: the kernel refuses.
+        OSError: The kernel refuses.
     """
     machine = os.uname().machine
     if machine not in _MACHINES:
@@ -317,8 +322,9 @@ def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     """Confines this process and its children for good, at a given sandbox level.
 
     Args:
-        level: `box`: it is in one already, and gives up what it could do to it; `landlock`: it gets rules; `none`.
-        rules: for `landlock`.
+        level: Sandbox level: `box` gives up the privileges over the box that the process is already in; `landlock`
+            applies rules; `none` does nothing more.
+        rules: Landlock rules.
     """
     if level == "none":
         return

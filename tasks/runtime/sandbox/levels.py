@@ -1,4 +1,4 @@
-"""Level of confinement that this machine allows this user, found by trying."""
+"""Strongest sandbox level that this machine allows this user, found by trying."""
 
 import os
 from collections.abc import Callable
@@ -16,7 +16,7 @@ class Confinement(NamedTuple):
 
     level: BoxLevel
     why_not_more: str = ""
-    """Reasons why the stronger levels were refused, in words."""
+    """Reasons why the stronger levels do not work, as text."""
 
 
 def strongest_level() -> Confinement:

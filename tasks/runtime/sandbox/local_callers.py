@@ -1,4 +1,4 @@
-"""Callers on this machine: which job a connection comes from, by marks of runs."""
+"""Identification of local callers: finds the job whose process opened a connection, by marks of runs."""
 
 import os
 import socket
@@ -19,11 +19,11 @@ from ..limits.processes import process_state
 _MARK = "supervisor.json"
 _MOST_BYTES = 4096
 _MOST_ANCESTORS = 1000
-"""Processes above a process that are looked at; a machine's own are tens deep."""
+"""Maximum number of ancestors of a process that are examined; processes have tens."""
 
 
 class _Mark(Model):
-    """Mark of a supervisor: its process and its job."""
+    """Mark file of a run's supervisor: process id and job ARN."""
 
     pid: int = Field(description="Its process.")
     started: int = Field(description="When that started, in ticks since the machine did: ids of processes come again.")
@@ -34,7 +34,7 @@ def mark_run(folder: Path, job: str) -> None:
     """Records that this process supervises a run, so that its callers can be identified.
 
     Args:
-        folder: the run's own.
+        folder: Folder of the run.
         job: ARN of the job.
 
     Raises:
@@ -48,10 +48,10 @@ def mark_run(folder: Path, job: str) -> None:
 
 
 def marked_runs(home: Path) -> Mapping[int, str]:
-    """Returns the living supervisor processes, each with the ARN of its job.
+    """Returns the ARN of the job of each living supervisor process, by process id.
 
     Args:
-        home: the data home of the job workers.
+        home: Data home of the job workers.
     """
     found: dict[int, str] = {}
     for path in (home / "jobs").glob(f"*/*/{_MARK}"):
@@ -87,11 +87,13 @@ _ANSWER_BYTES = 8192
 _HEADER = struct.Struct("=IHHII")
 _NO_COOKIE = b"\xff" * 8
 _OWNER_AT = _HEADER.size + 4 + 48 + 12
-"""Position of user and inode in the answer: after header, four bytes of state, the socket's id and three numbers."""
+"""Byte offset of user and inode in the kernel's answer: after header, four bytes of state, the socket's id and three
+numbers.
+"""
 _ERROR = 2  # NLMSG_ERROR
 _MOST_KNOWN = 10_000
 _KNOWN_S = 60.0
-"""Seconds for which the process of a connection is cached: inodes of sockets are reused, after some billions."""
+"""Seconds for which the process of a connection is cached; inodes of sockets are reused, after some billions."""
 
 
 class ConnectionEnd(NamedTuple):
@@ -106,18 +108,18 @@ class Caller:
     """The process at the other end of a local connection, and the job it belongs to."""
 
     job: str | None = None
-    """ARN of the job whose process it is; `None`: no job's."""
+    """ARN of the job to which the process belongs; `None`: no job."""
 
     why_unknown: str | None = None
-    """Reason why the process cannot be determined; `None`: it can."""
+    """Reason why the process cannot be determined; `None` if it can."""
 
 
 class Callers:
     """Finds which process, and so which job, has opened a local TCP connection.
 
     Args:
-        home: the data home of the job workers of this machine.
-        end_of: finds the other end of a connection.
+        home: Data home of the job workers of this machine.
+        end_of: Function that finds the other end of a connection.
     """
 
     def __init__(self, home: Path, end_of: Callable[[Address, Address], ConnectionEnd | None] | None = None) -> None:
@@ -130,8 +132,8 @@ class Callers:
         """Finds the process that has opened a connection.
 
         Args:
-            peer: its address there.
-            server: its address here.
+            peer: Address and port of the caller's end of the connection.
+            server: Address and port of this end of the connection.
         """
         if not self._can_tell or not ip_address(peer[0]).is_loopback:
             return Caller()
@@ -191,7 +193,7 @@ def _asked(peer: Address, server: Address) -> ConnectionEnd | None:
 
 
 def _listed(peer: Address, server: Address) -> ConnectionEnd | None:
-    """The same out of the list of all connections."""
+    """Finds the other end of a local connection in the kernel's list of all connections."""
     wanted = (_written(peer), _written(server))
     name = "tcp6" if ":" in peer[0] else "tcp"
     with suppress(OSError), Path(f"/proc/net/{name}").open() as lines:
@@ -209,7 +211,7 @@ def _written(address: Address) -> str:
 
 
 def _holders(end: ConnectionEnd) -> Iterator[int]:
-    """The processes that can be seen to have a socket open."""
+    """Yields the visible processes that have the socket open."""
     link = f"socket:[{end.inode}]"
     with os.scandir("/proc") as entries:
         for entry in entries:
@@ -240,7 +242,7 @@ def _caller_of(pid: int, runs: Mapping[int, str]) -> Caller:
 
 
 def _of_another_user(user: int) -> Caller:
-    """Another user's processes say nothing of their connections; a job can only be among them in a container."""
+    """Makes the caller for a socket of another user: its process cannot be seen; only a container's job has one."""
     with os.scandir("/proc") as entries:
         for entry in entries:
             if entry.name.isdecimal() and _is_contained(entry.name, user):

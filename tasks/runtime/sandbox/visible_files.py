@@ -1,4 +1,4 @@
-"""Files of the machine that a run sees: the system, Python and what it imports, and the run's own folders."""
+"""Files of the machine that a sandboxed run can see: the system, Python and its imports, and the run's own folders."""
 
 import os
 import sys
@@ -12,7 +12,7 @@ from .kernel import Rules
 
 _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/etc", "/nix", "/snap")
 _FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", "/sys", "/dev")
-"""Never shown as a whole, even where Python imports from there."""
+"""Folders that are never visible as a whole, even if Python imports from them."""
 
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
 
@@ -23,10 +23,10 @@ _PATH_VARIABLES = (
 )
 
 _OF_TOOLS = ("bin", "lib", "lib64", "libexec", "shims", "versions", "version", "installs", "plugins", "toolchains")
-"""Entries beside a folder of programs that are needed to run them.
+"""Names of folders next to a `bin` folder that its programs need.
 
-Such programs are installed in a home, as by pyenv, asdf, conda, rustup or pip. `share` and files of settings are not
-needed: job workers keep data in the one, tools keys in the other.
+Programs in a home folder are installed so by pyenv, asdf, conda, rustup or pip. `share` and settings files are not
+needed: job workers keep data in one, tools keep keys in the other.
 """
 
 View = Literal["read", "write", "hide"]
@@ -53,7 +53,7 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
     """Returns the folders of Python and its imports, which a sandboxed run has to see.
 
     Args:
-        import_path: `sys.path` of the process that asked for the run.
+        import_path: `sys.path` of the process that requested the run.
     """
     found = {*map(os.path.abspath, import_path), sys.prefix, sys.base_prefix}
     found |= {os.path.realpath(path) for path in found} | {os.path.dirname(os.path.realpath(sys.executable))}
@@ -76,7 +76,7 @@ def _beside(path: str) -> Iterable[str]:
 
 
 def _worth_showing(paths: Iterable[str]) -> list[Path]:
-    """Chooses the folders that exist, hold little besides the wanted files, and are not visible with the system's."""
+    """Chooses existing folders that contain little besides the wanted files and are not system folders."""
     home = os.path.expanduser("~")
     foreign = {*_FOREIGN, home, os.path.realpath(home)}
     system = tuple(f"{path}/" for path in _SYSTEM)
@@ -93,7 +93,7 @@ def ordered(sights: Iterable[Sight]) -> list[Sight]:
 
 
 def _secrets_below(folder: str) -> list[str]:
-    """Returns paths below a folder that not all users may read: in the box, a job worker of root could read them."""
+    """Lists paths below a folder that not all users may read; a sandboxed process of root could read them."""
     if os.geteuid() != 0:
         return []
     found = []

@@ -1,1 +1,1 @@
-"""Stored states of a run: state log, checkpoints, digest, provenance, failure state."""
+"""Stored states of a run: state log, checkpoints, state hashes, provenance, failure state."""

@@ -1,4 +1,4 @@
-"""Files of checkpoints, for readers without MuJoCo, and the checkpoints of runs with trials."""
+"""Checkpoint files, for readers without MuJoCo, and checkpoints of runs with trials."""
 
 import fcntl
 import os
@@ -18,7 +18,7 @@ REASON_FILE = "not-resumable.txt"
 LOCK_FILE = "lock"
 
 KEPT = 2
-"""Checkpoints that are kept: the last may have been cut off by a machine that died."""
+"""Number of checkpoints that are kept: the last one may be incomplete after a machine failed."""
 
 _PATTERN = "checkpoint-*.bin"
 _MOST_BYTES = 4 << 30
@@ -98,7 +98,7 @@ def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
     """Locks the checkpoint folder of a run, and stores the plan there.
 
     Returns:
-        The lock, which is held until this descriptor is closed.
+        File descriptor of the lock, which is held until it is closed.
 
     Raises:
         RunTakenError: Another process executes the run.
@@ -113,15 +113,15 @@ def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
 def write_checkpoint(
     folder: Path, number: int, payload: bytes, *, sim_time_s: float, steps: int, wall_time_s: float
 ) -> None:
-    """Writes a checkpoint, and deletes those before the last two.
+    """Writes a checkpoint, and deletes all older ones except the last.
 
     Args:
         folder: The plan's `checkpoint_dir`.
-        number: Its number; the first is 1.
-        payload: The state.
+        number: Number of the checkpoint, from 1.
+        payload: Pickled state.
         sim_time_s: Simulated time so far.
         steps: Steps of the environment so far, or trials that have finished.
-        wall_time_s: Time of all attempts together.
+        wall_time_s: Wall-clock time of all attempts together.
 
     Raises:
         OSError: The folder is full or cannot be written.
@@ -162,7 +162,7 @@ def payload_of(path: Path, header: CheckpointHeader) -> bytes:
 
 
 def write_whole(path: Path, *parts: bytes) -> None:
-    """Writes a file atomically, also when the process is killed."""
+    """Writes a file atomically: it is complete or absent, even if the process is killed."""
     unfinished = path.with_name(f".{path.name}.unfinished")
     with unfinished.open("wb") as file:
         for part in parts:
@@ -186,18 +186,18 @@ def take_lock(path: Path) -> int:
 
 
 EVERY_S = 1.0
-"""Wall-clock time between two checkpoints."""
+"""Wall-clock seconds between two checkpoints."""
 _PAYLOAD = b"the trials are in the journal"
 
 
 class TrialCheckpoints:
-    """Checkpoints of a run with trials: how many trials are done."""
+    """Checkpoints of a run with trials: the number of finished trials."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Takes the folder.
+        """Locks the checkpoint folder.
 
         Args:
-            plan: The run.
+            plan: Plan of the run.
 
         Raises:
             RunTakenError: Another process executes the run.
@@ -218,8 +218,8 @@ class TrialCheckpoints:
         """Writes a checkpoint if the last one is old enough.
 
         Args:
-            trials: How many have finished.
-            sim_time_s: Simulated time of all of them.
+            trials: Number of finished trials.
+            sim_time_s: Total simulated time of the finished trials.
 
         Raises:
             OSError: The folder is full or cannot be written.

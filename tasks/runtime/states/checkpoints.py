@@ -1,4 +1,4 @@
-"""Checkpoints of a run: all that its future depends on, so that it can be continued to the bit."""
+"""Checkpoints of a run: everything its future depends on, so that a resumed run is bit-identical."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -33,11 +33,13 @@ from .checkpoint_files import (
 from .digest import digest_of_model
 
 _MOST_MODELS = 3
-"""Models that are kept apart; of environments that change theirs more often, each checkpoint has its own."""
+"""Maximum number of models in separate files; environments that change models more often store the model in each
+checkpoint.
+"""
 
 
 class KeptPhysics:
-    """Stores MuJoCo's data without the model, which is large and is written to a file once."""
+    """Serialises MuJoCo's data without the model, which is large and is written to a file once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -46,7 +48,7 @@ class KeptPhysics:
         self._models = 0
 
     def kept(self, data: mujoco.MjData) -> tuple[str, bytes]:
-        """Returns the model file's name and the bytes that differ from it."""
+        """Returns the name of the model's file, and the bytes of the data that the file does not contain."""
         whole = data.__getstate__()
         if not (self._common and whole.startswith(self._common)) and self._models < _MOST_MODELS:
             self._keep_model(data.model, whole)
@@ -55,10 +57,10 @@ class KeptPhysics:
         return self._name, whole[len(self._common) :]
 
     def read(self, name: str, rest: bytes) -> mujoco.MjData:
-        """Restores the MuJoCo data that `kept` stored.
+        """Restores the MuJoCo data that `kept` serialised.
 
         Raises:
-            CheckpointError: The file with the model is gone, or not whole.
+            CheckpointError: The file with the model is missing or incomplete.
         """
         common = b""
         if name:
@@ -100,10 +102,10 @@ def copy_physics(kept: mujoco.MjData, model: mujoco.MjModel, data: mujoco.MjData
 
 
 COST_SHARE = 0.01
-"""Most of the time that may go into checkpoints; where one costs more, they become rarer."""
+"""Maximum share of the run's time that goes into checkpoints; if one takes longer, they become rarer."""
 
 _WORTH_KEEPING = 0.1
-"""Wall-clock age of a run, as a share of the interval, below which it is not worth a checkpoint."""
+"""Share of the checkpoint interval; a run that has lasted less wall-clock time is not worth a checkpoint."""
 
 
 @runtime_checkable
@@ -136,15 +138,15 @@ class LoopState:
     timestep: Any
     steps: int
     time_s: float
-    """Simulated."""
+    """Simulated time in seconds."""
     wall_time_s: float
-    """Spent stepping."""
+    """Wall-clock time of the steps in seconds."""
 
 
 class Checkpointer:
     """Writes the checkpoints of one run, and resumes from the last one.
 
-    Used by the run's process only, which holds the folder's lock for as long as it lives.
+    It is used only by the run's process, which holds the folder's lock.
     """
 
     def __init__(
@@ -152,11 +154,11 @@ class Checkpointer:
         plan: RunPlan,
         rng: np.random.Generator,
     ) -> None:
-        """Takes the folder.
+        """Locks the checkpoint folder.
 
         Args:
-            plan: The run; it has a `checkpoint_dir`.
-            rng: The run's generator.
+            plan: Plan of the run, with a `checkpoint_dir`.
+            rng: Random generator of the run.
 
         Raises:
             CheckpointError: Another process already continues the run.
@@ -202,9 +204,9 @@ class Checkpointer:
         return time_s >= self._next_time_s - 5e-7 and time.perf_counter() >= self._not_before
 
     def save(self, parts: RunParts, loop: LoopState) -> None:
-        """Writes a checkpoint, and deletes those before the last two.
+        """Writes a checkpoint, and deletes all older ones except the last.
 
-        What cannot be pickled, or fails in `state()`, ends the making of checkpoints, not the run.
+        If an object cannot be pickled, or its `state()` fails, no more checkpoints are made, and the run continues.
 
         Raises:
             OSError: The folder is full or cannot be written.
@@ -231,7 +233,7 @@ class Checkpointer:
         """Restores all parts of the run from the last checkpoint.
 
         Args:
-            parts: Made anew, and the environment reset.
+            parts: Newly made parts; the environment has been reset.
 
         Returns:
             Where the loop goes on.
@@ -294,7 +296,7 @@ class Checkpointer:
 
 
 def _why_not_resumable(parts: RunParts) -> list[str]:
-    """Returns the reasons why a run of these parts cannot be continued; empty if it can."""
+    """Lists the reasons why a run with these parts cannot be resumed; empty if it can."""
     reasons = [
         f"the {role} ({type(part).__name__}) has no state() and restore()"
         for role, part in (("environment", parts.environment), ("agent", parts.agent))

@@ -1,8 +1,8 @@
-"""A rolling digest of a run's states, from which two runs can be told apart to the bit.
+"""Hash chain over a run's simulation states, by which two runs can be compared bit by bit.
 
-Once a simulated second the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together
-with the hash before: equal last links mean equal runs. `digest.bin` keeps the beginning of every link and, as often,
-times, positions and velocities themselves, so that the first difference can be found and a joint be named.
+Once a simulated second, the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together with the hash
+before (a link): equal last links mean equal runs. `digest.bin` has the beginning of every link, and times, positions
+and velocities at the same rate, so that the first difference can be found and its joint be named.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -26,9 +26,11 @@ from ....schemas.runs.provenance import JointPlace, StateDigestSummary
 
 DIGEST_FILE = "digest.bin"
 LOOK_EVERY_S = 1.0
-"""Simulated time between two links: with 25 steps of a furnished flat in 50 ms, a link costs under 1 % of them."""
+"""Simulated seconds between two links of the hash chain: with 25 steps of a furnished flat in 50 ms, a link takes under
+1 % of the time.
+"""
 STATE_EVERY_S = 1.0
-"""Simulated time between two states that are kept themselves."""
+"""Simulated seconds between two stored states."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _MAGIC = b"robomaker digest 1\n"
@@ -38,21 +40,23 @@ _LINK_BYTES = 8
 _CHAIN_BYTES = 32
 _COMPRESSION_LEVEL = 3
 _NOT_COUNTED = frozenset({"paths", "npaths", "nbuffer", "signature"})
-"""Members that tell where a model's files were read from, as its `…_pathadr` do, or how it was compiled."""
+"""Members of MuJoCo's model that are not hashed, as they tell where files were read from or how the model was compiled;
+nor are the `…_pathadr`.
+"""
 
 _KEPT = ("_state_due_s", "_written_bytes", "_looks", "_last_s", "model_sha256", "joints", "positions")
-"""Attributes that checkpoints keep."""
+"""Names of the attributes that checkpoints save."""
 
 
 class StateDigest:
     """Builds the hash chain over a run's simulation states, and stores some states in `digest.bin`."""
 
     def __init__(self, path: Path | None, of_model: Callable[[mujoco.MjModel], str] | None = None) -> None:
-        """Prepares a digest; the file is made with the first state.
+        """Starts a hash chain; the file is created with the first state.
 
         Args:
-            path: The file to write; one that exists is replaced. None: there is only the digest.
-            of_model: Gives the digest of a model; absent: `digest_of_model`.
+            path: Path of the file; an existing one is replaced. None: only the hash is computed.
+            of_model: Function that returns the hash of a model; absent: `digest_of_model`.
         """
         self._path = path
         self._of_model = of_model or digest_of_model
@@ -97,7 +101,7 @@ class StateDigest:
         """Adds the last state, completes the file, and returns the final digest.
 
         Args:
-            data: The state at the end, of the model looked at last; None: the last look was at the end.
+            data: Final state of the last model; None if the last call of `look` was at the end.
 
         Returns:
             The digest; None when there never was a state.
@@ -121,7 +125,7 @@ class StateDigest:
         """Continues the hash chain from a checkpoint; later content of the file is cut off.
 
         Args:
-            state: From `state`.
+            state: Result of `state`.
             model: The run's model; None when there is no physics.
 
         Raises:
@@ -139,7 +143,7 @@ class StateDigest:
         self._bytes[:_CHAIN_BYTES] = state["chain"]
 
     def _begin(self, model: mujoco.MjModel) -> None:
-        """Takes in a model: the first, or another that an environment has made meanwhile."""
+        """Starts with a model, or continues with another one that the environment has made."""
         model_sha256 = self._of_model(model)
         if self._model is None:
             self.model_sha256 = model_sha256
@@ -162,7 +166,7 @@ class StateDigest:
         self._kept = 1 + model.nq + model.nv
 
     def _keep_state(self, time_s: float) -> None:
-        """Keeps time, positions and velocities, which the integration state begins with."""
+        """Stores time, positions and velocities, the first numbers of the integration state."""
         self._states.append(self._values[: self._kept].tobytes())
         self._state_due_s = time_s + STATE_EVERY_S
         if len(self._states) >= _BLOCK_STATES:
@@ -195,13 +199,13 @@ class StateTimeline:
     """Content of `digest.bin`: hash chain and some states of a run."""
 
     times_s: NDArray[np.float64]
-    """Simulated times of the links."""
+    """Simulated times of the links, in seconds."""
 
     links: list[bytes]
-    """The first bytes of each link."""
+    """First bytes of each link's hash."""
 
     states: list[NDArray[np.float64]]
-    """Kept states: time, positions, velocities."""
+    """Stored states: time, positions, velocities."""
 
 
 def read_timeline(path: Path) -> StateTimeline:
@@ -246,7 +250,7 @@ class ModelDigests:
         self._digest = ""
 
     def of(self, model: mujoco.MjModel) -> str:
-        """See `digest_of_model`, which takes a hundred times as long as hashing the model as MuJoCo would save it."""
+        """Returns the hash of a model as `digest_of_model` does, but a hundred times faster if it has not changed."""
         saved = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
         mujoco.mj_saveModel(model, None, saved)
         seen = hashlib.sha256(saved.data).digest()
@@ -258,7 +262,7 @@ class ModelDigests:
 def digest_of_model(model: mujoco.MjModel) -> str:
     """Computes the SHA-256 of a compiled MuJoCo model, independent of the paths of its files.
 
-    Where the model's files were read from does not count: the same world in another folder is the same model.
+    The same world in another folder has the same hash.
     """
     digest = hashlib.sha256()
     _take_in(digest, model)
@@ -266,7 +270,7 @@ def digest_of_model(model: mujoco.MjModel) -> str:
 
 
 def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
-    """Hashes the members of one of MuJoCo's structures by name, structures in it included."""
+    """Hashes the members of a MuJoCo structure by name, nested structures included."""
     for name, label in _members(type(structure)):
         value = getattr(structure, name)
         digest.update(label)
@@ -281,7 +285,7 @@ def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
 
 @cache
 def _members(kind: type) -> list[tuple[str, bytes]]:
-    """Returns the hashed members of one of MuJoCo's structures, with the bytes that are hashed for their names."""
+    """Returns the members of a MuJoCo structure to hash, with the bytes that are hashed for their names."""
     names = [name for name in sorted(dir(kind)) if not name.startswith("_") and not name.endswith("_pathadr")]
     return [
         (name, name.encode() + b"=") for name in names if name not in _NOT_COUNTED and not callable(getattr(kind, name))

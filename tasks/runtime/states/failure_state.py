@@ -1,6 +1,6 @@
-"""Keeps the state of the physics, so that a run that breaks leaves it behind.
+"""Stores recent physics states during a run, so that the state before a failure can be examined.
 
-MuJoCo puts everything back to its beginning when a number is not finite; what led there has to be kept before.
+MuJoCo resets the simulation when a number is not finite, so that the states before have to be stored in advance.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -29,7 +29,7 @@ from ..episode.results import Findings, Observer
 from .digest import digest_of_model
 
 KEEP_EVERY_S = 0.05
-"""Simulated time between two states that are kept; two of them are held at a time."""
+"""Simulated seconds between two stored states; two of them are kept at a time."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _MOST = 10
@@ -41,11 +41,11 @@ class FailureRecorder(Observer):
     """Observer that counts MuJoCo's warnings, and stores the state if the physics breaks."""
 
     def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
-        """Prepares the notes.
+        """Starts without stored states.
 
         Args:
-            output_dir: Where `failure-state.json`, `failure-state.npy` and `failure-model.mjb` are written.
-            keep_every_s: Simulated time between two states that are kept.
+            output_dir: Folder for `failure-state.json`, `failure-state.npy` and `failure-model.mjb`.
+            keep_every_s: Simulated seconds between two stored states.
         """
         self._keep_every_s = keep_every_s
         self._output_dir = output_dir
@@ -72,7 +72,7 @@ class FailureRecorder(Observer):
         """Returns MuJoCo's warnings; writes the stored states if the physics has failed.
 
         Args:
-            ended_by: What ended the run; None when it failed.
+            ended_by: Cause of the run's end; None if it failed.
         """
         if self._model is None or self._data is None:
             return Findings()
@@ -88,9 +88,9 @@ class FailureRecorder(Observer):
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
     def explain(self) -> str:
-        """Names the joints whose numbers MuJoCo found bad; empty if it named no joint.
+        """Names the joints whose numbers became non-finite; empty if MuJoCo reported no joint.
 
-        MuJoCo's own words give the number of a degree of freedom, which says nothing to people.
+        MuJoCo's own message has the index of a degree of freedom, which is hard to understand.
         """
         if self._model is None or self._data is None:
             return ""
@@ -135,7 +135,7 @@ def _warnings(model: mujoco.MjModel, data: mujoco.MjData, counts: NDArray[np.int
 
 
 def _warned_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int | None:
-    """The joint that a warning about a bad number is about."""
+    """Returns the joint that a MuJoCo warning about a bad number refers to."""
     place = int(data.warning[kind].lastinfo)
     if kind in map(int, _OF_A_VELOCITY) and 0 <= place < model.nv:
         return int(model.dof_jntid[place])

@@ -1,4 +1,4 @@
-"""Digests of code: folders, and packages that a run imported."""
+"""Hashes of code: folders, and packages that a run imported."""
 
 import hashlib
 import os
@@ -22,7 +22,7 @@ def digest_of_folder(folder: Path, suffix: str = "") -> str:
 
     Args:
         folder: The folder.
-        suffix: What the names of the files have to end with.
+        suffix: Suffix that the file names must have.
     """
     digest = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for path in _files_in(folder) if path.name.endswith(suffix)}
@@ -35,7 +35,7 @@ def digest_of_folder(folder: Path, suffix: str = "") -> str:
 
 
 def _files_in(folder: Path) -> Iterator[Path]:
-    """Yields all files below a folder; links to folders are followed, each real folder once on a way down."""
+    """Yields all files below a folder, following links to folders, each real folder once on a path."""
     ways = {str(folder): frozenset({os.path.realpath(folder)})}
     for place, folders, files in os.walk(folder, followlinks=True):
         above = ways.pop(place)
@@ -58,8 +58,8 @@ def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[
     """Lists the third-party packages and modules that a process has imported, with versions or hashes.
 
     Args:
-        modules: The modules of the process, `sys.modules`.
-        application_dirs: Folders of unpacked applications, whose files have a digest of their own.
+        modules: Modules of the process (`sys.modules`).
+        application_dirs: Folders of unpacked applications, whose files are hashed separately.
 
     Returns:
         By name of the outermost package or module: the version of an installed distribution, else a digest of its
@@ -90,7 +90,7 @@ def _code_here(name: str) -> str:
 
 
 def _places(spec: ModuleSpec | None) -> list[Path]:
-    """Returns the folders of a package, or the file of a module; empty for those built in or made at run time."""
+    """Returns the folders of a package, or the file of a module; empty for built-in and generated modules."""
     if spec is None:
         return []
     if folders := list(spec.submodule_search_locations or ()):
@@ -99,7 +99,7 @@ def _places(spec: ModuleSpec | None) -> list[Path]:
 
 
 def _what(name: str, places: Sequence[Path]) -> str | None:
-    """Identifies a module's code; None: it is a part of Python or of an installed package.
+    """Returns a version or hash that identifies a module's code; None: it is part of Python or of a package.
 
     Compiled modules may load parts of themselves under a name without dots.
     """
@@ -114,7 +114,7 @@ def _what(name: str, places: Sequence[Path]) -> str | None:
 
 @cache
 def installed_places() -> frozenset[Path]:
-    """Returns the folders where distributions are installed; one that is edited in place lies elsewhere."""
+    """Returns the folders where distributions are installed; editable installs are elsewhere."""
     names = [sysconfig.get_path(kind) for kind in ("purelib", "platlib")]
     return frozenset(Path(name) for name in (*names, *site.getsitepackages(), site.getusersitepackages()))
 
@@ -126,11 +126,12 @@ def _version(name: str, folder: Path) -> str | None:
 
 @lru_cache(maxsize=8)
 def _versions_in(folder: Path, changed_ns: int) -> Mapping[str, str]:
-    """Returns versions by name from the names of folders: reading all metadata takes 150 ms.
+    """Reads versions of distributions from the names of their folders, as reading all metadata takes 150 ms.
 
     Args:
-        folder: Where distributions are installed.
-        changed_ns: Its time of change: a process that runs for months sees what is installed meanwhile.
+        folder: Folder where distributions are installed.
+        changed_ns: Modification time of the folder, part of the cache key, so that long-running processes see new
+            installations.
     """
     del changed_ns
     matches = (_DIST_INFO.fullmatch(path.name) for path in folder.iterdir())
@@ -138,7 +139,7 @@ def _versions_in(folder: Path, changed_ns: int) -> Mapping[str, str]:
 
 
 def _stamp(place: Path) -> str:
-    """Returns a mark of an installed module whose distribution has another name; installing it anew changes it."""
+    """Returns a mark that changes when a module whose distribution has another name is installed anew."""
     file = place / "__init__.py" if place.is_dir() else place
     if not file.exists():
         return "installed"

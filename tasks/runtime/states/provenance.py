@@ -1,4 +1,4 @@
-"""Notes what a run's numbers depend on, and the digest of its states."""
+"""Provenance of a run: everything its numbers depend on, and the hash of its states."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -33,28 +33,28 @@ _DISTRIBUTIONS = {
     "prefect_robomaker": "prefect-robomaker",
 }
 _CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "avx512dq", "asimd", "sve"})
-"""CPU features by which MuJoCo, numpy and the C library choose between code that rounds differently."""
+"""CPU features by which MuJoCo, NumPy and the C library choose between code that rounds differently."""
 _OF_PACKAGE = "__init__.py"
 
 Actions = Callable[[], ActionsSummary | None]
-"""Says what a log of actions has once it is complete; None: there is none."""
+"""Function that returns the summary of a completed action log; None if there is no log."""
 
 
 class ProvenanceRecorder(Observer):
-    """Observer that writes `provenance.json` and the state hashes in `digest.bin`.
+    """Observer that writes `provenance.json`, and the state hashes in `digest.bin`.
 
-    The first is there from the first look on, so that a run that is killed has one too.
+    `provenance.json` is written at the first call, so that a run that is killed has one, too.
     """
 
     def __init__(
         self, plan: RunPlan, applications: Sequence[ApplicationPlan] = (), actions: Actions | None = None
     ) -> None:
-        """Prepares the notes.
+        """Starts the provenance of a run.
 
         Args:
-            plan: The run.
-            applications: What its environment and its agent are made by, built-in ones included.
-            actions: Says at the end what a robot's program did; absent: the robot is none.
+            plan: Plan of the run.
+            applications: Applications that make environment and agent, built-in ones included.
+            actions: Function that summarises a robot program's action log at the end; absent: the robot is no program.
         """
         self._plan = plan
         self._applications = applications
@@ -74,11 +74,11 @@ class ProvenanceRecorder(Observer):
             self._write()
 
     def close(self, ended_by: str | None) -> Findings:
-        """Completes both files, and returns the digest for the result.
+        """Completes both files, and returns the state hash for the result.
 
         Args:
-            ended_by: What ended the run; None when it failed. The applications of a run that was canceled are
-                not read: it has no time left.
+            ended_by: Cause of the run's end; None if it failed. The applications of a cancelled run are not hashed, for
+                lack of time.
         """
         digest = self._digest.finish(self._data)
         applications = [] if ended_by == "canceled" else _digests_of(self._applications)
@@ -88,7 +88,7 @@ class ProvenanceRecorder(Observer):
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
-        """See `results.Observer`."""
+        """Returns the state of the hash chain for a checkpoint; see `results.Observer`."""
         return {
             "next_time_s": self.next_time_s,
             "digest": self._digest.state(),
@@ -97,7 +97,7 @@ class ProvenanceRecorder(Observer):
         }
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """See `results.Observer`."""
+        """Restores the hash chain from a checkpoint; see `results.Observer`."""
         model, data = raw_physics(environment.physics)
         self._data = data
         self.next_time_s = state["next_time_s"]
@@ -124,9 +124,9 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
     """Writes `provenance.json` for a run without an episode, or with trials.
 
     Args:
-        plan: The run.
-        applications: The makers of its environments and agents, once it has ended.
-        ended_by: The cause of its end; None: it continues.
+        plan: Plan of the run.
+        applications: Applications that make environments and agents, once the run has ended.
+        ended_by: Cause of the run's end; None: it continues.
 
     Raises:
         OSError: The file cannot be written.
@@ -160,9 +160,9 @@ def _write_provenance(plan: RunPlan, **members: Any) -> None:
 
 
 def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:
-    """Returns the digests of all applications with files on this machine.
+    """Returns the hashes of all applications with files on this machine.
 
-    An image needs none, since the plan says which it is; recorded actions need no program.
+    Container images need none, since the plan has their ids. Recorded actions need no program.
     """
     found = [(each, _content_of(each)) for each in applications]
     return [
@@ -177,7 +177,7 @@ def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
 
 
 def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
-    """Returns the kind of an application's content, and its digest."""
+    """Returns the kind (bundle or module) and the hash of an application's content."""
     if application.path is not None:
         return "bundle", digest_of_folder(application.path)
     if application.attribute is not None:
@@ -188,7 +188,7 @@ def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module
 
 
 def _digest_of_module(attribute: str) -> str:
-    """Digest of the Python files of the package that holds an imported module; of the file when there is no package."""
+    """Computes the hash of the Python files of an imported module's package, or of the module's file."""
     name = attribute
     while name not in sys.modules:
         name, _, last = name.rpartition(".")
@@ -199,7 +199,7 @@ def _digest_of_module(attribute: str) -> str:
 
 
 def _digest_of_package(name: str) -> str:
-    """Digest of the Python files of an installed package that need not be imported here."""
+    """Computes the hash of the Python files of an installed package without importing it."""
     spec = find_spec(name.partition(".")[0])
     origin = spec.origin if spec else None
     return _digest_of_python(origin, is_package=Path(origin or "").name == _OF_PACKAGE)
@@ -214,7 +214,7 @@ def _digest_of_python(origin: str | None, *, is_package: bool) -> str:
 
 
 def _cpu() -> tuple[str, list[str]]:
-    """The processor's name, and those of its features that matter."""
+    """Returns the processor's name, and its features that influence rounding."""
     try:
         lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
     except OSError:  # no Linux

@@ -1,4 +1,4 @@
-"""Log of a run's states for videos: written as the run goes on, read also after a kill."""
+"""Log of a run's simulation states for rendering videos: written during the run, readable after a kill."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -31,18 +31,21 @@ CHUNK_FRAMES = 64
 
 MAGIC = b"RMSL"
 CHUNK = struct.Struct("<4s6I")
-"""Magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of all but
-the magic."""
+"""Header of a chunk: magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of
+all but the magic.
+"""
 TAIL = struct.Struct("<4s5IQ")
-"""Magic, number of the model, `nq`, `nmocap`, frames that are valid, nothing, frames before these."""
+"""Header of the tail file: magic, number of the model, `nq`, `nmocap`, number of valid frames, reserved, number of
+frames before these.
+"""
 TAIL_FRAMES, TAIL_BEFORE = 16, 24
 
 Rows = NDArray[np.float64]
-"""A state per row."""
+"""Array with a state per row."""
 
 
 class StateLogError(ValueError):
-    """Raised for a state log that cannot be read; says where and why."""
+    """Raised when a state log cannot be read; the message says where and why."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +53,16 @@ class Segment:
     """States of one MuJoCo model in a state log."""
 
     model_path: Path
-    """The compiled model, as MJB."""
+    """Path of the compiled model (MJB)."""
 
     times: Rows
-    """Simulated seconds since the run began, ascending."""
+    """Simulated times in seconds since the run began, ascending."""
 
     qpos: Rows
-    """Frames x nq, as MuJoCo orders it."""
+    """Positions, shape (frames, nq), in MuJoCo's order."""
 
     mocap: Rows
-    """Frames x 7 nmocap: all positions, then all orientations."""
+    """Poses of mocap bodies, shape (frames, 7 nmocap): all positions, then all orientations."""
 
     def set_state(self, data: mujoco.MjData, index: int) -> None:
         """Copies a logged state into MuJoCo data; derived quantities have to be recomputed."""
@@ -76,17 +79,17 @@ class StateLog:
     """Reader of a state log, from which videos are rendered after a run."""
 
     rate_hz: float
-    """States per simulated second that were meant to be noted."""
+    """Intended number of states per simulated second."""
 
     camera: str | None
-    """The environment's `video_camera`."""
+    """Name of the environment's `video_camera`."""
 
     segments: list[Segment]
-    """Segments in order; more than one where an environment changed its model. Empty when nothing was noted."""
+    """Segments in order; more than one if the environment changed its model, none if no state was logged."""
 
     @property
     def frames(self) -> int:
-        """Number of logged states."""
+        """Number of simulation states in the log."""
         return sum(len(segment.times) for segment in self.segments)
 
     @property
@@ -98,7 +101,7 @@ class StateLog:
     def open(cls, folder: Path) -> "StateLog":
         """Reads a state log, also of a process that was killed.
 
-        What follows a damaged chunk is left out.
+        States after a damaged chunk are left out.
 
         Raises:
             StateLogError: The folder has no readable state log.
@@ -120,7 +123,7 @@ def model_file(number: int) -> str:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Consecutive states of one model."""
+    """Consecutive states of one model in the log."""
 
     model: int
     nq: int
@@ -151,7 +154,7 @@ def _restored(data: bytes, frames: int) -> Rows:
 
 
 def _chunks(data: bytes) -> Iterator[_Chunk]:
-    """The whole chunks at the beginning of a log."""
+    """Yields the complete chunks at the beginning of a log."""
     place = 0
     decompressor = zstandard.ZstdDecompressor()
     while place + CHUNK.size <= len(data):
@@ -172,7 +175,7 @@ def _chunks(data: bytes) -> Iterator[_Chunk]:
 
 
 def _tail(path: Path, noted: int) -> _Chunk | None:
-    """The states that had not yet become a chunk."""
+    """Reads the last states, which had not been written as a chunk yet."""
     try:
         data = path.read_bytes()
         magic, model, nq, nmocap, frames, _, before = TAIL.unpack_from(data)
@@ -193,12 +196,12 @@ class StateLogWriter:
     """Writer of a run's state log; logged states survive a killed process."""
 
     def __init__(self, folder: Path, rate_hz: float, camera: str | None = None) -> None:
-        """Begins a log.
+        """Creates a log.
 
         Args:
-            folder: Where; made if it is missing.
-            rate_hz: States per simulated second that are meant to be noted.
-            camera: The environment's `video_camera`.
+            folder: Folder of the log; it is created if missing.
+            rate_hz: Intended number of states per simulated second.
+            camera: Name of the environment's `video_camera`.
 
         Raises:
             OSError: The folder cannot be written.
@@ -220,8 +223,8 @@ class StateLogWriter:
         """Logs a state.
 
         Args:
-            model: The model; stored the first time, and whenever it is another.
-            data: The state.
+            model: Compiled model; stored the first time, and when it has changed.
+            data: State to log.
             time_s: Simulated time since the run began.
 
         Raises:
@@ -305,15 +308,15 @@ class StateLogWriter:
 class StateLogger(Observer):
     """Observer that logs the simulation states at a video's frame rate, to render videos later.
 
-    A log that cannot be written does not fail the run: the reason goes to the error log and, as
-    `state_log_error`, to the result.
+    If the log cannot be written, the run does not fail: the reason is written to the error log, and as
+    `state_log_error` to the result.
     """
 
     def __init__(self, folder: Path, rate_hz: int) -> None:
         """Prepares a log; nothing is written before the first state.
 
         Args:
-            folder: Where the log will be.
+            folder: Folder of the log.
             rate_hz: States per simulated second.
         """
         self._folder, self._rate_hz = folder, rate_hz
@@ -321,7 +324,7 @@ class StateLogger(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Logs the current state."""
+        """Writes the current simulation state to the state log."""
         try:
             if self._writer is None:
                 camera = getattr(environment, "video_camera", None)
@@ -363,14 +366,14 @@ class StateLogger(Observer):
 
 
 def _differences(rows: Rows) -> bytes:
-    """Transposes the numbers' bit patterns to columns, each as its difference from the frame before."""
+    """Transposes the numbers' bit patterns to columns and takes differences between frames, which compress better."""
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()
 
 
 def _write_all(file: BinaryIO, data: bytes) -> None:
-    """Writes everything: a raw file may take only part of it when a disk is almost full."""
+    """Writes all bytes, repeating partial writes, which unbuffered files on a nearly full disk may have."""
     view = memoryview(data)
     while view:
         view = view[file.write(view) or 0 :]

@@ -1,1 +1,1 @@
-"""Starting runs and watching them: launcher, fork server, supervisor, programs, ports, attribution of crashes."""
+"""Starting and supervising runs: launcher, fork server, supervisor, programs, ports, causes of crashes."""

@@ -1,4 +1,4 @@
-"""The output folder of a run that has ended: completed, also where a program wrote the result."""
+"""Output folder of a run that has ended: completes `result.json`, also if a program wrote it."""
 
 import json
 import math
@@ -37,27 +37,27 @@ _VERDICTS = get_args(Verdict)
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Content of a `result.json` that a program wrote, and its problems."""
+    """A `result.json` that a program of a run wrote, and its problems."""
 
     result: RunResult | None = None
-    """The result; `None`: there is no file, or it is no result."""
+    """Parsed result; `None`: the file is missing or invalid."""
 
     problem: str | None = None
-    """Reason why the file is no result; `None`: it is one, or there is none."""
+    """Reason why the file is invalid; `None`: it is valid or missing."""
 
     is_changed: bool = False
-    """Whether the file does not have the result's form, so that it has to be written anew."""
+    """Whether the file deviates from the schema of results, so that it has to be rewritten."""
 
 
 def read_program_result(output_dir: Path, facts: Mapping[str, Any]) -> ProgramResult:
-    """Reads and completes the `result.json` that a program wrote; only `verdict` is required.
+    """Reads and completes the `result.json` that a program wrote.
 
-    Only `verdict` has to be there: a byte order mark is skipped, members that a result does not have go to `extra`,
-    numbers that are not finite go there as text, and what is missing is filled in.
+    Only `verdict` is required: a byte order mark is skipped, unknown members and non-finite numbers (as text) are moved
+    to `extra`, and missing members are filled in.
 
     Args:
         output_dir: The run's output folder.
-        facts: Members that the runtime knows and a program may leave out.
+        facts: Members that the runtime knows and a program may omit.
     """
     path = output_dir / RESULT_FILE
     if not os.path.lexists(path):
@@ -104,7 +104,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _all_finite(result: RunResult) -> bool:
-    """Whether it can be written as JSON and read again."""
+    """Returns whether all numbers of a result are finite, so that it can be written as JSON and read again."""
     try:
         json.dumps(result.model_dump(mode="python"), allow_nan=False, default=str)
     except ValueError:
@@ -129,7 +129,7 @@ def _words(error: ValueError) -> str:
 
 _ONLY_PROGRAMS = "the job has only programs, and its topics were not judged"
 INVALID_RESULT_FILE = "result.invalid.json"
-"""New name of an invalid `result.json` that an application wrote."""
+"""New file name of an invalid `result.json` that an application wrote."""
 
 
 def finish_outputs(
@@ -137,18 +137,19 @@ def finish_outputs(
 ) -> tuple[Outcome, bool]:
     """Writes, corrects or deletes `result.json` according to how the run ended.
 
-    A run that only had programs gets a `result.json`, unless one of them wrote a valid one, which loses its verdict
-    if the run was cancelled, and does not pass if it failed; one with an episode loses the one it wrote if the run
-    failed nevertheless.
+    A run that only had programs gets a `result.json`, unless a program wrote a valid one. A program's result loses its
+    verdict if the run was cancelled, and cannot be PASS if the run failed. The result of an episode is deleted if the
+    run failed after writing it.
 
     Args:
-        plan: The run.
-        ended: How it ended; None when its supervisor disappeared.
-        outcome: The outcome decided from that.
-        times: When it began and ended.
+        plan: Plan of the run.
+        ended: Observed end of the run; None if its supervisor disappeared.
+        outcome: Outcome that was decided from the end.
+        times: Begin and end of the run.
 
     Returns:
-        The outcome, which is a failure if the result of programs cannot be written; whether the outputs are complete.
+        The outcome, which becomes a failure if the result of programs cannot be written; and whether the outputs are
+        complete.
     """
     tools = ended.tools if ended is not None else ()
     for tool in tools:
@@ -187,7 +188,7 @@ def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: 
 
 
 def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, datetime]) -> bool:
-    """Writes the result of a run whose process was killed at the duration limit before it could; says whether."""
+    """Writes the result of a run whose process was killed at the duration limit before writing it; returns whether."""
     if read_result(plan.output_dir) is not None:
         return True
     if ended is None:
@@ -224,7 +225,7 @@ def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, dat
 
 
 def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
-    """Stores the rows of trials that had finished when the run's process was killed or failed."""
+    """Stores the results of trials that had finished when the run's process was killed or failed."""
     stopped_by = None if outcome.status == "Failed" else "duration limit" if outcome.timed_out else "canceled"
     try:
         complete_after_all(plan, ended_by=stopped_by)
@@ -285,10 +286,10 @@ def with_judged(plan: RunPlan, result: RunResult, judged: RunResult | None, why:
     """Returns a program's result with its requirements judged by the recording.
 
     Args:
-        plan: The run.
-        result: What its result says.
-        judged: The result by its recording; None: that cannot be judged.
-        why: Why it cannot.
+        plan: Plan of the run.
+        result: Result that a program wrote.
+        judged: Result by the recording; None if the recording cannot be judged.
+        why: Reason why it cannot be judged.
     """
     names = {each.name for each in plan.requirements}
     own = [each for each in result.requirements if each.name not in names or each.error is None]
@@ -314,19 +315,19 @@ def with_judged(plan: RunPlan, result: RunResult, judged: RunResult | None, why:
 
 
 def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
-    """Adds the tools that ended to the result, and a note of those that were started again and again."""
+    """Adds the tools that ended to the result, and a note about tools that were restarted repeatedly."""
     loops = [f"{tool_in_words(tool, plan)}; it was started again each time" for tool in tools if tool.ends >= OFTEN]
     _change_result(plan.output_dir, lambda result: {"tools": list(tools), "notes": [*result.notes, *loops]})
 
 
 def add_result_notes(output_dir: Path, notes: Sequence[str]) -> None:
-    """Adds notes to a run's `result.json`, each once; does nothing without one."""
+    """Adds notes to a run's `result.json`, each at most once; does nothing without a result."""
     if notes:
         _change_result(output_dir, lambda result: {"notes": list(dict.fromkeys([*result.notes, *notes]))})
 
 
 def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, Any]]) -> None:
-    """Changes members of the result; where that fails the result stays as it is, since it is complete."""
+    """Changes members of `result.json`; if that fails, the file stays as it is, since it is complete."""
     if (result := read_result(output_dir)) is not None:
         with suppress(OSError):  # no room for a longer one, or an application put something in the way
             write_result(result.model_copy(update=changes(result)), output_dir)

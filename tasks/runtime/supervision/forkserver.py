@@ -1,17 +1,16 @@
-"""The fork server: the warm process that runs are forked from.
+"""Fork server: the warm process from which runs are forked.
 
-It has imported what every run needs and then only forks, so a run starts in milliseconds. The next run's
-supervisor and process are forked as soon as there is time, and wait. It is a
-program of its own rather than Python's `multiprocessing` fork server, which is shared by everything in
-a process, imports the caller's `__main__` again in each child and hands down the caller's standard
-output. Here nothing is inherited but a cleaned environment.
+It has imported everything that runs need, and then only forks, so that a run starts in milliseconds. The next run's
+supervisor and process are forked in advance when there is time. Python's `multiprocessing` fork server is not used: all
+code in a process shares it, it imports the caller's `__main__` in each child, and it inherits the caller's standard
+output. This program inherits only a cleaned environment.
 
-Started as `python -P -m prefect_robomaker.tasks.runtime.supervision.forkserver FD`. The socket FD carries one
-message to the launcher (`ready` and how runs are confined here, or why not), then one message per run from the
-launcher, with the run's own connection attached. When the launcher's end closes, the process ends.
+It is started as `python -P -m prefect_robomaker.tasks.runtime.supervision.forkserver FD`. On the socket FD it sends one
+message to the launcher (`ready` and how runs are confined here, or why not), then receives one message per run, with
+the run's own connection attached. It exits when the launcher closes the socket.
 
-A supervisor that is killed leaves the processes of its run to this process, which kills them before the
-launcher can see that the run has ended.
+If a supervisor is killed, this process adopts the processes of its run, and kills them before the launcher can see that
+the run has ended.
 """
 
 import gc
@@ -34,10 +33,10 @@ from ..limits.processes import adopt_orphans, kill_children
 from ..sandbox.levels import Confinement, strongest_level
 
 READY = b"ready "
-"""Followed by how runs are confined here, as JSON of a `Confinement`."""
+"""Prefix of the first message; a `Confinement` (how runs are sandboxed here) as JSON follows."""
 SANDBOX_VARIABLE = "ROBOMAKER_SANDBOX"
 FORK_AHEAD_AFTER_S = 0.1
-"""Quiet time before a process is forked ahead, in seconds; by then the run begun last has made its world."""
+"""Seconds without events before a process is forked in advance; by then the last started run has built its world."""
 _MODULES = (
     "PIL.PpmImagePlugin",  # maps
     "asyncio",
@@ -54,7 +53,7 @@ _MODULES = (
 
 
 def main() -> None:
-    """Entry point of the warm process: imports modules, then forks a supervisor for each run requested."""
+    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run."""
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -76,22 +75,22 @@ def main() -> None:
 
 
 class _StandBy(NamedTuple):
-    """A supervisor that waits for a run."""
+    """A supervisor process that waits for a run."""
 
     pid: int
     pidfd: int
     control: socket.socket
-    """Takes the run's connection to its launcher."""
+    """Socket on which the supervisor receives the run's connection to its launcher."""
 
 
 class _Supervisors:
-    """The supervisors that were forked and have not ended.
+    """The running supervisor processes that the fork server has forked.
 
     Args:
-        control: The socket that carries a message for each run.
-        rehearse: What processes do until there is a run for them.
-        fork_ahead_after_s: How long nothing has to happen before there is time to fork ahead.
-        level: How runs are confined, if they do not ask for less.
+        control: Socket with a message for each run.
+        rehearse: Function that warms up waiting processes.
+        fork_ahead_after_s: Seconds without events before a process is forked in advance.
+        level: Sandbox level of runs that do not request a lower one.
     """
 
     def __init__(
@@ -111,7 +110,7 @@ class _Supervisors:
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Forks supervisors for runs, and reaps them, until the launcher is gone."""
+        """Forks supervisors for runs, and reaps them, until the launcher closes the socket."""
         while True:
             ready = wait([self._control, *self._alive], self._patience_s())
             if not ready:
@@ -133,13 +132,13 @@ class _Supervisors:
             self._dismiss(self._standing_by)
 
     def _patience_s(self) -> float | None:
-        """For how long nothing has to happen before there is time to fork ahead."""
+        """Returns the seconds without events before a process is to be forked in advance; None: none is needed."""
         if self._standing_by:
             return None
         return self._fork_ahead_after_s if self._alive else 0.0
 
     def _supervise(self, descriptor: int) -> None:
-        """Gives a run to the supervisor that waits for one, or to a new one."""
+        """Passes a run to the waiting supervisor, or to a new one."""
         supervisor, self._standing_by = self._standing_by, None
         while True:
             supervisor = supervisor or self._fork(descriptor)
@@ -160,10 +159,11 @@ class _Supervisors:
         os.close(supervisor.pidfd)
 
     def _fork(self, of_run: int | None = None) -> "_StandBy":
-        """Forks a supervisor that waits.
+        """Forks a supervisor that waits for a run.
 
         Args:
-            of_run: The connection of the run that it is for, which it gets by message and must not have twice.
+            of_run: File descriptor of the run's connection, which the child closes because it gets the connection by
+                message.
 
         Raises:
             OSError: The machine has no room for another process.

@@ -1,4 +1,4 @@
-"""Programs that look at the outputs of a run that has ended: processes of their own, with a time limit."""
+"""Helper programs that process the outputs of a run that has ended, as child processes with a time limit."""
 
 import json
 import os
@@ -25,10 +25,10 @@ def run_helper(
     """Runs a helper module as a child process; returns the JSON object that it prints, and its error.
 
     Args:
-        command: The module, and its arguments.
-        stop: Asked about every 0.1 s; anything but None ends it.
-        environment: Its variables.
-        limit_s: Wall-clock limit.
+        command: Python module and its arguments.
+        stop: Function called about every 0.1 s; a result other than None ends the program.
+        environment: Environment variables of the program.
+        limit_s: Wall-clock time limit.
         request: Text for its standard input.
     """
     try:

@@ -1,4 +1,4 @@
-"""Starts runs and waits for their end: the fork server's client, and the monitor of stops."""
+"""Launcher of runs: client of the fork server, and monitor that stops runs."""
 
 import fcntl
 import json
@@ -37,11 +37,13 @@ from .run_outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, nev
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
 
 DURATION_GRACE_S = 3.0
-"""Time a run gets to finish its outputs when its duration limit is reached."""
+"""Seconds that a run gets to finish its outputs when its duration limit is reached."""
 CANCEL_GRACE_S = 1.0
-"""Time a canceled run gets; all of it is gone within two seconds."""
+"""Seconds that a cancelled run gets to finish; all its processes are gone within two seconds."""
 _POLL_S = 0.2
-"""Each time the catalog is asked: of sixteen jobs at once, twice as often took a third of their coordinator's CPU."""
+"""Seconds between two checks for a stop request in the catalog: with sixteen jobs, twice as often took a third of the
+coordinator's CPU.
+"""
 
 _KILL_TIMEOUT_S = 10.0
 
@@ -51,12 +53,12 @@ class StopMonitor:
 
     Args:
         channel: Connection to the run's supervisor.
-        max_duration_s: The run's duration limit.
-        stop: Asked about every 0.2 s whether to stop it.
-        on_crash: Told when something crashed and the run goes on.
-        on_trials: Told now and then how many trials have finished.
-        on_answering: Told once applications listen on forwarded ports, or have had their time to.
-        clock: Seconds.
+        max_duration_s: Duration limit of the run.
+        stop: Function called about every 0.2 s; returns a reason to stop the run, or None.
+        on_crash: Called when a program crashed and the run continues.
+        on_trials: Called from time to time with the number of finished trials.
+        on_answering: Called once applications listen on forwarded ports, or after a time limit.
+        clock: Monotonic clock, in seconds.
     """
 
     def __init__(
@@ -145,10 +147,10 @@ OnCrash = Callable[[str, str], None]
 
 
 class Launcher:
-    """Starts simulation runs from one warm process, and supervises them; threads may share it.
+    """Launcher of simulation runs: forks them from one fork server process, and supervises them; threads may share it.
 
-    The warm process starts with the first run (or `start`) and ends with `close`, with the launcher,
-    or with this process, however that ends.
+    The fork server has imported all modules that runs need. It starts with the first run (or `start`). It ends with
+    `close`, with the launcher object, or with this process, however that ends.
     """
 
     def __init__(self) -> None:
@@ -157,7 +159,7 @@ class Launcher:
         self._cores = Cores()
 
     def start(self) -> None:
-        """Starts the warm process, unless it is running.
+        """Starts the fork server process, unless it is running.
 
         Raises:
             LaunchError: The process cannot be started.
@@ -166,7 +168,7 @@ class Launcher:
             self._running_server()
 
     def close(self) -> None:
-        """Ends the warm process; current runs continue."""
+        """Ends the fork server process; current runs continue."""
         with self._lock:
             if self._server is not None:
                 self._server.close()
@@ -193,22 +195,21 @@ class Launcher:
         try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
-        """Carries out a simulation run, and waits until all its processes have ended.
+        """Runs a simulation, and waits until all its processes have ended.
 
         Args:
-            plan: The run. Its folders are made when they are missing.
-            stop: Asked about every 0.2 s whether to stop: None, or why.
-            on_crash: Called once, with failure code and reason, when something crashed in a run whose
-                failure behaviour is `Continue`. The run goes on until it is stopped or its duration
-                limit is reached, and fails then.
-            on_trials: Called now and then with the number of trials that have finished.
-            on_answering: Called once applications listen on all ports that are forwarded, or 10 s after they were
-                started; never where none are.
-            on_stopped: Called when none of its processes is left, before its outputs are looked at.
-            on_simulated: Called once the run has ended and its result is written, with whether videos of its failure
-                follow.
-            try_again: Asked when the run was killed from outside; when it is, its outputs are left as they are.
-            clock: Seconds, for the duration limit.
+            plan: Plan of the run. Missing folders are created.
+            stop: Function called about every 0.2 s; returns a reason to stop the run, or None.
+            on_crash: Called once with failure code and reason, when a program crashed in a run whose failure behaviour
+                is `Continue`. The run continues until it is stopped or reaches its duration limit, and fails then.
+            on_trials: Called from time to time with the number of finished trials.
+            on_answering: Called once applications listen on all forwarded ports, or 10 s after they were started; never
+                if no port is forwarded.
+            on_stopped: Called when all processes have ended, before the outputs are read.
+            on_simulated: Called when the run has ended and its result is written; the argument says whether videos of a
+                failure follow.
+            try_again: Called when the run was killed from outside; if it returns true, the outputs are left unchanged.
+            clock: Monotonic clock in seconds, for the duration limit.
 
         Returns:
             How it ended. The outputs are in the plan's output folder; `result.json` is there only when
@@ -270,7 +271,7 @@ class Launcher:
         return plan_box(settings, confinement, endpoint=os.environ.get(ENDPOINT_VARIABLE))
 
     def _connect(self) -> Connection:
-        """Forks a supervisor from the warm process, and returns the connection to it."""
+        """Lets the fork server fork a supervisor process, and returns the connection to it."""
         ours, theirs = socket.socketpair()
         with ours, theirs, self._lock:
             self._running_server().fork(theirs.fileno())
@@ -285,7 +286,7 @@ class Launcher:
 
 
 class _Server:
-    """The warm process, seen from outside."""
+    """Client side of the fork server process."""
 
     def __init__(self) -> None:
         ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
@@ -331,7 +332,7 @@ class _Server:
 
 
 def _above_standard(connection: socket.socket) -> socket.socket:
-    """Moves a socket out of the way of standard input, output and error, which may be closed here."""
+    """Moves a socket to a descriptor above standard input, output and error, which may be closed in this process."""
     with connection:
         return socket.socket(fileno=fcntl.fcntl(connection.fileno(), fcntl.F_DUPFD_CLOEXEC, 3))
 
@@ -346,7 +347,7 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
 
 
 class _FirstCrash:
-    """The first crash in a run that goes on nevertheless."""
+    """First crash of a program in a run that continues nevertheless."""
 
     def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
         self._plan = plan
@@ -360,7 +361,7 @@ class _FirstCrash:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns the run's outcome if one of its programs crashed: failed, unless it was canceled later."""
+        """Returns the run's outcome if one of its programs crashed: failed, unless it was cancelled later."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)

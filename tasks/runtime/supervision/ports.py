@@ -1,4 +1,4 @@
-"""Ports of applications that are reachable under other numbers, on this machine only."""
+"""Forwarding of applications' ports to other port numbers, on this machine only."""
 
 import asyncio
 import os
@@ -14,7 +14,7 @@ from ..limits.processes import die_with_parent
 
 _HOST = "127.0.0.1"
 _LISTENS = "0A"
-"""State of a listening socket in the kernel's tables."""
+"""State of a listening socket in `/proc/net/tcp`."""
 
 _CHUNK_BYTES = 64 * 1024
 _FAILURE_CODE = "InvalidInput"
@@ -24,9 +24,9 @@ def open_ports(ports: Sequence[PortPlan], *, is_shared: bool = True) -> list[tup
     """Opens listening sockets for the job's forwarded ports.
 
     Args:
-        ports: What to forward. A port that keeps its number is only looked at: the application itself
-            is going to listen on it.
-        is_shared: Whether the application has this process's network; otherwise all its ports are forwarded.
+        ports: Ports to forward. A port that keeps its number is only checked, as the application itself will listen on
+            it.
+        is_shared: Whether the application shares this process's network; otherwise all its ports are forwarded.
 
     Returns:
         Listening sockets, each with the application's port.
@@ -50,10 +50,10 @@ def open_ports(ports: Sequence[PortPlan], *, is_shared: bool = True) -> list[tup
 
 
 def are_listened_on(ports: Sequence[PortPlan], pid: int) -> bool:
-    """Whether applications listen on all of their ports; no connection is made, which some would take for a client.
+    """Returns whether applications listen on all forwarded ports, without connecting, which could disturb them.
 
     Args:
-        ports: What is forwarded.
+        ports: Forwarded ports.
         pid: A process in the applications' network.
     """
     listening: set[int] = set()
@@ -84,11 +84,11 @@ def _listen(port: PortPlan) -> socket.socket:
 def fork_forwarder(ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None) -> int:
     """Starts a child process that forwards connections to the application's ports; returns its process id.
 
-    The sockets are closed here and live on there, in the network that they are of.
+    This process closes its copies of the sockets; the child keeps them, in the network in which they were opened.
 
     Args:
         ports: Listening sockets, each with the application's port.
-        join_network: Moves that process into the application's network.
+        join_network: Function that moves the child into the application's network.
     """
     parent = os.getpid()
     pid = os.fork()
@@ -128,7 +128,7 @@ def _forwarder_to(application_port: int):
 
 
 async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copies one direction until its sender is done, then closes it for the receiver."""
+    """Copies one direction of a connection until its sender is done, then closes it for the receiver."""
     with suppress(OSError):
         while data := await reader.read(_CHUNK_BYTES):
             writer.write(data)

@@ -1,4 +1,4 @@
-"""Supervises the processes of one run: notices their ends, and restarts, reports or ends the run."""
+"""Supervision of the processes of one run: detects their ends, and restarts, reports or ends the run."""
 
 import heapq
 import itertools
@@ -29,17 +29,17 @@ from .run_outcomes import Crash, Exit, how_it_ended
 from .run_requests import program_environment
 
 END_GRACE_S = 1.0
-"""Time that processes get to end once the run has ended."""
+"""Seconds that processes get to end once the run has ended."""
 LAST_WORD_S = 1.0
-"""Time in which the end of a robot program still counts as the reason why its episode ended."""
+"""Seconds after an episode's end in which the end of its robot program still counts as the cause."""
 AGENT_GONE_S = 0.5
-"""Time in which an episode notices by itself that its robot program has ended."""
+"""Seconds in which an episode detects by itself that its robot program has ended."""
 CLEAN_UP_TIMEOUT_S = 6.0
 TELL_TRIALS_EVERY_S = 2.0
-"""Time between two messages that say how many trials have finished."""
+"""Seconds between two messages about the number of finished trials."""
 _CLEAN_UP_POLL_S = 0.02
 PORTS_PATIENCE_S = 10.0
-"""Time in which applications are to listen on forwarded ports before the job counts as running all the same."""
+"""Seconds for applications to listen on forwarded ports; after that the job counts as running anyway."""
 _PORTS_POLL_S = 0.1
 
 
@@ -48,11 +48,11 @@ class Supervision:
 
     Args:
         channel: Connection to the launcher.
-        request: The run.
-        progress: What the run's process shares.
-        begin_run: Lets the run's process begin; returns its pid.
-        tell: Sends a message to the launcher.
-        box: The box of its processes, if they are in one.
+        request: Request of the run.
+        progress: Memory shared with the run's process.
+        begin_run: Function that lets the run's process begin; returns its pid.
+        tell: Function that sends a message to the launcher.
+        box: Sandbox of the run's processes, if they have one.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class Supervision:
                 self._has_launch_failed(program)
 
     def _has_launch_failed(self, program: Program) -> bool:
-        """Whether a program has said that it could not launch its nodes; that counts as its crash."""
+        """Returns whether a program has logged that it could not launch its ROS nodes, which counts as its crash."""
         if (said := program.launch_failure()) is None:
             return False
         self._on_crash(_crash_of(program, f"failed in its launch: {said}"))
@@ -295,7 +295,7 @@ class Supervision:
             self._after(AGENT_GONE_S, self._tell_run_that_agent_is_gone)
 
     def _is_failing_by_itself(self) -> bool:
-        """Whether the run's process has reported a failure, which its robot program may have noticed first."""
+        """Returns whether the run's process has reported a failure, which its robot program may have noticed first."""
         return self._run_status is None and _failed_role(self._progress.read_report()) == "simulation"
 
     def _on_crash(self, crash: Crash) -> None:
@@ -307,7 +307,7 @@ class Supervision:
             self._end()
 
     def _go_on(self, crashed: Exit) -> None:
-        """Reports a crash after which the run goes on until it is stopped."""
+        """Reports a crash after which the run continues until it is stopped."""
         self._has_crashed = True
         self._tell({"event": "crashed", "exit": crashed.to_message()})
 
@@ -401,7 +401,7 @@ class Supervision:
         )
 
     def _trial(self) -> int | None:
-        """The trial that the run's process was in."""
+        """Returns the number of the trial that the run's process is in."""
         trials, finished = self._plan.trials, self._progress.trials
         return finished if trials is not None and finished < trials.count else None
 
@@ -415,12 +415,12 @@ def _confine_in_box(request: RunRequest) -> None:
 
 
 def _pids_of_run() -> Iterator[int]:
-    """Processes below this one, read one after the other as they are asked for."""
+    """Yields the ids of all processes below this one."""
     return (state.pid for state in descendants_of(os.getpid()))
 
 
 def _cpu_time_s() -> float:
-    """CPU time of all processes below this one that have ended: those of the run."""
+    """Returns the CPU time of all ended processes below this one, which are those of the run."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

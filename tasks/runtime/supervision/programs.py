@@ -1,4 +1,4 @@
-"""Programs of a run: started, restarted, and watched for failures of their ROS launches."""
+"""Programs of a run: starts and restarts them, and watches their logs for failed ROS launches."""
 
 import os
 import re
@@ -14,7 +14,7 @@ from ..limits.logs import LOG_FOLDER, CappedLog, program_logs
 from ..sandbox.box import fork_beside
 
 _CHUNK_BYTES = 256 * 1024
-"""Read of a log at a time; who writes more between two looks has other troubles."""
+"""Maximum number of bytes read from a log at a time."""
 _COLOURS = re.compile(rb"\x1b\[[0-9;]*m")
 _STAMP = rb"^(?:\d+\.\d+ )?"
 _CANNOT = re.compile(rb"^ERROR: (cannot launch node of type .*)")
@@ -33,7 +33,7 @@ class LaunchWatch:
     """Watches a ROS launch program's log for nodes that failed to start or died.
 
     Args:
-        descriptor: The log.
+        descriptor: File descriptor of the log.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -67,7 +67,7 @@ class LaunchWatch:
         return None
 
     def _after_required(self, said: bytes, line: bytes) -> bytes | None:
-        """A required node may also end well: `process has finished cleanly`."""
+        """Handles the log line about a required node's end, which may be clean: `process has finished cleanly`."""
         self._awaited = None
         return b"%s %s" % (said, line) if line.startswith(b"process has died") else None
 
@@ -78,7 +78,7 @@ class LaunchWatch:
         return b"%s cannot be executed: %s" % (node, line)
 
     def _new_lines(self) -> Iterator[bytes]:
-        """Whole lines that were written since the last call, without colours."""
+        """Yields the complete lines written since the last call, without colour codes."""
         size = self._size()
         if size == self._offset:
             return
@@ -95,32 +95,32 @@ class LaunchWatch:
 
 
 FIRST_PAUSE_S = 0.5
-"""Pause before a tool is started again; doubles with each time."""
+"""Seconds before the first restart of a tool; doubles with each restart."""
 MAX_PAUSE_S = 30.0
 STEADY_LIFE_S = 60.0
-"""A tool that lived this long begins again with the first pause."""
+"""Seconds of life after which a tool's restart has the first pause again."""
 _NOT_STARTED = 127
 _RESTORED_SIGNALS = (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGCHLD, signal.SIGTERM)
 
 
 Fork = Callable[[Callable[[], NoReturn]], int]
-"""Forks a process that does something and never returns; returns its pid."""
+"""Function that forks a process which runs a function that never returns; returns its pid."""
 
 
 class StartError(Exception):
-    """Raised when a program cannot be started; says why."""
+    """Raised when a program cannot be started; the message says why."""
 
 
 class Program:
     """A program of a run as a process, which can be started, watched and restarted.
 
     Args:
-        plan: What to start.
-        environment: Its whole environment.
-        output_dir: Its logs go to `logs/` in it.
-        confine: Called in the new process before the program takes it over.
-        clock: Seconds, for the time it lived.
-        fork: Forks its process, in a box for example.
+        plan: Plan of the program.
+        environment: All environment variables of the program.
+        output_dir: Output folder of the run; the program's logs are in `logs/` below it.
+        confine: Called in the new process before the program is executed.
+        clock: Monotonic clock in seconds, for the program's lifetime.
+        fork: Function that forks the process, such as into a sandbox.
 
     Raises:
         OSError: The logs of the program cannot be created.
@@ -179,7 +179,7 @@ class Program:
     def see_end(self) -> int:
         """Returns the wait status of the ended program, without reaping it.
 
-        Until it is reaped no other process can get its number, so that its group can be killed safely.
+        Until it is reaped, no other process can get its id, so that its group can be killed safely.
         """
         assert self.pid is not None
         assert self.ended is not None
@@ -195,7 +195,7 @@ class Program:
                 os.killpg(self.pid, signal.SIGTERM)
 
     def clear_away(self) -> None:
-        """Kills the rest of the program's process group, and reaps the program."""
+        """Kills the remaining processes of the program's process group, and reaps the program."""
         if self.pid is not None:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGKILL)
@@ -206,7 +206,7 @@ class Program:
         """Returns how long to wait before the program's restart, in seconds, and notes that in its log.
 
         Args:
-            how: How it ended.
+            how: Description of the program's end.
         """
         self._ends, self._last_end = self._ends + 1, how
         if self._clock() - self._started_at >= STEADY_LIFE_S:
@@ -253,12 +253,12 @@ def spawn(
     """Starts an executable in its own session with only its logs open; it dies with this process.
 
     Args:
-        argv: Program, looked for along the environment's `PATH`, and its arguments.
+        argv: Program, searched in the environment's `PATH`, and its arguments.
         folder: Working directory.
-        environment: The whole environment.
-        logs: Where standard output and error go; standard input is empty.
-        confine: Called in the new process before the program takes it over.
-        fork: Forks that process.
+        environment: All environment variables.
+        logs: Logs of standard output and error; standard input is empty.
+        confine: Called in the new process before the program is executed.
+        fork: Function that forks the process.
 
     Returns:
         Its pid.
@@ -313,7 +313,7 @@ def _why_not(error: BaseException, program: str, folder: Path) -> str:
 
 
 def _peek(pid: int) -> int:
-    """The wait status of a child that has ended, without reaping it."""
+    """Returns the wait status of a child that has ended, without reaping it."""
     info = os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
     assert info is not None
     return info.si_status << 8 if info.si_code == os.CLD_EXITED else info.si_status

@@ -1,4 +1,4 @@
-"""Verdicts of jobs that have only programs, such as a Gazebo of the user's own: by the topics that they recorded."""
+"""Verdicts by recorded topics, for jobs that have only programs (such as the user's own Gazebo)."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -19,11 +19,13 @@ from .ros_topics import BAG_FILE
 
 _JUDGING = "prefect_robomaker.tasks.runtime.process.judging"
 _RECORDINGS = ("recording.mcap", BAG_FILE)
-"""Recordings of ROS 2 and of ROS 1 that a run leaves."""
+"""File names of a run's recordings of ROS 2 and ROS 1."""
 _LIMIT_S = 120.0
-"""Wall-clock limit of judging, besides what the size of the recording adds; importing alone takes seconds."""
+"""Wall-clock limit of judging in seconds, plus a time for the size of the recording; importing alone takes seconds."""
 _BYTES_A_SECOND = 1024 * 1024
-"""A fifth of what was measured with transforms at 50 Hz, whose messages are the smallest, on two busy processors."""
+"""Bytes of a recording that are judged in a second, for the time limit: a fifth of the measured speed with transforms
+at 50 Hz, the smallest messages, on two busy processors.
+"""
 
 
 def judge_topics(
@@ -36,16 +38,15 @@ def judge_topics(
 ) -> None:
     """Judges requirements by a run's recording, and updates the run's result.
 
-    Of a run that had only programs these are all; of one with a simulation those that are judged by topics only.
-
-    What cannot be judged is an error with its reason, as the result says it already.
+    For a run that had only programs, these are all requirements; for a run with a simulation, those that are judged by
+    topics. A requirement that cannot be judged becomes an error with its reason.
 
     Args:
-        plan: The run; it is completed, its recordings are joined, and its result is written.
-        losses: Why topics are not recorded whole, by their names.
-        timed_out: Whether the duration limit ended it.
-        stop: Asked about every 0.1 s; anything but None ends the judging.
-        environment: Variables of the judging process.
+        plan: Plan of the run; the run is complete, its recordings are merged, and its result is written.
+        losses: Reasons why topics are not recorded completely, by topic.
+        timed_out: Whether the run ended at its duration limit.
+        stop: Function called about every 0.1 s; a result other than None ends the judging.
+        environment: Environment variables of the judging process.
     """
     if plan.has_episode:  # the simulation has judged all that needs no topics; trials have no recording of their own
         by_topics = [each for each in plan.requirements if each.by_topics] if plan.trials is None else []
@@ -65,13 +66,13 @@ def judge_topics(
 
 
 def _has_recorder(plan: RunPlan) -> bool:
-    """Whether topics were to be recorded: a recorder ran, or its log says why it did not."""
+    """Returns whether topics were to be recorded: a recorder ran, or its log says why it did not."""
     has_log = (plan.output_dir / LOG_FOLDER / f"{PROGRAM}.log").is_file()
     return has_log or any(program.name.endswith(f".{PROGRAM}") for program in plan.programs)
 
 
 def _is_file(path: Path) -> bool:
-    """Whether a program of the job did not put a link there."""
+    """Returns whether a path is a regular file; a program of the job may have put a link there."""
     return path.is_file() and not path.is_symlink()
 
 

@@ -1,4 +1,4 @@
-"""Topics of nodes of ROS 2 after a run: joined with the run's own recording, and noted in its result."""
+"""Recorded topics of ROS 2 nodes after a run: merges them with the run's recording, and adds notes to its result."""
 
 import os
 import re
@@ -28,17 +28,17 @@ _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
 _REPORT_SUFFIX = ".json"
 BAG_FILE = f"{PROGRAM}.bag"
-"""Recording of the topics of ROS 1."""
+"""File name of the recording of ROS 1 topics."""
 _JOINED = ("recording.mcap", "metadata.yaml", "foxglove-layout.json")
-"""Files that joining writes anew."""
+"""Names of the files that merging rewrites."""
 _BLOCK_BYTES = 512
-"""Unit of `st_blocks` on Linux, whatever the file system."""
+"""Unit of `st_blocks` on Linux in bytes, on every file system."""
 _LIMIT_S = 60.0
-"""Wall-clock limit of joining, besides what the size of the files adds."""
+"""Wall-clock limit of merging in seconds, plus a time for the size of the files."""
 _BYTES_A_SECOND = 10 * 1024 * 1024
-"""A tenth of what was measured on two busy processors."""
+"""Bytes that are merged in a second, for the time limit: a tenth of the measured speed on two busy processors."""
 _CANCELED_LIMIT_S = 20.0
-"""The same of a run that was cancelled: somebody may wait for it."""
+"""Wall-clock limit of merging in seconds after a cancelled run, as a person may be waiting for its end."""
 
 
 def join_ros_topics(
@@ -46,13 +46,13 @@ def join_ros_topics(
 ) -> dict[str, str]:
     """Merges the ROS topics recorded by a run's recorder into the run's own recording.
 
-    Nothing that fails here changes how the run ended: the files stay apart, and a note says so.
+    If merging fails, the run's outcome does not change: the files stay separate, and the result gets a note.
 
     Args:
-        plan: The run; none of its processes is left, and its result is written if it has one.
-        is_canceled: Whether it was cancelled, so that `stop` has its reason already.
-        stop: Asked about every 0.1 s; anything but None ends the joining.
-        environment: Variables of the joining process.
+        plan: Plan of the run; its processes have ended, and its result, if any, is written.
+        is_canceled: Whether the run was cancelled, so that `stop` returns a reason already.
+        stop: Function called about every 0.1 s; a result other than None ends the merging.
+        environment: Environment variables of the merging process.
 
     Returns:
         Why topics are not in the recording as a whole, by their names.
@@ -90,7 +90,7 @@ def join_ros_topics(
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Removes files that a recorder or a joining program was writing when it was killed."""
+    """Deletes incomplete files that a recorder or a merging program was writing when it was killed."""
     for pattern in (f"ros-topics.*{_REPORT_SUFFIX}", *_JOINED):
         for left in folder.glob(unfinished_of(Path(pattern)).name):
             with suppress(OSError):
@@ -122,7 +122,7 @@ def _size(folder: Path, parts: Sequence[Path]) -> int:
 def _joined(
     folder: Path, parts: Sequence[Path], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
 ) -> list[str]:
-    """Joins the files; returns the failure as the end of a sentence about their topics."""
+    """Merges the files; returns the failure as the end of a sentence about their topics."""
     names = [part.name for part in parts]
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)

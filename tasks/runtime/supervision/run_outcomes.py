@@ -1,4 +1,4 @@
-"""Outcomes of runs: code and reason of how processes ended."""
+"""Outcomes of runs: status, failure code and reason, decided from how the processes ended."""
 
 import os
 import signal
@@ -16,12 +16,12 @@ from ..limits.files import files_below
 MAX_REASON_CHARACTERS = 1024
 _MAX_HEAD_CHARACTERS = 600
 _LINE_END = 300
-"""Characters that are kept of the end of a last line that is too long."""
+"""Number of characters that are kept from the end of a too long last log line."""
 _MAX_TAIL_LINES = 12
 OFTEN = 3
-"""A failure's reason names a tool that ended so often."""
+"""Number of ends from which a failure's reason names a tool."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
-"""Reasons for which a run ends without being stopped from outside, in the words of `RunResult.ended_by`."""
+"""Causes for which a run ends without being stopped from outside, as in `RunResult.ended_by`."""
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
     "simulation": "SimulationApplicationCrash",
@@ -34,10 +34,10 @@ class Crash:
     """A crash during a run: a program that ended unexpectedly, or exceeded a limit."""
 
     role: ApplicationRole
-    """The application that it is or belongs to."""
+    """Role of the application that crashed or that the program belongs to."""
 
     what: str
-    """End of the process, in words: `exited with code 3`."""
+    """Description of the process's end: `exited with code 3`."""
 
     program: str | None = None
     """Name of the program; None: the run's process."""
@@ -50,35 +50,35 @@ class Exit:
     """End of a run, as its supervisor observed it."""
 
     exit_code: int | None
-    """Exit code of the run's process; 0 where the run has none and ended by itself."""
+    """Exit code of the run's process; 0 if the run has no such process and ended by itself."""
 
     signal: int | None
     phase: Phase
     report: dict[str, Any]
     crash: Crash | None = None
-    """A crash of another program, which counts instead of the run's process."""
+    """Crash of another program, which takes precedence over the run's process."""
 
     tools: Sequence[ToolEnds] = ()
-    """Tools that ended and were started again."""
+    """Tools that ended and were restarted."""
 
     trial: int | None = None
-    """Number of the trial that the run's process was in; None: it has no trials, or all have finished."""
+    """Number of the trial that the run's process was in; None: there are no trials, or all have finished."""
 
     cpu_time_s: float | None = None
-    """CPU time of all processes of the run; None: not known yet."""
+    """CPU time of all processes of the run in seconds; None: not known yet."""
 
     steps: int = 0
-    """Steps of the episode that were done."""
+    """Number of finished steps of the episode."""
 
     sim_time_s: float = 0.0
-    """Simulated time that the run's process last noted."""
+    """Last simulated time of the run's process, in seconds."""
 
     judges: bool = False
     """Whether the environment judges its run, or has requirements."""
 
     @property
     def ended_by(self) -> str | None:
-        """Cause for which the simulation loop ended, if the run completed its outputs; `None` otherwise."""
+        """Cause of the simulation loop's end if the run completed its outputs, else `None`."""
         return self.report.get("ended_by") if self.exit_code == 0 else None
 
     def to_message(self) -> dict[str, Any]:
@@ -112,9 +112,9 @@ def decide_outcome(
     """Determines the outcome of a run from its end.
 
     Args:
-        ended: The end of its process; None when its supervisor disappeared without a word.
-        stopped_for: Why it was stopped; None when it ended by itself.
-        plan: The run.
+        ended: Observed end of the run; None if its supervisor disappeared without a message.
+        stopped_for: Reason for which the run was stopped; None if it ended by itself.
+        plan: Plan of the run.
         log: Name and last lines of its log.
 
     Returns:
@@ -155,8 +155,8 @@ def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
     """Whether a run was killed from outside, for example for lack of memory.
 
     Args:
-        ended: The end of its process; None when its supervisor disappeared without a word.
-        stopped_for: Why it was stopped; None when it ended by itself.
+        ended: Observed end of the run; None if its supervisor disappeared without a message.
+        stopped_for: Reason for which the run was stopped; None if it ended by itself.
     """
     if stopped_for is not None:
         return False
@@ -206,7 +206,7 @@ def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
 
 
 def _about_tools(ended: Exit, plan: RunPlan) -> str:
-    """Names tools that were restarted again and again: a failure may have come of them."""
+    """Names tools that were restarted repeatedly, as they may have caused a failure."""
     return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= OFTEN)
 
 
@@ -250,14 +250,14 @@ def signal_name(number: int) -> str:
 def attribute_disk_use(ended: Exit, plan: RunPlan) -> Exit:
     """Measures the disk use of a run's containers after their end, and adds a crash if it exceeds the limit.
 
-    While they run, their root user may have folders that other users cannot read.
+    During the run, folders of the containers' root user may be unreadable.
 
     Args:
-        ended: How the run ended, by itself.
-        plan: The run.
+        ended: Observed end of a run that ended by itself.
+        plan: Plan of the run.
 
     Returns:
-        The same, or a crash of the container that has most files, if the run wrote too much.
+        The same end, or with a crash of the container that has most files, if the run wrote too much.
     """
     containers = [program for program in plan.programs if program.cleanup_argv is not None]
     if not containers or ended.crash is not None or (said := disk_meter(plan).last_look()) is None:

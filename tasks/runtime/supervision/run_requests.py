@@ -1,4 +1,4 @@
-"""Requests for runs: plan, environment, box and processor cores."""
+"""Requests that start runs: plan, environment variables, sandbox and processor cores."""
 
 import logging
 import os
@@ -52,9 +52,9 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
     """Makes the request that starts a run: its plan, with import path, environment and rendering.
 
     Args:
-        plan: The run. Relative paths are those of this process.
-        cores: Processor cores it may use; None: all.
-        box: What it is confined to; None: to nothing.
+        plan: Plan of the run. Relative paths refer to this process's working directory.
+        cores: Numbers of the processor cores that the run may use; None: all.
+        box: Sandbox of the run; None: no sandbox.
 
     Raises:
         LaunchError: The variables ask for an impossible video or recording.
@@ -100,7 +100,7 @@ def inherited_environment() -> dict[str, str]:
 
 
 def _menagerie_cache() -> dict[str, str]:
-    """The folder of fetched robots: its default depends on variables that runs do not see."""
+    """Returns the variable with the folder of downloaded robots, whose default depends on hidden variables."""
     try:
         from mujoco_menagerie import Cache  # an extra
     except ImportError:
@@ -127,7 +127,7 @@ def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, 
 
 
 def _fixed_variables(plan: RunPlan) -> dict[str, str]:
-    """Variables that an application cannot set otherwise."""
+    """Returns the variables that an application cannot override."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": plan.job_arn,
@@ -171,10 +171,10 @@ def plan_box(
     """Decides how a run's processes are sandboxed.
 
     Args:
-        settings: The service's.
-        confinement: The strongest level that this machine has.
-        user_home: Home folder of this process's user; None: as the system says.
-        warn: Told once what is missing.
+        settings: Settings of the service.
+        confinement: Strongest sandbox level that this machine supports.
+        user_home: Home folder of this process's user; None: the system's.
+        warn: Function that is called once with a warning about a weaker sandbox.
         endpoint: URL of the service's endpoint, if this process knows one.
 
     Raises:
@@ -207,7 +207,7 @@ def plan_box(
 
 
 def _local_port(url: str) -> int | None:
-    """The port of a server on this machine; `None`: it is elsewhere, or no server at all."""
+    """Returns the port of a URL's server on this machine; `None`: it is elsewhere, or the URL has no server."""
     with suppress(ValueError):  # it is no URL
         parts = urlsplit(url)
         if parts.hostname in ("127.0.0.1", "localhost"):
@@ -216,7 +216,7 @@ def _local_port(url: str) -> int | None:
 
 
 def _hidden(settings: Settings, user_home: Path) -> list[Path]:
-    """Returns paths of the service and of the user that are hidden, even inside folders that are shown."""
+    """Returns paths of the service and the user that are hidden even inside visible folders."""
     hidden = [settings.home, *(user_home / name for name in _OF_USERS)]
     hidden += [file for file in (settings.access_keys_file, settings.roles_file) if file is not None]
     if settings.object_store.startswith("/"):
@@ -232,8 +232,8 @@ class Cores:
 
     Args:
         available: Numbers of the cores; absent: those that this process may use.
-        first: Where to begin, so that several job workers on one machine do not all begin with the
-            same core; absent: somewhere that depends on the process.
+        first: Index of the first core to assign, so that job workers on one machine do not all begin with the same
+            core; absent: depends on the process id.
     """
 
     def __init__(self, available: list[int] | None = None, first: int | None = None) -> None:
@@ -247,7 +247,7 @@ class Cores:
         """Yields the least used cores, and counts them as used inside the `with` block.
 
         Args:
-            count: How many; None: as many as there are.
+            count: Number of cores; None: all available ones.
 
         Yields:
             Their numbers; None for all, which needs no confinement.

@@ -1,13 +1,13 @@
-"""The supervisor of one run: a small process between the launcher and the run.
+"""Supervisor of one run: a small process between the launcher and the run.
 
-It runs no application code, so nothing an application does (a crash, a C call that never returns, an
-ignored signal, a fork bomb) keeps it from doing its work:
+It runs no application code, so that nothing an application does (a crash, a C call that never returns, an ignored
+signal, a fork bomb) can stop it:
 
-- it starts the run's process, where the run has an episode, and its programs;
-- it kills all of them and everything they started when it is told to, when the run ends, and when the
-  launcher's process disappears, however that happens (the channel between them closes);
-- it adopts processes whose parents died, so that grandchildren which left the process group are found;
-- it looks at what they use and how long their logs are;
+- it starts the run's process, if the run has an episode, and its programs;
+- it kills all of them and their descendants when it is told to, when the run ends, and when the
+  launcher's process disappears, however that happens (the connection between them closes);
+- it adopts processes whose parents died, so that descendants outside of the process group are found;
+- it measures their resource use and the size of their logs;
 - it reports how the run ended and in which phase.
 """
 
@@ -33,13 +33,13 @@ from .process_supervision import Supervision
 
 
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
-    """Waits for a run's request, then supervises that run; main function of a supervisor process.
+    """Waits for a run's request, then supervises the run; main function of a supervisor process.
 
     Args:
-        control: Brings one message, with the connection to the run's launcher; closed, if no run will come.
-        run_child: What the run's process does.
-        rehearse: What that process does until there is a run.
-        level: How runs are confined, if they do not ask for less.
+        control: Socket with one message that carries the connection to the run's launcher; closed, if no run will come.
+        run_child: Function that runs the simulation in the run's process.
+        rehearse: Function that warms up the waiting process.
+        level: Sandbox level of runs that do not request a lower one.
     """
     os.setsid()
     adopt_orphans()
@@ -82,10 +82,10 @@ def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, le
 
 
 def _is_ready(run: WaitingRun, sights: Sequence[Sight], request: RunRequest, message: bytes, *, is_last: bool) -> bool:
-    """Furnishes the box of a waiting process and tells it of its run, unless it has been killed or is out of date.
+    """Completes a waiting process's sandbox and sends it the run; false if it was killed or is outdated.
 
     Raises:
-        OSError: The box cannot be furnished, and `is_last` is true.
+        OSError: The sandbox cannot be completed, and `is_last` is true.
     """
     if run.box is not None:
         try:
@@ -103,7 +103,7 @@ def _refusal(error: LaunchError | OSError) -> bytes:
 
 
 def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progress: Progress) -> None:
-    """Starts one run, watches it, leaves none of its processes behind.
+    """Starts one run, watches it, and leaves none of its processes behind.
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
     str, "reason": str}`; `{"event": "answering"}` once forwarded ports answer; under `Continue` perhaps
@@ -113,9 +113,9 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
 
     Args:
         channel: Connection to the launcher.
-        request: The run.
-        run: Becomes the run's process.
-        progress: What that shares with this process.
+        request: Request of the run.
+        run: Waiting process that becomes the run's process.
+        progress: Memory that the run's process shares with this process.
     """
     if not request.plan.has_episode:
         run.dismiss(keep_box=True)

@@ -1,1 +1,1 @@
-"""Stored results of a job's trials: the journal, the tally, the table."""
+"""Stored results of a job's trials: journal, summary, and table."""

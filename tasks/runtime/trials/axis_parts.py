@@ -1,4 +1,4 @@
-"""Parts of an axis that a report counts trials of: its values, or fifths of its range that are equally likely."""
+"""Parts of an axis by which a report counts trials: the axis's values, or equally likely fifths of its range."""
 
 from bisect import bisect_right
 from collections.abc import Mapping
@@ -7,14 +7,14 @@ from ....schemas.runs.axes import AS_BUILT, value_text
 from ....schemas.runs.axis_kinds.kind import Axis, NumberAxis, Value
 
 Part = tuple[int, str]
-"""Place of a part among those of its axis, and the part in words."""
+"""Index of a part among those of its axis, and its description."""
 
 
 class AxisParts:
-    """Finds the part of an axis that a value lies in.
+    """Finds the part of an axis to which a value belongs.
 
     Args:
-        axis: The axis.
+        axis: Axis of the trials.
     """
 
     def __init__(self, axis: Axis) -> None:
@@ -22,10 +22,10 @@ class AxisParts:
         self._listed: Mapping[Value, int] = {value: place for place, value in enumerate(axis.listed or ())}
 
     def part(self, value: Value | None) -> Part:
-        """Returns the part that a value lies in.
+        """Returns the part to which a value belongs.
 
         Args:
-            value: The value; None: the cell does not name the axis.
+            value: Value of the axis; None: the cell has none.
         """
         if value is None:
             return len(self._listed) + len(self._edges or ()) + 1, AS_BUILT

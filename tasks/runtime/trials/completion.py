@@ -1,4 +1,4 @@
-"""Rows of trials: journal while they run, table and result at the end."""
+"""Results of trials: a journal while they run, a table and `result.json` at the end."""
 
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -18,7 +18,7 @@ JOURNAL_FILE = "trials.jsonl"
 _MAX_LINE_BYTES = 1024 * 1024
 
 TakeRow = Callable[[TrialRow], None]
-"""Takes in one row."""
+"""Function that receives one trial's results."""
 
 
 def journal_path(plan: RunPlan) -> Path:
@@ -30,7 +30,7 @@ def read_journal(path: Path) -> Iterator[TrialRow]:
     """Yields the finished trials from a journal, up to the first damaged row.
 
     Raises:
-        OSError: It cannot be read, or is a link or something else than a file.
+        OSError: The file cannot be read, or is a link or not a regular file.
     """
     for row, _ in _rows(path):
         yield row
@@ -40,11 +40,11 @@ class TrialJournal:
     """Journal file of finished trials; each row survives a killed process."""
 
     def __init__(self, path: Path, take: TakeRow) -> None:
-        """Opens a journal, to go on after its last whole row.
+        """Opens a journal, to append after its last complete row.
 
         Args:
-            path: The file; made with its folder unless it exists.
-            take: Told of each row that is there already.
+            path: Path of the file; it is created with its folder if missing.
+            take: Called with each row that the journal already has.
 
         Raises:
             OSError: It cannot be read or written.
@@ -59,10 +59,10 @@ class TrialJournal:
         self._file.truncate(size_bytes)
 
     def append(self, row: TrialRow) -> None:
-        """Adds a finished trial.
+        """Appends a finished trial.
 
         Raises:
-            OSError: The disk is full, for one.
+            OSError: The row cannot be written, such as on a full disk.
         """
         line = row.model_dump_json(exclude_defaults=True).encode() + b"\n"
         if self._file.write(line) != len(line):
@@ -75,7 +75,7 @@ class TrialJournal:
 
 
 def _rows(path: Path) -> Iterator[tuple[TrialRow, int]]:
-    """The rows, each with the place where it ends."""
+    """Yields the rows, each with the byte offset of its end."""
     try:
         file = open_left(path)
     except FileNotFoundError:
@@ -114,10 +114,10 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
     | `recorded` | whether it has a folder of outputs |
 
     Args:
-        journal: The rows.
-        path: The file to write.
+        journal: Path of the journal.
+        path: Path of the table.
         trials: The job's trials.
-        recorded: Numbers of trials that have a folder.
+        recorded: Numbers of the trials that have an output folder.
 
     Returns:
         How many rows it has.
@@ -147,8 +147,8 @@ def read_row(path: Path, number: int) -> TrialRow | None:
     """Reads one trial from a trials table; `None` if there is no such trial.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: It is no table of trials.
+        FileNotFoundError: The file does not exist.
+        ValueError: The file is no table of trials.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -168,16 +168,16 @@ def read_row(path: Path, number: int) -> TrialRow | None:
 
 
 ALL_RAN = "environment"
-"""Reason of the end of a job whose trials all ran, in the words of `RunResult.ended_by`."""
+"""Cause of the end of a job whose trials all ran, as in `RunResult.ended_by`."""
 
 
 def complete_trials(plan: RunPlan, ended_by: str, tally: Tally | None = None) -> RunResult:
     """Writes the trials table and `result.json` of a job from its finished trials.
 
     Args:
-        plan: The job's run; it has trials.
-        ended_by: Why it was stopped; does not count once all trials ran.
-        tally: The count of its rows; absent: they are read.
+        plan: Plan of the job's run, which has trials.
+        ended_by: Cause of the run's end; ignored if all trials ran.
+        tally: Counts of the journal's rows; absent: they are read.
 
     Returns:
         The result.
@@ -201,8 +201,8 @@ def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
     """Writes the trials table and result if the run's process died before it could.
 
     Args:
-        plan: The job's run; it has trials, and none of its processes is left.
-        ended_by: Why it was stopped; None: it failed, and gets no result.
+        plan: Plan of the job's run, which has trials; its processes have all ended.
+        ended_by: Cause of the run's end; None: it failed, and gets no result.
 
     Raises:
         OSError: They cannot be written.

@@ -1,4 +1,7 @@
-"""Counts a job's trials, and judges the job by them. Pure; it holds a few numbers, however many trials there are."""
+"""Counts a job's trials by verdict, cell and axis, and decides the job's verdict.
+
+The code is pure, and its memory use does not grow with the number of trials.
+"""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -21,9 +24,9 @@ from ..episode.results import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisParts, Part
 
 MAX_NAMES = 200
-"""Limit on the metrics, and on the requirements, that are counted; those that came first."""
+"""Maximum number of different metrics, and of different requirements, that are counted; the first ones are."""
 OF_ALL_TRIALS = "trials"
-"""Name of the job's own requirement, that no trial fails."""
+"""Name of the job's requirement that no trial fails."""
 _NAMED = 10
 _MAX_NOTES = 5
 _REASON_CHARACTERS = 300
@@ -63,7 +66,7 @@ class Tally:
         """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
 
     def take(self, row: TrialRow) -> None:
-        """Adds a trial's results."""
+        """Adds one trial's results to the job's counts."""
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
@@ -88,7 +91,7 @@ class Tally:
         self._steps += row.steps
 
     def _count_cell(self, row: TrialRow, counted: str) -> None:
-        """Counts a trial by its cell, where these come again, and by the part of each axis that it lies in."""
+        """Counts a trial in its cell, if cells repeat, and in the part of each axis to which its value belongs."""
         if self._axes and self._trials.design == "grid":
             _count(self._cells, tuple(row.axes.items()), counted)
         for name, counts in self._axes.items():
@@ -106,14 +109,14 @@ class Tally:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all trials were added."""
+        """Whether the results of all trials of the job were added."""
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
         """Returns the summary of the trials.
 
         Args:
-            recorded: Numbers of trials that have a folder of outputs.
+            recorded: Numbers of the trials that have an output folder.
         """
         return TrialsSummary(
             planned=self._trials.count,
@@ -135,9 +138,9 @@ class Tally:
         """Returns the job's result: FAIL if any trial failed, else ERROR if any broke or is missing.
 
         Args:
-            ended_by: `environment` once all trials ran, else why it was stopped.
+            ended_by: `environment` once all trials ran, else the cause of the run's end.
             seed: The job's seed.
-            versions: What the numbers depend on.
+            versions: Versions of the packages that the numbers depend on.
             recorded: See `summary`.
         """
         summary = self.summary(recorded)
@@ -173,7 +176,7 @@ class Tally:
 
     @property
     def _remarks(self) -> list[str]:
-        """Lines beside the verdict."""
+        """Returns the notes that are shown with the verdict."""
         off = [name for name, count in self._requirements.items() if count.kind == "off"]
         own = [f"the job has switched {', '.join(off)} off", *self._notes] if off else self._notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
@@ -182,7 +185,7 @@ class Tally:
 
     @property
     def _in_words(self) -> str:
-        """`3 of 100 trials did not pass: 4, 17 and 33`."""
+        """Describes the trials that did not pass: `3 of 100 trials did not pass: 4, 17 and 33`."""
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
         text = f"{bad} of {_trials(self.rows)} did not pass" if bad else f"none of {_trials(self.rows)} failed"
         if bad:
@@ -212,7 +215,7 @@ class Tally:
 
 @dataclass
 class _Mean:
-    """A mean of numbers that are not kept."""
+    """Running mean of numbers that are not stored."""
 
     count: int = 0
     value: float = 0.0
@@ -224,7 +227,7 @@ class _Mean:
 
 @dataclass
 class _RequirementCount:
-    """Number of trials that met one requirement."""
+    """Count of the trials that met one requirement, with the worst of them."""
 
     trials: int = 0
     met: int = 0
@@ -256,7 +259,7 @@ class _RequirementCount:
 
 
 def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:
-    """Counts one more of a key, of the first `MAX_CELLS` of them."""
+    """Increases a count of a key, if the key is among the first `MAX_CELLS`."""
     if key in counts or len(counts) < MAX_CELLS:
         of_key = counts.setdefault(key, {})
         of_key[counted] = of_key.get(counted, 0) + 1

@@ -1,1 +1,1 @@
-"""Video: recorded during a run, rendered after a failed run, and live on a page."""
+"""Videos of runs: recorded during a run, rendered after a failed run, and live on a web page."""

@@ -1,4 +1,4 @@
-"""Pictures of a camera, recorded when a job asks for them, and for ROS nodes that subscribe them.
+"""Camera images of a run, for its recording and for ROS nodes that subscribe to them.
 
 Rendering costs more than all the rest of a run.
 """
@@ -42,11 +42,11 @@ _SIZE = (320, 240)
 _JPEG_QUALITY = 80
 _FRONT = "front"
 _MOST_MM = 0xFFFF
-"""Largest number of `16UC1`."""
+"""Largest depth in mm that an image of encoding `16UC1` can have."""
 
 
 class _Sight(NamedTuple):
-    """Picture and depths that a camera sees; the parts that were not asked for are missing."""
+    """Image and depths that a camera sees; parts that are not needed are missing."""
 
     picture: Image | None
     depths_m: Depths | None
@@ -54,16 +54,16 @@ class _Sight(NamedTuple):
 
 
 class CameraRecorder(Observer):
-    """Observer that records camera pictures (JPEG, 320 x 240) as ROS messages.
+    """Observer that records camera images (JPEG, 320 x 240) as ROS messages.
 
-    `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, says how to project into them, and `/tf` or
-    `/tf_static` where the camera is: `camera_link`, and `camera_optical_frame`, which is the frame of both messages.
+    `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, has the projection, and `/tf` or
+    `/tf_static` the camera's pose: `camera_link`, and `camera_optical_frame`, which is the frame of both messages.
 
-    ROS nodes that subscribe them get the same, and raw pictures, depths and points of the same camera, which are not
-    recorded: a second of them is as large as minutes of all the rest.
+    ROS nodes that subscribe to them get the same messages, and raw images, depths and points of the same camera, which
+    are not recorded: a second of them is as large as minutes of all the rest.
 
-    Pictures that cannot be made do not fail the run: the reason goes to the error log and, as `camera_error`, to the
-    result.
+    If images cannot be rendered, the run does not fail: the reason is written to the error log, and as `camera_error`
+    to the result.
     """
 
     def __init__(
@@ -73,13 +73,13 @@ class CameraRecorder(Observer):
         backend: str | None,
         options: Callable[[], RosOptions] = RosOptions,
     ) -> None:
-        """Prepares; nothing is rendered before the first look.
+        """Stores the settings; nothing is rendered before the first call of `watch`.
 
         Args:
-            recorder: Where the pictures go; it knows what nodes listen to.
-            settings: Which camera, how often.
-            backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None takes rays.
-            options: Those of the ROS bridge, which are known once it looks for nodes.
+            recorder: Recorder that gets the images; it knows which topics nodes subscribe to.
+            settings: Name and rate of the camera.
+            backend: `egl` or `osmesa` (the value of `MUJOCO_GL`), or `rays`; None means `rays`.
+            options: Function that returns the options of the ROS bridge, which are known once it looks for nodes.
         """
         self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
         self._options = options
@@ -184,7 +184,7 @@ def _jpeg(pixels: Image) -> bytes:
 
 
 def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Image:
-    """Depths as REP 118 has them."""
+    """Makes a depth image message as in REP 118."""
     if encoding == "32FC1":
         return ros.Image(header, encoding, depths_m)
     millimetres = np.rint(1000.0 * depths_m)
@@ -192,7 +192,7 @@ def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Ima
 
 
 def _points(depths_m: Depths, info: CameraInfo) -> Depths:
-    """Points in the optical frame, in the order of the pixels."""
+    """Computes the points of a depth image in the optical frame, in the order of the pixels."""
     height, width = depths_m.shape
     seen_m = np.where(np.isfinite(depths_m), depths_m, np.float32(np.nan))
     right = (np.arange(width, dtype=np.float32) - np.float32(info.cx)) / np.float32(info.fx)

@@ -1,4 +1,4 @@
-"""Videos of runs that failed, made after the run's processes have ended."""
+"""Videos of failed runs, rendered after the run's processes have ended."""
 
 import json
 import os
@@ -39,11 +39,11 @@ def record_failure_videos(
     complete. The run's error log says why a video could not be made.
 
     Args:
-        plan: The run; none of its processes is left.
-        outcome: How it ended.
-        stop: Asked about every 0.1 s; anything but None ends the rendering.
-        environment: Variables of the rendering process.
-        limit_s: Wall-clock limit.
+        plan: Plan of the run; its processes have all ended.
+        outcome: Outcome of the run.
+        stop: Function called about every 0.1 s; a result other than None ends the rendering.
+        environment: Environment variables of the rendering process.
+        limit_s: Wall-clock time limit.
     """
     if not _may_film(plan):
         return
@@ -108,7 +108,7 @@ def _carry_out(
     stop: Callable[[], str | None],
     deadline_s: float,
 ) -> str | None:
-    """Runs the program that renders the videos; returns the failure in words."""
+    """Runs the program that renders the videos; returns the failure as text."""
     remarks_path = work_dir / _REMARKS_FILE
     remarks_path.unlink(missing_ok=True)
     with remarks_path.open("xb") as remarks:

@@ -1,4 +1,4 @@
-"""The live view of a run: its page, and pictures drawn in a thread while somebody looks."""
+"""Live view of a run: a web page, and images that a thread renders while a viewer is connected."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -33,10 +33,10 @@ from .video import RAYS, ViewRenderer
 from .video_settings import LIVE_VIEW_FILE, VideoSettings
 
 INTERVAL_S = 0.2
-"""Wall-clock time between two pictures, at least."""
+"""Minimum wall-clock seconds between two images."""
 _JPEG_QUALITY = 82
 _PATIENCE_S = 1.0
-"""Time limit for finishing the last picture."""
+"""Time limit in seconds for finishing the last image."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +48,16 @@ class _State:
 
 
 class LiveFrames:
-    """Passes simulation states to a rendering thread, and its pictures to the live view's viewers.
+    """Passes simulation states to a rendering thread, and its images to the live view's viewers.
 
-    The run's thread only reads a flag while no viewer waits, and copies positions when one does.
+    The simulation thread only reads a flag while no viewer waits, and copies positions when one does.
     """
 
     def __init__(self, backend: str | None, settings: VideoSettings) -> None:
-        """Prepares; nothing is rendered before a viewer waits.
+        """Stores the settings; nothing is rendered before a viewer waits.
 
         Args:
-            backend: `egl` or `osmesa`; None or `rays`: rays.
+            backend: `egl` or `osmesa`; None or `rays`: ray casting.
             settings: Camera and size.
         """
         self.camera = settings.camera
@@ -94,8 +94,8 @@ class LiveFrames:
         """Waits for a new picture of the live view.
 
         Args:
-            number: Of the picture that the caller has; 0: none.
-            timeout_s: How long to wait.
+            number: Number of the image that the caller has; 0: none.
+            timeout_s: Maximum seconds to wait.
 
         Returns:
             The number of the newest picture and the picture as JPEG; the same number when there is no newer one.
@@ -153,7 +153,7 @@ class LiveFrames:
 
 
 class _Easel:
-    """Draws states of one model, on a copy of it."""
+    """Renders states of one model, on a copy of the model."""
 
     def __init__(self, state: _State, settings: VideoSettings, backend: str) -> None:
         self.model = state.model
@@ -182,19 +182,18 @@ class _Easel:
 _ADDRESS = "127.0.0.1"
 _PAGE = Path(__file__).with_name("live_view.html")
 _CHECK_EVERY_S = 0.1
-"""Simulated time between two looks at whether anybody watches."""
+"""Simulated seconds between two checks whether a viewer is connected."""
 PATIENCE_S = 2.0
-"""Longest wait of a request for the next picture."""
+"""Maximum seconds that a request waits for the next image."""
 _MAX_VIEWERS = 16
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 _BOUNDARY = "frame"
 
 
 class LiveView(Observer):
-    """Observer that serves a web page with live pictures of the simulation.
+    """Observer that serves a web page with live images of the simulation.
 
-    A page that cannot be served, because the port is taken for example, does not fail the run: the error log
-    says why.
+    If the page cannot be served, such as because the port is taken, the run does not fail: the error log says why.
     """
 
     def __init__(
@@ -204,13 +203,13 @@ class LiveView(Observer):
         settings: VideoSettings,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Starts the server, and says in the log and in `live-view.json` where it is.
+        """Starts the server, and writes its URL to the log and to `live-view.json`.
 
         Args:
-            plan: The run; `live_view_port` is the port, 0 for any free one.
-            backend: How to render; None: with rays.
+            plan: Plan of the run; `live_view_port` is the port, 0 for any free one.
+            backend: Rendering backend; None: ray casting.
             settings: Camera and size.
-            patience_s: How long a request waits for the next picture.
+            patience_s: Maximum seconds that a request waits for the next image.
         """
         self.url: str | None = None
         self._server: _Server | None = None
@@ -240,7 +239,7 @@ class LiveView(Observer):
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Ends the web server."""
+        """Ends the web server of the live view."""
         del ended_by
         self._file.unlink(missing_ok=True)
         self._frames.close()
@@ -284,13 +283,13 @@ class _Server(ThreadingHTTPServer):
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
     def serve(self) -> None:
-        """Serves requests until stopped; sleeps while no viewer is connected."""
+        """Serves HTTP requests of the live view until stopped; sleeps while no viewer is connected."""
         while not self._stopped:
             self.handle_request()
         self.server_close()
 
     def stop(self) -> None:
-        """Ends `serve`."""
+        """Stops the live view's web server."""
         self._stopped = True
         with suppress(OSError):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it

@@ -1,7 +1,7 @@
-"""Renders the videos of a run from its log of states: a program of its own, started after a run that failed.
+"""Program that renders the videos of a run from its state log, after a run that failed.
 
 `python -P -m prefect_robomaker.tasks.runtime.video.rerender REQUEST`, where REQUEST is a `VideoRequest` as JSON. The
-clip of the last seconds comes first: it says most, should there be no time for the rest.
+clip of the last seconds is rendered first, as it is most useful if time runs out.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -28,9 +28,9 @@ from .video_settings import CLIP_FILE, POSTER_FILE, VIDEO_FILE, VideoRequest, Vi
 
 CLIP_S = 10.0
 _NICENESS = 15
-"""Drawing gets a thirtieth of a processor that a simulation wants, and all of one that none does."""
+"""Niceness of the process: rendering gets a thirtieth of a processor that a simulation uses, and all of an idle one."""
 _TOLERANCE_S = 5e-7
-"""Forgives rounding in sums of time steps, as the loop of a run does."""
+"""Tolerance in seconds for rounding errors in sums of time steps, as in the simulation loop."""
 
 
 def write_videos(request: VideoRequest) -> None:
@@ -62,11 +62,11 @@ def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str
     """Renders one video from a state log, from a start time to the end.
 
     Args:
-        log: The states.
-        path: The file.
+        log: State log of the run.
+        path: Path of the video.
         settings: Camera, size and rate.
         backend: `egl`, `osmesa` or `rays`.
-        begin_s: Simulated time of the first picture.
+        begin_s: Simulated time of the first image.
 
     Returns:
         The last picture.
@@ -92,7 +92,7 @@ def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str
 
 
 def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin_s: float) -> Iterator[Image]:
-    """Yields a picture per frame of the video, which has at least the last state."""
+    """Yields the images of the video's frames; at least that of the last state."""
     begin = min(math.ceil(begin_s * settings.rate_hz - 1e-6), math.floor(log.end_s * settings.rate_hz + 1e-6))
     for segment in log.segments:
         last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)

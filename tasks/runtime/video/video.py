@@ -1,4 +1,4 @@
-"""Videos of runs: pictures of a view, encoded as MP4 while the run goes on."""
+"""Videos of runs: images of a camera view, encoded as MP4 during the run."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -58,7 +58,7 @@ class VideoWriter:
         self._stream.codec_context.time_base = Fraction(1, rate_hz)
 
     def add(self, picture: Image) -> None:
-        """Adds the next frame."""
+        """Adds the next frame to the video."""
         frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
         frame.pts = self.frames
         frame.time_base = Fraction(1, self.rate_hz)
@@ -72,19 +72,21 @@ class VideoWriter:
         self._unfinished.replace(self._path)
 
     def abandon(self) -> None:
-        """Closes and deletes the unfinished file."""
+        """Closes and deletes the unfinished video file."""
         self._container.close()
         self._unfinished.unlink(missing_ok=True)
 
 
 RAYS = "rays"
-"""The backend that needs no OpenGL."""
+"""Name of the rendering backend that needs no OpenGL (ray casting)."""
 
 _RAY_SIZE = (320, 240)
 _INSET_SHARE = 0.36
 _INSET_MARGIN_SHARE = 0.02
 _INSET_EVERY_S = 0.3
-"""Interval of the view from above: a robot moves by a few pixels in it, and this view costs the most."""
+"""Simulated seconds between two renderings of the inset from above: a robot moves by a few pixels in it, and it costs
+the most.
+"""
 _FRAME = 245
 
 
@@ -130,8 +132,8 @@ class ViewRenderer:
         """Switches to another camera.
 
         Args:
-            name: See `views.choose_views`.
-            said_by: Where the name comes from, for the error.
+            name: Name of the view; see `views.choose_views`.
+            said_by: Source of the name, for the error message.
 
         Raises:
             CameraNameError: There is no such camera.
@@ -149,11 +151,11 @@ class ViewRenderer:
         return picture
 
     def depths(self, data: mujoco.MjData) -> Depths:
-        """Renders a depth image of a state."""
+        """Renders a depth image of a simulation state."""
         return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
-        """Returns the camera for a state, and points the scene's camera along it."""
+        """Returns the camera for a state, and aims the scene's camera accordingly."""
         view = self._view(data)
         mujoco.mjv_updateCamera(self.model, data, view, scene)
         return view
@@ -171,7 +173,7 @@ class ViewRenderer:
 
 
 def _inset(picture: Image, small: Image) -> None:
-    """Puts a small picture into the upper right corner, in a frame."""
+    """Puts a small image into the upper right corner of an image, with a frame."""
     edge = max(1, picture.shape[0] // 240)
     margin = max(2, round(_INSET_MARGIN_SHARE * picture.shape[0]))
     height, width = small.shape[:2]
@@ -186,16 +188,16 @@ POSTER_TIME_S = 2.0
 class VideoWatcher(Observer):
     """Observer that records a video of the simulation at a fixed frame rate in simulated time.
 
-    A video that cannot be made does not fail the run: the reason goes to the error log and, as
-    `video_error`, to the result.
+    If the video cannot be made, the run does not fail: the reason is written to the error log, and as `video_error` to
+    the result.
     """
 
     def __init__(self, output_dir: Path, backend: str | None, settings: VideoSettings = DEFAULTS) -> None:
-        """Prepares a video; nothing is opened before the first frame.
+        """Stores the settings; no file is opened before the first frame.
 
         Args:
-            output_dir: Where `video.mp4` and `poster.png` are written.
-            backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None renders with rays.
+            output_dir: Folder for `video.mp4` and `poster.png`.
+            backend: `egl` or `osmesa` (the value of `MUJOCO_GL`), or `rays`; None means `rays`.
             settings: Camera, size and rate.
         """
         self._begins_s = 0.0
@@ -232,7 +234,7 @@ class VideoWatcher(Observer):
         """Finishes the video files.
 
         Args:
-            ended_by: What ended the run; None when it failed. The video is finished in any case.
+            ended_by: Cause of the run's end; None if it failed. The video is finished in any case.
 
         Returns:
             Remarks for the result: `video_backend`, or `video_error` with the reason there is no video.

@@ -15,7 +15,9 @@ from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.appearance import appearance_named
 
 LIVE_VIEW_FILE = "live-view.json"
-"""File in the work folder: `{"url": …}`, while the live view runs. It appears whole, for those who wait for it."""
+"""Name of a file in the work folder with the live view's URL as JSON (`{"url": …}`), while it runs. It is written
+atomically, as other processes wait for it.
+"""
 
 CAMERA_VARIABLE = "ROBOMAKER_VIDEO_CAMERA"
 SIZE_VARIABLE = "ROBOMAKER_VIDEO_SIZE"
@@ -32,19 +34,21 @@ class VideoSettings:
     """Camera, size and frame rate of a video."""
 
     camera: str | None = None
-    """`follow`, `top`, `both` or the name of a camera of the model; None: what the environment or the model say."""
+    """Camera view: `follow`, `top`, `both` or the name of a camera of the model; None: that of the environment or the
+    model.
+    """
 
     size: tuple[int, int] | None = None
     """Width and height in pixels; None: 640 x 480, or half of it without OpenGL."""
 
     rate_hz: int = DEFAULT_RATE_HZ
-    """Pictures per simulated second."""
+    """Frames per simulated second."""
 
     appearance: str | None = None
-    """Light of a world for cameras, `random` included; None: as its model says."""
+    """Name of the world's lighting for cameras, or `random`; None: that of the model."""
 
     seed: int = 0
-    """Seed of the appearance that `random` chooses."""
+    """Random seed of the appearance `random`."""
 
 
 DEFAULTS = VideoSettings()
@@ -121,26 +125,27 @@ _BOTH = "both"
 
 
 class CameraRecording(NamedTuple):
-    """Settings of the camera that is recorded, or that ROS nodes see through: its rate, and which one it is."""
+    """Settings of the camera that is recorded or published to ROS nodes: its rate and name."""
 
     rate_hz: float | None
-    """Pictures per simulated second; None: as many as the options of the ROS bridge say."""
+    """Images per simulated second; None: the rate in the options of the ROS bridge."""
 
     camera: str | None = None
-    """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
+    """Camera view: `follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one.
+    """
 
     appearance: str | None = None
-    """Light of a world; see `VideoSettings`."""
+    """Name of the world's lighting; see `VideoSettings`."""
 
     seed: int = 0
-    """Seed of the appearance that `random` chooses."""
+    """Random seed of the appearance `random`."""
 
     is_recorded: bool = True
-    """Whether its pictures are recorded; else they are for ROS nodes alone."""
+    """Whether images are recorded; else they are only published to ROS nodes."""
 
 
 def camera_recording(plan: RunPlan) -> CameraRecording | None:
-    """Returns the camera recording that variables ask for; None: no pictures, the default of runs without ROS nodes.
+    """Returns the camera recording that variables ask for; None: no images, the default of runs without ROS nodes.
 
     Raises:
         LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,

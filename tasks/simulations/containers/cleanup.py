@@ -1,4 +1,4 @@
-"""Containers of a job after its run: removed, with their outputs kept."""
+"""Removal of a job's containers after its run, keeping their outputs."""
 
 import json
 import logging
@@ -27,19 +27,19 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ContainerNote:
-    """Note of a container that a run has made or is about to make, so that it can be removed after a crash."""
+    """Record of a container that a run has created or will create, so that it can be removed after a crash."""
 
     program: str
-    """The engine's program."""
+    """Path of the container engine's program."""
 
     name: str
     image: str
     role: ApplicationRole
-    """Role of its application."""
+    """Role of the container's application."""
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Stores a note that a run is about to make a container."""
+    """Stores the record of a container that a run will create."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 
@@ -48,7 +48,7 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
     """Records on disk a container that is created inside the `with` block, for its removal; yields its suffixed name.
 
-    If another container had the name, the note is taken back: that one is not this run's to remove.
+    If another container had the name already, the record is deleted, as that container is not this run's to remove.
     """
     note = replace(note, name=note.name + suffix)
     note_container(folder, note)
@@ -61,19 +61,19 @@ def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iter
 
 
 def remove_containers_of_job(folder: Path) -> None:
-    """Ends and removes the containers of all of a job's runs."""
+    """Stops and removes the containers of all of a job's runs."""
     for run in folder.glob("*"):
         remove_containers(run)
 
 
 def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> list[str]:
-    """Ends and removes the containers of a run, and makes this user the owner of their files.
+    """Stops and removes the containers of a run, and makes this user the owner of their files.
 
-    Those that cannot be removed stay noted: see `has_containers`.
+    Containers that cannot be removed stay recorded: see `has_containers`.
 
     Args:
-        folder: the run's own folder.
-        environ: environment variables that say how engines are reached; absent: those of this process.
+        folder: Folder of the run.
+        environ: Environment variables with the container engine's address; absent: those of this process.
 
     Returns:
         What did not work, which is logged too: the run is over nevertheless.
@@ -106,7 +106,7 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
 
 
 def has_containers(folder: Path) -> bool:
-    """Whether a run may have containers that were not removed; its folder has to stay then."""
+    """Returns whether a run may have containers that were not removed; its folder must then be kept."""
     return bool(_notes(folder))
 
 
@@ -131,7 +131,7 @@ def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environmen
 
 
 def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
-    """Engines that run as root let containers write files that only root may read or remove.
+    """Makes this user the owner of files that a container wrote as root, which could not be deleted otherwise.
 
     Raises:
         EngineError: the image does not have what is needed, or the engine does not answer.
@@ -159,7 +159,7 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Replaces the recorded containers by these."""
+    """Replaces the stored list of a run's containers."""
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return
@@ -170,7 +170,7 @@ def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
 
 
 NOTES = "logs/outputs.log"
-"""Log of the files that could not be kept, and why."""
+"""Path of the log with the files that could not be kept, and the reasons."""
 
 _KEPT = f"{OUTPUT}.kept"
 _ALL = Glob(f"{OUTPUT}/**")
@@ -178,11 +178,11 @@ _MOST_NOTES = 200
 
 
 def settle_containers(folder: Path, output_dir: Path) -> None:
-    """Ends and removes the containers of a finished run, and moves their outputs to the run's.
+    """Stops and removes the containers of a finished run, and moves their outputs to the run's outputs.
 
     Args:
-        folder: the run's own folder.
-        output_dir: the run's outputs.
+        folder: Folder of the run.
+        output_dir: Folder of the run's outputs.
     """
     keep_outputs(folder, output_dir, remove_containers(folder))
 
@@ -190,11 +190,11 @@ def settle_containers(folder: Path, output_dir: Path) -> None:
 def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -> None:
     """Moves files that containers wrote as outputs to the run's outputs; safe to repeat.
 
-    Links are not followed. Nothing that is there is replaced: a second `result.json` becomes `result.json.1`.
+    Links are not followed. Existing files are not replaced: a second `result.json` becomes `result.json.1`.
 
     Args:
-        folder: the run's own folder.
-        output_dir: the run's outputs.
+        folder: Folder of the run.
+        output_dir: Folder of the run's outputs.
         problems: further problems to write to the log.
     """
     notes = list(problems)
@@ -228,7 +228,7 @@ def _mover(role: ApplicationRole, output_dir: Path, notes: list[str]) -> Callabl
 
 
 def _free(path: Path, file: os.stat_result) -> Path | None:
-    """The path, or the first free one of `….1`, `….2`; `None` if a dead job worker has put the file there."""
+    """Returns the path, or the first free one of `….1`, `….2`; `None` if a dead job worker moved this file already."""
     free, number = path, 0
     while os.path.lexists(free):
         if os.path.samestat(free.lstat(), file):

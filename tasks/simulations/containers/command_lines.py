@@ -1,4 +1,4 @@
-"""Command lines of container engines, the same for docker and podman where the two are alike."""
+"""Command lines for docker and podman, with the options that both share."""
 
 import csv
 import io
@@ -73,8 +73,9 @@ NO_PROGRAM = "/robomaker-no-such-program"
 
 
 _WITHOUT = ("NET_RAW", "MKNOD")
-"""Capabilities that engines give to root of a container, and no simulation needs: on the machine's network the first
-reads all that passes, the second makes devices in folders that this machine sees."""
+"""Capabilities of a container's root user that no simulation needs and that are removed: with the machine's network,
+the first reads all traffic; the second makes devices in folders that this machine sees.
+"""
 
 _SHARES = 1024
 _SHARE_BY_NICE = 1.25
@@ -107,7 +108,7 @@ class Container:
     name: str
     image: str
     command: Sequence[str] = ()
-    """Replaces the image's `CMD`; its `ENTRYPOINT` stays."""
+    """Command that replaces the image's `CMD`; its `ENTRYPOINT` is kept."""
 
     environment: Mapping[str, str] = field(default_factory=dict)
     mounts: Sequence[Mount] = ()
@@ -117,7 +118,7 @@ class Container:
 
 
 def env_file(variables: Mapping[str, str]) -> str:
-    """Returns the content of a file for the option `--env-file`: one variable a line, values unchanged."""
+    """Returns the content of a file for the option `--env-file`: one variable per line, with unchanged values."""
     return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
 
 
@@ -126,19 +127,19 @@ def _fits_line(value: str) -> bool:
 
 
 def cpu_shares(nice: int) -> int:
-    """Returns the CPU shares of a container (1024 is normal) that match a process's niceness."""
+    """Returns the CPU shares of a container (1024 is normal) that correspond to a process's niceness."""
     return max(_LEAST_SHARES, round(_SHARES / _SHARE_BY_NICE**nice))
 
 
 def create_arguments(container: Container, variables: Path) -> list[str]:
-    """Returns the engine's arguments that create a container, without starting it.
+    """Returns the engine's arguments that create a container without starting it.
 
-    The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: the user who
-    runs the job has them too.
+    The engine's log is off, as output is unlimited. Folders are not relabelled for SELinux, since the user who runs the
+    job needs them, too.
 
     Args:
-        container: the container.
-        variables: where `env_file` of its environment is; only what that cannot hold is in the command line.
+        container: Settings of the container.
+        variables: Path of the file for `--env-file`; only variables that it cannot contain are in the arguments.
     """
     limits = container.limits
     options = {
@@ -172,8 +173,8 @@ def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
     """Returns the engine's arguments for a container that makes a folder's owner own all files in it.
 
     Args:
-        name: for the container that does it, and is removed.
-        image: an image that has a shell, `chown`, `chmod` and `stat`.
+        name: Name of the temporary container.
+        image: An image with a shell, `chown`, `chmod` and `stat`.
         folder: the folder.
     """
     options = {
@@ -204,7 +205,7 @@ def _words(options: Mapping[str, object]) -> list[str]:
 def start_argv(container: Container) -> list[str]:
     """Returns the command line that starts a created container in the foreground.
 
-    It says if memory was the container's end, and if it could start no more processes.
+    It reports whether the container ended for lack of memory, or could not start more processes.
     """
     mebibytes = round((container.limits.memory_bytes or 0) / 2**20)
     return _script(_START, container, str(mebibytes), str(container.limits.processes or ""))
@@ -216,7 +217,7 @@ def tool_argv(container: Container, command: str) -> list[str]:
 
 
 def remove_argv(container: Container) -> list[str]:
-    """Returns the command line that ends and removes a container."""
+    """Returns the command line that stops and removes a container."""
     return _script(_REMOVE, container)
 
 

@@ -1,4 +1,4 @@
-"""Container engines of this machine: which there is, and what it knows of an image."""
+"""Container engines (docker, podman) of this machine: finding one, pulling and inspecting images."""
 
 import json
 import os
@@ -41,7 +41,7 @@ _CONTAINERD_STORE = "io.containerd.snapshotter.v1"
 _KEPT_BEGINNINGS = ("DOCKER_", "CONTAINER_", "CONTAINERS_", "REGISTRY_")
 
 Which = Callable[[str], str | None]
-"""Finds a program on the path."""
+"""Function that finds a program on the path."""
 
 
 class EngineError(Exception):
@@ -49,7 +49,7 @@ class EngineError(Exception):
 
 
 class NameTakenError(EngineError):
-    """Raised when a container was not made because another has its name."""
+    """Raised when a container was not created because another one has its name."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class Engine:
     """A container engine, docker or podman.
 
     Args:
-        program: path of the engine's executable.
+        program: Path of the engine's executable.
         environment: environment variables of its calls.
-        is_podman: whether it is podman, whatever it is called.
-        instead_of: why it is not another engine, in words.
+        is_podman: Whether it is podman, even if the executable is called docker.
+        instead_of: Reason why another engine was not used, as text.
     """
 
     program: str
@@ -78,10 +78,10 @@ class Engine:
         """Runs a command of the container engine, and returns what it printed.
 
         Args:
-            arguments: the command and its arguments.
-            timeout_s: how long it may take.
-            stopped: asked several times a second whether to give up.
-            through: a command line that runs the one that it is given.
+            arguments: Command and its arguments.
+            timeout_s: Time limit in seconds.
+            stopped: Function called several times a second; true cancels the command.
+            through: Command line that wraps the engine's command line.
 
         Raises:
             EngineError: the command failed, took too long, or was `stopped`.
@@ -107,19 +107,19 @@ class Image:
     """A container image on this machine, as its engine describes it."""
 
     id: str | None
-    """Id of the image in the engine, whatever its names: a SHA-256, in hexadecimal."""
+    """Id of the image in the engine, independent of names: a SHA-256 in hexadecimal."""
 
     digests: tuple[str, ...]
-    """`sha256:…` of its manifest, one for each registry it came from."""
+    """Digests (`sha256:…`) of the image's manifest, one for each registry."""
 
     is_built_here: bool
-    """Whether no registry has given or got it, as far as its digests tell."""
+    """Whether the image was built on this machine, as far as its digests tell."""
 
     volumes: tuple[str, ...]
     ports: tuple[str, ...]
 
     environment: Mapping[str, str]
-    """Its `ENV`."""
+    """Environment variables of the image (`ENV`)."""
 
 
 def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
@@ -133,8 +133,8 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
     """Finds the container engine that a variable names, or the first of docker and podman that answers.
 
     Args:
-        environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
-        which: finds a program on the path.
+        environ: Environment variables; `ROBOMAKER_CONTAINER_ENGINE` names an engine.
+        which: Function that finds a program on the path.
 
     Raises:
         LaunchError: no container engine is installed, or none answers; the message has the answer of each.
@@ -169,16 +169,17 @@ def get_image(
 ) -> Image:
     """Pulls a container image if necessary, and checks that a job may run it.
 
-    An image that was built here is not asked for: in a registry its name may mean somebody else's. Where the engine
-    cannot tell that, this goes for all that are here and whose name has no registry in it. Nor is one asked for that is
-    named by its digest and is here already. One that is here is used where the registry does not give it.
+    An image that was built on this machine is not pulled: its name in a registry may be another image. If the engine
+    cannot tell where an image is from, this holds for all local images without a registry in their name. A local image
+    that is named by its digest is not pulled either. A local image is used if the registry does not answer or does not
+    have it.
 
     Args:
         engine: the container engine that pulls the image.
         uri: name of the image.
         role: role of the application, for failure codes.
         digest: expected digest of the image; `None`: the one that the name refers to now.
-        stopped: asked several times a second whether to give up.
+        stopped: Function called several times a second; true cancels the pull.
 
     Raises:
         LaunchError: the image cannot be pulled, differs from the one of the application's version, or breaks the rules
@@ -225,16 +226,16 @@ def copy_out(
 ) -> None:
     """Copies folders of a container image to this machine; missing ones are left out.
 
-    What is mounted over a folder of an image hides what the image has there, such as a workspace below
-    `/home/robomaker`. Root keeps whose files they are; for others, and where podman does not tell it, all files become
-    the caller's, and the image's `USER` may write to them too.
+    A folder that is mounted over a folder of an image hides its content, such as a workspace below `/home/robomaker`.
+    For root, files keep their owners; for other users, and if podman does not tell the owners, all files belong to the
+    caller, and the image's `USER` may write to them.
 
     Args:
         engine: the container engine that has the image.
-        uri: the image.
-        name: for the container that is made for this, and removed.
+        uri: Name of the image.
+        name: Name of the temporary container.
         folders: local folders by the paths in the image.
-        stopped: asked several times a second whether to give up.
+        stopped: Function called several times a second; true cancels the copy.
 
     Raises:
         LaunchError: the engine refuses, or it was `stopped`.
@@ -257,7 +258,7 @@ def copy_out(
 
 
 def _inspect(engine: Engine, uri: str) -> Image | None:
-    """Reads an image's description from the engine; `None` if it is not on this machine."""
+    """Reads an image's description from the engine; `None` if the image is not on this machine."""
     try:
         found: dict[str, Any] = json.loads(engine.call("image", "inspect", uri))[0]
     except (EngineError, ValueError, LookupError):
@@ -275,7 +276,7 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
 
 
 def _may_be_built_here(engine: Engine, uri: str, image: Image) -> bool:
-    """Whether an image may be from no registry: docker with containerd's store gives all of them digests."""
+    """Returns whether an image may have been built here: docker with containerd's store gives all images digests."""
     first, separator, _ = uri.partition("/")
     names_registry = separator and (first == "localhost" or "." in first or ":" in first)
     if image.is_built_here or engine.is_podman or names_registry:

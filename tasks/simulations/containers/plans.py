@@ -1,4 +1,4 @@
-"""Applications that are container images: pulled, given folders, run by docker or podman."""
+"""Plans of applications that are container images: pulls the image, creates the container, mounts folders."""
 
 import hashlib
 import logging
@@ -66,17 +66,17 @@ def plan_container(
     variables: Mapping[str, str],
     bridge: RosPlan | None,
 ) -> list[ProgramPlan]:
-    """Gets an application's container image, creates the container, and plans how it and its tools run.
+    """Pulls an application's container image, creates the container, and plans how it and its tools run.
 
     Args:
-        role: the application's.
+        role: Role of the application.
         application: the application or application version.
         uri: name of the application's image.
         config: entry of the application in the job's request.
         run_environment: folders, variables and limits of the run.
-        drives: whether it is a robot application that drives a simulation over a socket.
-        variables: usual ones, which its launch configuration may set otherwise.
-        bridge: the job's ROS bridge, if it has one.
+        drives: Whether the application is a robot application that drives a simulation over a socket.
+        variables: Default environment variables, which the launch configuration may override.
+        bridge: ROS bridge of the job, if it has one.
 
     Raises:
         LaunchError: no container engine answers, the image cannot be pulled or may not be run, or the container cannot
@@ -136,10 +136,10 @@ def plan_container(
 
 
 def _check_network(settings: Settings) -> None:
-    """Refuses containers, or warns, where jobs are to have less than the machine's network, which all containers have.
+    """Raises an error, or warns, if jobs may not use the machine's network, which all containers use.
 
     Raises:
-        LaunchError: the settings require it.
+        LaunchError: The settings require a restricted network.
     """
     if settings.sandbox == "off" or settings.sandbox_network == "full":
         return
@@ -163,14 +163,14 @@ _RUN_BRIDGE = (
     'for setup in /opt/ros/*/setup.bash; do if [ -f "$setup" ]; then . "$setup"; fi; done; '
     f"export {ROS1_SOCKET_VARIABLE}={AGENT}/{ROS1_SOCKET}; exec python3 {_BRIDGE}"
 )
-"""The bridge to nodes of ROS 1, in the ROS that the image has."""
+"""Shell command that starts the bridge to ROS 1 nodes with the ROS installation of the image."""
 
 
 def _make(container: Container, note: ContainerNote, folder: Path) -> None:
-    """Makes a container, which is started later.
+    """Creates a container, which is started later.
 
-    When the client that makes a container is killed, nothing tells whether the engine goes on to make it. So nothing
-    stops this, and it is no part of starting the container.
+    If the client is killed while creating a container, nothing tells whether the engine completes it. So this is not
+    cancelled, and is separate from starting the container.
     """
     if container.limits.gpu:
         with noted_container(folder, note, "-gpu") as name:
@@ -189,7 +189,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
-    """Makes a unique container name: a stored run is repeated under its id, in another folder."""
+    """Makes a unique container name; it includes the folder, as reruns of a stored run have the same run id."""
     digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
     return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
@@ -252,7 +252,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
     """Creates a mount point in a container's folder, since one that the engine creates would belong to root.
 
     Raises:
-        LaunchError: the image has something else there; links could lead anywhere.
+        LaunchError: The image has something else at that path; links are refused, as they could lead anywhere.
     """
     place = sandbox.root
     for part in PurePosixPath(path).parts[1:]:
@@ -266,7 +266,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
 
 
 def _agent_folder(run_environment: RunEnvironment) -> Path:
-    """The folder of the socket that a robot drives the simulation by, made before an engine makes it as root."""
+    """Creates the folder of the agent socket, before the engine would create it as root."""
     folder = agent_socket_path(run_environment.plan).parent
     folder.parent.mkdir(0o700, exist_ok=True)
     folder.mkdir(0o755, exist_ok=True)
@@ -274,7 +274,7 @@ def _agent_folder(run_environment: RunEnvironment) -> Path:
 
 
 def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[str, str]:
-    """Returns the environment variables of a container: none is about folders of this machine."""
+    """Returns a container's environment variables, without those that name folders of this machine."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": run_environment.plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": run_environment.plan.job_arn,

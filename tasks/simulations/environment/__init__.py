@@ -1,1 +1,1 @@
-"""Environment of a run's programs: folders, variables, overlays of bundles, processors, memory, shared memory."""
+"""Environment of a run's programs: folders, environment variables, CPU and memory limits, shared memory."""

@@ -1,7 +1,7 @@
-"""Addresses of AWS services as SDKs in jobs have them: those that are served here, and a refusal of all others.
+"""Endpoints of AWS services for SDKs in jobs: the services of this deployment, and a refusal of all others.
 
-SDKs since 2023 read variables. Those before read a list of endpoints in a folder of `AWS_DATA_PATH`, in which a path
-may follow a hostname.
+SDKs since 2023 read environment variables. Older ones read a list of endpoints in a folder of `AWS_DATA_PATH`, in which
+a hostname may be followed by a path.
 """
 
 import json
@@ -19,10 +19,12 @@ from ...service.service import Service
 from .folders import AWS, Sandbox
 
 ALL_VARIABLE = "AWS_ENDPOINT_URL"
-"""Variable with the address of the services that no other variable names."""
+"""Variable with the endpoint of all services that no other variable names."""
 DATA_VARIABLE = "AWS_DATA_PATH"
 MODELS, NO_AWS = "models", "no-aws"
-"""Folders with lists of endpoints: with AWS's own for what is not served here, and with none of AWS."""
+"""Folders with endpoint lists: one with AWS's endpoints for the services that are not provided here, and one without
+AWS endpoints.
+"""
 
 _NAMES = {"robomaker": ENDPOINT_VARIABLE, "s3": "AWS_ENDPOINT_URL_S3", "sts": "AWS_ENDPOINT_URL_STS"}
 _MODEL = Path("robomaker")
@@ -46,12 +48,12 @@ _USUAL_PROFILE = ("AWS_PROFILE", "default")
 
 
 def store_server(settings: Settings) -> str | None:
-    """Returns the URL of the S3 server with the objects; `None` if it is AWS or a folder."""
+    """Returns the URL of the S3 server of the object store; `None` if the store is AWS or a folder."""
     return settings.object_store.rstrip("/") if "://" in settings.object_store else None
 
 
 def brings_keys(variables: Mapping[str, str]) -> bool:
-    """Whether the variables of a launch configuration contain AWS credentials."""
+    """Returns whether a launch configuration's variables contain AWS credentials."""
     # The profile of this name is what a job has anyway: it is in the file that is written for the job's role.
     return any(variables.get(name) and (name, variables[name]) != _USUAL_PROFILE for name in _OWN_KEYS)
 
@@ -65,17 +67,17 @@ def endpoint_variables(
     *,
     has_role_keys: bool,
 ) -> dict[str, str]:
-    """Makes the variables by which AWS SDKs in a job call this service and store instead of AWS.
+    """Makes the variables by which AWS SDKs in a job call this service and its object store instead of AWS.
 
-    The files that they name are written.
+    The files that the variables name are written.
 
     Args:
         variables: environment variables of the run so far.
-        role: role that the job's request names.
-        sandbox: the run's folders.
+        role: ARN of the role that the job's request names.
+        sandbox: Folders of the run.
         service: the service, with its catalog and object store.
-        environ: variables of this process.
-        has_role_keys: whether the role has credentials.
+        environ: Environment variables of this process.
+        has_role_keys: Whether the role has credentials.
     """
     store = store_server(service.settings)
     served = {"robomaker": variables.get(ENDPOINT_VARIABLE), "s3": store}
@@ -103,7 +105,7 @@ def endpoint_variables(
 
 
 def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
-    """Returns the variables for programs with AWS credentials of their own, which may call AWS."""
+    """Removes the refusal of AWS from variables, for programs with AWS credentials of their own."""
     kept = {name: value for name, value in variables.items() if name != ALL_VARIABLE}
     if ALL_VARIABLE in variables and (paths := variables.get(DATA_VARIABLE)):
         kept[DATA_VARIABLE] = os.pathsep.join(
@@ -120,7 +122,7 @@ def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def _copy_model(variables: Mapping[str, str], folder: Path) -> None:
-    """Puts the service's model beside the lists: the job worker's folders are not there for containers."""
+    """Copies the service's model next to the endpoint lists, as containers do not have the job worker's folders."""
     for place in variables.get(DATA_VARIABLE, "").split(os.pathsep):
         if place and (model := place / _MODEL).is_dir():
             shutil.copytree(model, folder / _MODEL, dirs_exist_ok=True)
@@ -135,12 +137,12 @@ def _write_list(folder: Path, served: Mapping[str, str], region: str, others: st
 
 
 def _list(served: Mapping[str, str], region: str, others: str | None) -> dict[str, Any]:
-    """A list of endpoints in the form of botocore's own, whose place it takes.
+    """Returns an endpoint list that replaces botocore's own.
 
     Args:
-        served: addresses of the services that are served here, by their names in botocore.
-        region: the service's.
-        others: address of all other services; `None`: AWS's own.
+        served: Endpoint URLs of the services that are provided here, by their names in botocore.
+        region: Region of the service.
+        others: Endpoint of all other services; `None`: that of AWS.
     """
     regions = {name: {"description": name} for name in dict.fromkeys((region, "us-east-1"))}
     services: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Folders of a job: its file tree, and shared memory of containers."""
+"""Folders of a run: the file tree that its processes see, and shared memory of containers."""
 
 import hashlib
 import os
@@ -14,11 +14,11 @@ LOGS = "/var/log"
 TEMPORARY = "/tmp"  # noqa: S108 - the job's own
 DATA_SOURCES = "/opt/robomaker/datasources"
 AWS = "/opt/robomaker/aws"
-"""Folder of the files from which SDKs know the object store; see `role_access`."""
+"""Folder with the files that tell SDKs the address of the object store; see `role_access`."""
 WORLD_PACKAGES = "/opt/robomaker/worldforge"
-"""Folder of the ROS packages of the job's world."""
+"""Folder with the ROS packages of the job's world."""
 OUTPUT, WORLD, AGENT = "/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent"
-"""Folders that only containers have."""
+"""Folders that exist only in containers."""
 
 _FOLDERS = (HOME, LOGS, TEMPORARY, DATA_SOURCES)
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
@@ -26,10 +26,10 @@ _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 @dataclass(frozen=True)
 class Sandbox:
-    """The folders of one run of a simulation job, and their paths on this machine."""
+    """Folders of one run of a simulation job, and their paths on this machine."""
 
     root: Path
-    """Folder of this machine that is `/` for the job."""
+    """Folder of this machine that the job sees as `/`."""
 
     def create(self) -> "Sandbox":
         """Creates the folders that every job has."""
@@ -51,12 +51,12 @@ class Sandbox:
 
 @dataclass(frozen=True)
 class WorldPackages:
-    """ROS packages with a job's world, in the folders of a run."""
+    """ROS packages generated from a job's world, in the folders of a run."""
 
     prefix: Path
-    """Folder with their `setup.sh` and `share`, as ROS has it for a workspace that is installed."""
+    """ROS prefix of the packages: folder with `setup.sh` and `share`, as an installed workspace."""
     name: str
-    """The world's name in them."""
+    """Name of the world in the packages."""
 
 
 def protect(folder: Path) -> None:
@@ -67,7 +67,7 @@ def protect(folder: Path) -> None:
 
 
 def remove(folder: Path) -> None:
-    """Deletes a folder as far as possible, whatever programs have left in it."""
+    """Deletes a folder as far as possible, including read-only files of programs."""
     if folder.is_symlink() or not folder.is_dir():
         folder.unlink(missing_ok=True)
         return
@@ -95,13 +95,13 @@ _MACHINES = Path("/dev/shm")  # noqa: S108 - what is made there is private
 
 
 def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
-    """Creates the folder that a run's containers have as `/dev/shm`, in memory if possible.
+    """Creates the folder that a run's containers mount as `/dev/shm`.
 
-    It is in memory, or else, where that cannot be, on the disk.
+    It is in memory, or on the disk if that is not possible.
 
     Args:
-        folder: the run's own folder.
-        machines: path of the machine's file system in memory.
+        folder: Folder of the run.
+        machines: Folder of this machine's file system in memory.
     """
     for private in shared_memory_places(folder, machines):
         try:
@@ -123,11 +123,11 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]
     """Deletes the shared memory folder of a run's containers.
 
     Args:
-        folder: the run's own folder.
-        machines: path of the machine's file system in memory.
+        folder: Folder of the run.
+        machines: Folder of this machine's file system in memory.
 
     Returns:
-        What of it is still there: root in a container may make folders that only root may empty.
+        Paths that remain: folders made by root in a container can only be emptied by root.
     """
     left = []
     for private in shared_memory_places(folder, machines):
@@ -143,8 +143,8 @@ def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path
     """Returns the possible folders for a run's shared memory: in memory, and on the disk.
 
     Args:
-        folder: the run's own folder.
-        machines: path of the machine's file system in memory.
+        folder: Folder of the run.
+        machines: Folder of this machine's file system in memory.
     """
     digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
     return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"

@@ -1,4 +1,4 @@
-"""Access to the object store as the job's role, for a job's code, with keys that are renewed."""
+"""Access of a job's code to the object store as the job's role, with credentials that are renewed."""
 
 import json
 import logging
@@ -41,11 +41,11 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
 
 
 def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
-    """Makes variables that name the settings files for the object store's S3 server, in a job.
+    """Makes the variables that name AWS config files with the address of the object store's S3 server, for a job.
 
     Args:
-        request: the job's.
-        sandbox: the run's folders.
+        request: Request of the job.
+        sandbox: Folders of the run.
         service: the service, with its catalog and object store.
 
     Raises:
@@ -70,15 +70,15 @@ def access_variables(
 ) -> dict[str, str]:
     """Adds the variables by which AWS SDKs in a job find this service, and act as the job's role.
 
-    The files that they name are written. Placeholder keys, which clients of the service are given, go where the role
-    has credentials: SDKs would take them for those of the store.
+    The files that the variables name are written. Placeholder credentials for clients of the service are removed if the
+    role has credentials, as SDKs would use them for the object store.
 
     Args:
         variables: environment variables of the run.
-        request: the job's.
-        sandbox: the run's folders.
+        request: Request of the job.
+        sandbox: Folders of the run.
         service: the service, with its catalog and object store.
-        environ: variables of this process.
+        environ: Environment variables of this process.
 
     Raises:
         LaunchError: the role has no credentials.
@@ -105,8 +105,8 @@ def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
     """Returns the current credentials of the role that a request names; `None` if there are none.
 
     Raises:
-        LaunchError: the role gives none.
-        StorageUnavailableError: the server does not answer.
+        LaunchError: The role exists, but provides no credentials.
+        StorageUnavailableError: The server does not answer.
     """
     role = role_of(request)
     if service.roles is None or role is None:
@@ -118,9 +118,9 @@ def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
 
 
 def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -> None:
-    """Writes the settings and credentials files for the object store, atomically.
+    """Writes the config and credentials files for the object store, atomically.
 
-    Any user of a container may read them; other users of this machine do not come so far.
+    Any user of a container may read them; other users of this machine cannot reach the folder.
     """
     folder, endpoint = sandbox.place(AWS), store_server(settings)
     folder.mkdir(parents=True, exist_ok=True)
@@ -146,7 +146,7 @@ def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_sty
 
 
 def _process_answer(keys: Keys) -> dict[str, Any]:
-    """Returns the answer of a `credential_process`."""
+    """Returns the credentials as the JSON output of a `credential_process`."""
     answer: dict[str, Any] = {
         "Version": 1,
         "AccessKeyId": keys.access_key_id,
@@ -168,7 +168,7 @@ def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    """Replaces a file at once: a program may be reading it."""
+    """Replaces a file atomically, as a program may be reading it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{uuid4().hex}.part")
     temporary.write_text(text, encoding="utf-8")
@@ -176,7 +176,9 @@ def _write(path: Path, text: str) -> None:
 
 
 EVERY_S = 60.0
-"""Credentials of an assumed role are had again when half of their time is over, which is 15 minutes at least."""
+"""Seconds between two checks; credentials of an assumed role are renewed after half of their lifetime, which is at
+least 15 minutes.
+"""
 
 _logger = logging.getLogger(__name__)
 
@@ -186,10 +188,10 @@ def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every
     """Keeps the role's credentials file up to date inside the `with` block.
 
     Args:
-        request: the job's.
+        request: Request of the job.
         service: the service, with its catalog and object store.
-        folder: the run's own.
-        every_s: how often it is looked whether they have changed, in seconds.
+        folder: Folder of the run.
+        every_s: Seconds between two checks whether the credentials have changed.
 
     Raises:
         LaunchError: the role gives no credentials.

@@ -1,4 +1,4 @@
-"""The surroundings of a run: variables, limits of compute, programs to start."""
+"""Environment of a run: environment variables, compute limits, tools."""
 
 import os
 import shutil
@@ -24,9 +24,9 @@ def process_variables(
     """Returns the environment variables that every process of a run has.
 
     Args:
-        sandbox: the run's folders.
-        settings: the service's.
-        environ: variables of this process.
+        sandbox: Folders of the run.
+        settings: Settings of the service.
+        environ: Environment variables of this process.
         caller: see `service_variables`.
     """
     return {
@@ -39,15 +39,14 @@ def process_variables(
 def service_variables(settings: Settings, environ: Mapping[str, str], caller: str = "") -> dict[str, str]:
     """Returns the environment variables with which a job calls this service.
 
-    The only secret among them is the job's own.
-
-    SDKs get the endpoint where this process knows one, and placeholder keys where signatures are not checked. The
-    command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
+    The job's own key is the only secret in them. SDKs get the endpoint if this process knows one, and placeholder
+    credentials if signatures are not checked. The command line tool gets the data home, unless the catalog is a remote
+    database, whose URL may contain a password.
 
     Args:
-        settings: the service's.
-        environ: variables of this process.
-        caller: id and key of the job, with a slash between, by which the endpoint knows its calls.
+        settings: Settings of the service.
+        environ: Environment variables of this process.
+        caller: Id and key of the job, separated by a slash, by which the endpoint recognises its calls.
     """
     variables = {"AWS_REGION": settings.region, "AWS_DEFAULT_REGION": settings.region}
     if endpoint := environ.get(ENDPOINT_VARIABLE):
@@ -84,23 +83,23 @@ class RunEnvironment:
     """Environment of a run's applications on this machine: folders, variables and limits."""
 
     plan: RunPlan
-    """The run, without its applications."""
+    """Plan of the run, without its applications."""
 
     folder: Path
-    """The run's own folder."""
+    """Folder of the run."""
 
     sandbox: Sandbox
     destinations: tuple[str, ...]
-    """Folders of the job that data sources have put their data into."""
+    """Folders of the job that contain data of its data sources."""
 
     service: Service
     stopped: Callable[[], bool] = lambda: False
-    """Asked while something takes long whether to give up."""
+    """Function called during long operations; true cancels them."""
 
     environ: Mapping[str, str] = field(default_factory=lambda: os.environ)
 
     world_packages: Callable[[], WorldPackages | None] = lambda: None
-    """Places the ROS packages of the job's world when it is first asked for them; `None`: it has no world."""
+    """Function that creates the ROS packages of the job's world on the first call; `None`: the job has no world."""
 
     def which(self, name: str) -> str | None:
         """Finds a program on the PATH of the job's processes."""
@@ -113,8 +112,8 @@ def application_configs(
     """Yields the configured applications of a simulation job request, with their roles.
 
     Args:
-        request: The job's.
-        roles: The order of the roles.
+        request: Request of the job.
+        roles: Roles in the order in which they are yielded.
     """
     for role in roles:
         for config in request.get(f"{role}Applications") or ():
@@ -130,8 +129,8 @@ def container_sandbox(folder: Path, role: ApplicationRole) -> Sandbox:
     """Returns the folders of an application that runs in a container, separate from the other application's.
 
     Args:
-        folder: the run's own folder.
-        role: the application's.
+        folder: Folder of the run.
+        role: Role of the application.
     """
     return Sandbox(folder / f"{role}-root")
 
@@ -156,13 +155,13 @@ def tool_plan(
 
 
 DEFAULT_COMPUTE: Mapping[str, Any] = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
-"""Compute of a job whose request has none."""
+"""Compute settings of a job whose request has none."""
 
 _BYTES_PER_UNIT = 2 << 30
 _SHARE_OF_DISK = 0.4
-"""Share of the free disk that a run may fill: its outputs are written again to be stored, often to the same disk."""
+"""Share of the free disk space that a run may fill: its outputs are copied for storing, often to the same disk."""
 _LEAST_DISK_BYTES = 64 * 10**6
-"""A disk that has less left is full soon anyway, and says so itself."""
+"""Minimum size limit of a run in bytes; a disk with less free space causes errors of its own."""
 _GPU = Path("/dev/nvidia0")
 
 
@@ -182,10 +181,10 @@ def compute_limits(
     """Computes a job's CPU and memory limits: a simulation unit is one processor and 2 GiB.
 
     Args:
-        request: the job's request.
-        gpu: the device of the first GPU, which is looked for when the job asks for one.
-        cpus: processors of this machine; absent: as many as this process may use.
-        nice: niceness of all that it starts.
+        request: Request of the job.
+        gpu: Device file of the first GPU, whose existence is checked if the job needs a GPU.
+        cpus: Number of processors of this machine; absent: those that this process may use.
+        nice: Niceness of the run's processes.
 
     Raises:
         LaunchError: the job needs a GPU, and this machine has none.
@@ -205,11 +204,11 @@ def compute_limits(
 def disk_limit(folder: Path, most_bytes: int) -> int:
     """Computes how many bytes a job may write below a folder, so that it cannot fill the disk.
 
-    What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
+    It is called after all inputs were downloaded, as their space is no longer free.
 
     Args:
-        folder: folder that is written to.
-        most_bytes: limit in bytes on a disk that is large enough.
+        folder: Folder that the job writes to.
+        most_bytes: Limit in bytes if the disk is large enough.
     """
     free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
     return min(most_bytes, max(free, _LEAST_DISK_BYTES))

@@ -1,1 +1,1 @@
-"""Inputs of a job: application bundles, data sources, the rooms of its world."""
+"""Inputs of a job: application archives, data sources, and the rooms of its world."""

@@ -1,4 +1,4 @@
-"""Bundles of worlds and applications: fetched once, unpacked, and the rooms of a world."""
+"""Local copies of the archives of worlds and applications: downloaded once, unpacked; and the rooms of a world."""
 
 import fcntl
 import glob
@@ -44,7 +44,7 @@ def unpack_colcon_bundle(folder: Path) -> None:
     """Unpacks the inner archives of a colcon bundle (built ROS workspace); ignores other bundles.
 
     Args:
-        folder: the unpacked outer archive.
+        folder: Folder of the unpacked outer archive.
 
     Raises:
         BundleError: the colcon bundle is of another version, damaged or incomplete.
@@ -87,11 +87,10 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
     """Returns the local folder of an application's unpacked archive, downloading it if necessary.
 
     Args:
-        source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
+        source: `s3Bucket`, `s3Key` and the `etag` of the archive when the application or its version was created.
         role: `Robot` or `Simulation`, for failure codes.
         service: the service, with its catalog and object store.
-        is_pinned: whether the archive has to have that ETag, as that of a numbered version has to;
-            `$LATEST` is whatever is there now.
+        is_pinned: Whether the archive must have that ETag, as for a numbered version; `$LATEST` is the present archive.
 
     Raises:
         LaunchError: the archive was deleted or changed, may not be read, or cannot be unpacked.
@@ -122,7 +121,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
 
 
 def last_used(copy: Path) -> datetime:
-    """Returns when a local copy of a bundle was last used."""
+    """Returns the time at which a local copy of an archive was last used."""
     try:
         return datetime.fromtimestamp(copy.stat().st_mtime, UTC)
     except FileNotFoundError:
@@ -130,14 +129,14 @@ def last_used(copy: Path) -> datetime:
 
 
 def remove_unless_used(copy: Path, before: datetime) -> bool:
-    """Deletes a local copy of a bundle, unless it was used since a time.
+    """Deletes a local copy of an archive, unless it was used since a time.
 
     Args:
-        copy: folder of the local copy.
-        before: the time.
+        copy: Folder of the local copy.
+        before: Deletes the copy if it was last used before this time.
 
     Returns:
-        Whether it is gone.
+        Whether the copy is deleted.
     """
     part = _part(copy)
     with _lock_file(copy).open("w") as lock:
@@ -161,8 +160,8 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
 def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
     """Fills a cache folder unless it exists; of several processes, one does it.
 
-    The folder's time says when it was last used. The lock is not kept while the store is waited for, so that all who
-    need the folder wait equally long.
+    The folder's modification time is that of its last use. The lock is released while waiting for the object store, so
+    that all processes that need the folder wait equally long.
     """
     if _is_used(folder):
         return folder
@@ -183,7 +182,7 @@ def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = nev
 
 
 def _is_used(folder: Path) -> bool:
-    """Whether a folder is there; notes that it is used from now on."""
+    """Returns whether a folder exists, and sets its time of last use."""
     try:
         os.utime(folder)
     except FileNotFoundError:
@@ -200,7 +199,7 @@ def _lock_file(folder: Path) -> Path:
 
 
 def _locked(file: TextIO) -> bool:
-    """Takes a lock, unless another has it."""
+    """Takes a file lock if it is free; returns whether it did."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -209,18 +208,18 @@ def _locked(file: TextIO) -> bool:
 
 
 def _remove_parts(part: Path) -> None:
-    """Deletes an incomplete folder, and the temporary files beside it."""
+    """Deletes an incomplete folder, and the temporary files next to it."""
     for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
         shutil.rmtree(left, ignore_errors=True)
 
 
 @dataclass(frozen=True)
 class Rooms:
-    """Names of a world's rooms, with the room in which robots start."""
+    """Names of a world's rooms, and the room in which robots start."""
 
     names: tuple[str, ...]
     start: str | None
-    """Name of the room that the origin is in, where robots start; None: it is in none."""
+    """Name of the room at the origin, where robots start; None: the origin is in no room."""
 
 
 def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
@@ -243,13 +242,13 @@ def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: 
     """Raises an error if a request's goals name rooms that its world does not have.
 
     Args:
-        request: for the job.
-        world: the world it names.
-        service: the service, with its catalog and object store.
-        where: the path of `request` in a batch's request, with a dot at its end.
+        request: Request of a job.
+        world: World that the request names.
+        service: Service with its catalog and object store.
+        where: Path of `request` within a batch's request, ending with a dot.
 
     Raises:
-        InvalidParameterException: names the member, the room asked for and those that there are.
+        InvalidParameterException: Names the member, the requested room, and the existing rooms.
     """
     asked = rooms_asked(request)
     rooms = rooms_of_world(world, service) if asked else None

@@ -1,4 +1,4 @@
-"""Data sources: stored objects that a job finds in its data folder."""
+"""Data sources of a job: stored objects that are downloaded to the job's data folder."""
 
 import os
 import shutil
@@ -28,12 +28,12 @@ MAX_BYTES = 25 * 10**9
 def resolve_data_sources(
     configs: Sequence[Mapping[str, Any]], service: Service, role: str | None = None
 ) -> list[ResolvedDataSource]:
-    """Lists the objects that a job's data sources mean now, with their ETags.
+    """Lists the objects to which a job's data sources refer now, with their ETags.
 
-    What a role may not read is taken as it is named, without ETags: the job finds that out, and has a code for it.
+    Objects that the role may not read are listed by name, without ETags: the job fails later with a code for that.
 
     Args:
-        configs: the data sources of a request.
+        configs: Data sources of a request.
         service: the service, with its catalog and object store.
         role: ARN of the role that reads them.
 
@@ -64,17 +64,17 @@ def resolve_data_sources(
 def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, service: Service) -> Path | None:
     """Downloads a job's data sources into its folders, read-only.
 
-    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is `plans/maps/flat.pgm` in the
-    folder of data sources. An archive becomes a folder of its name: `maps/flat.zip` becomes `plans/maps/flat`.
-    A source with a destination is there instead, its archives unpacked into the destination itself; `plans` leads
-    there.
+    Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` becomes `plans/maps/flat.pgm` in the
+    folder of data sources. An archive becomes a folder: `maps/flat.zip` becomes `plans/maps/flat`. A source with a
+    destination is downloaded there instead, and its archives are unpacked into the destination itself; `plans` is then
+    a link to it.
 
     Returns:
         The folder of data sources; `None` if there are none.
 
     Raises:
-        LaunchError: an object is gone, has changed, or is no archive.
-        StorageUnavailableError: the object store does not answer.
+        LaunchError: An object is missing, has changed, or is not an archive.
+        StorageUnavailableError: The object store does not answer.
     """
     # A destination inside of another's is filled later, as it would be mounted over it.
     for source in sorted(sources, key=lambda source: len(PurePosixPath(source.destination or "/").parts)):
@@ -95,7 +95,7 @@ def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, 
 
 
 def _folder_of(source: ResolvedDataSource, sandbox: Sandbox) -> Path:
-    """The empty folder that a source is fetched into."""
+    """Returns the empty folder into which a data source is downloaded."""
     usual = sandbox.place(f"{DATA_SOURCES}/{source.name}")
     destination = source.destination
     if not destination:

@@ -1,4 +1,4 @@
-"""The ROS packages of a job's world: where launch files and nodes look for them, before all others of these names."""
+"""ROS packages generated from a job's world, which launch files and nodes find before other packages of these names."""
 
 import hashlib
 import os
@@ -20,25 +20,26 @@ from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, remove
 from .bundles import fill_once, world_bundle
 
 WORLD_VARIABLE = "AWS_ROBOMAKER_WORLDFORGE_WORLD_PACKAGE_OVERRIDE"
-"""Names the folder with the packages; launch files of RoboMaker's packages ask only whether it is set."""
+"""Name of the variable with the folder of the packages; RoboMaker's launch files only check whether it is set."""
 MAP_VARIABLE = "ROBOMAKER_MAP_YAML"
-"""Names the map for Nav2 of the job's world."""
+"""Name of the variable with the path of the world's map, for Nav2."""
 
 _PREFIX = "packages"
 _DISTRIBUTIONS = (
     *("kinetic", "melodic", "noetic"),
     *("dashing", "eloquent", "foxy", "galactic", "humble", "iron", "jazzy", "kilted", "lyrical", "rolling"),
 )
-"""RoboMaker's hooks look for `$ROS_DISTRO/setup.sh`; the packages are the same for all of them."""
+"""Names of ROS distributions: RoboMaker's hooks look for `$ROS_DISTRO/setup.sh`, and the packages are the same for all.
+"""
 _DIGITS = 12
 
 
 def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) -> WorldPackages:
-    """Makes ROS packages of a job's world, in a run's folders, read-only.
+    """Generates ROS packages of a job's world in a run's folders, read-only.
 
     Args:
         world: the job's world.
-        sandbox: the run's folders.
+        sandbox: Folders of the run.
         service: the service, with its catalog and object store.
 
     Raises:
@@ -66,9 +67,9 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
     """Makes the variables with which ROS programs find the packages of the job's world first.
 
     Args:
-        packages: folder of the packages.
+        packages: Folder of the packages.
         variables: other environment variables of the programs.
-        in_container: whether the programs find the folders of the job at the root.
+        in_container: Whether the programs run in a container, where the job's folders are at the root.
     """
     prefix = f"{WORLD_PACKAGES}/{_PREFIX}" if in_container else str(packages.prefix)
     return {
@@ -80,13 +81,13 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
 
 
 def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
-    """Replaces other worlds in a run's copy of a workspace by the job's world.
+    """Replaces other worlds in a run's copy of a ROS workspace by the job's world.
 
-    A program that sources the setup of its own workspace has that workspace's packages first, whatever its variables
-    said before.
+    A program that sources the setup of its own workspace finds that workspace's packages first, whatever its variables
+    were before.
 
     Args:
-        folder: the run's own copy.
+        folder: Copy of the workspace that belongs to the run.
         packages: folder of the packages of the job's world.
     """
     for start in package_folders(folder):
@@ -106,7 +107,7 @@ def _joined(places: list[str], others: str | None) -> str:
 
 
 def _copy(source: Path, target: Path, *, writable: bool) -> None:
-    """A copy that all users may read, such as those of containers."""
+    """Copies a folder so that all users can read it, such as those in containers."""
     shutil.copytree(source, target)
     for path in [*target.rglob("*"), target]:
         path.chmod((0o755 if path.is_dir() else 0o644) if writable else (0o555 if path.is_dir() else 0o444))
@@ -114,7 +115,7 @@ def _copy(source: Path, target: Path, *, writable: bool) -> None:
 
 @cache
 def _code() -> str:
-    """Returns an identifier of the code that writes the packages: other code may write them differently."""
+    """Returns an identifier of the code version that generates the packages, as part of the cache key."""
     modules = sorted(Path(ros_prefix.__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
     return f"{metadata.version('prefect-robomaker')} {digest}"

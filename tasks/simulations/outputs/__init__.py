@@ -1,1 +1,1 @@
-"""Storing a run's outputs: output locations, upload configurations, names, rolling uploads, publication."""
+"""Storing a run's outputs: destination, upload configurations, file names, uploads during the run, manifest."""

@@ -1,4 +1,4 @@
-"""Files of a run that are stored: which have room, and under which names."""
+"""Selection of a run's output files for upload: size and number limits, and unique names."""
 
 import heapq
 import os
@@ -20,16 +20,16 @@ from ...storage.untrusted_folders import FolderFile, files_told, os_failures
 
 RESULT_FILE = "result.json"
 _MOST_NAMED = 1000
-"""Files that a manifest names as left out: who left a million out needs no million names, and readers fetch them."""
+"""Maximum number of left-out files that a manifest names, to keep it small."""
 
 FIRST = (RESULT_FILE, TRIALS_FILE, PROVENANCE_FILE, "logs/stdout.log", "logs/stderr.log")
-"""Files that are stored first, because they say how the run went."""
+"""Files that are uploaded first, because they say how the run went."""
 
 _LONGEST_NAME = 300
 
 
 def rank(name: str) -> tuple[int, int, bytes]:
-    """Sort key of output files: the most important are uploaded first, as long as there is space."""
+    """Sort key of output files: the most important ones are uploaded first, as space is limited."""
     first = FIRST.index(name) if name in FIRST else len(FIRST)
     return first, name.count("/"), os.fsencode(name)
 
@@ -38,14 +38,14 @@ def check_wanted(ended: Stopped) -> None:
     """Raises an error if a run's outputs are no longer wanted, while they are listed.
 
     Raises:
-        TransferStoppedError: `ended` said so.
+        TransferStoppedError: `ended` returned true.
     """
     if ended():
         raise TransferStoppedError("the outputs are not wanted any more")
 
 
 def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:
-    """Whether a manifest says that outputs are missing because of limits or a cancellation."""
+    """Returns whether a manifest says that outputs are missing because of limits or a cancellation."""
     left_out = about.get("leftOut")
     return bool(about.get("partial")) or (isinstance(left_out, dict) and bool(left_out.get("beyondLimits")))
 
@@ -93,7 +93,7 @@ class LeftOut:
 
 @dataclass
 class Room:
-    """Space left for a run's outputs in the object store: bytes and number of files."""
+    """Space that is left for a run's outputs in the object store: bytes and number of files."""
 
     most_bytes: int
     most_files: int
@@ -107,12 +107,12 @@ class Room:
         return cls(settings.max_output_gb * 10**9, settings.max_output_files)
 
     def use(self, files: list[ManifestFile]) -> None:
-        """Subtracts files that are uploaded already."""
+        """Subtracts files that are uploaded already from the space."""
         self.used_files += len(files)
         self.used_bytes += sum(file.size_bytes for file in files)
 
     def why_not(self, size_bytes: int) -> str | None:
-        """Returns why a file of a size has no space left; `None` if it has."""
+        """Returns the reason why a file of a size has no space left; `None` if it has."""
         if self.used_files >= self.most_files:
             return f"is beyond the {self.most_files} files that are stored of a run (ROBOMAKER_MAX_OUTPUT_FILES)"
         if self.used_bytes + size_bytes > self.most_bytes:
@@ -131,7 +131,7 @@ class Room:
         return True
 
     def notes(self) -> list[str]:
-        """Returns the note about outputs left out for lack of space."""
+        """Returns the note about outputs that were left out for lack of space."""
         if not (count := self.left_out.beyond_limits):
             return []
         files = "1 output is" if count == 1 else f"{count} outputs are"
@@ -144,15 +144,15 @@ class Room:
 def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never) -> list[FolderFile]:
     """Lists a finished run's output files that can be uploaded; records the others.
 
-    Left out are links, pipes, sockets and devices, what this process may not read, what no store could have under its
-    name, a `manifest.json`, which would say what is whole, and what has no room. However many files there are, only as
-    many as there is room for are kept in memory.
+    Left out are links, pipes, sockets and devices, unreadable files, names that no object store accepts, a
+    `manifest.json` of the application, and files without space. Only as many files as there is space for are kept in
+    memory.
 
     Args:
-        folder: folder of the run's outputs.
-        prefix: prefix of the keys that the files get.
-        room: space for stored files; the listed files are taken from it, and the left-out ones recorded in it.
-        ended: polled before each file, so it has to be quick; true stops the listing.
+        folder: Folder of the run's outputs.
+        prefix: Prefix of the files' keys.
+        room: Space for stored files; listed files are subtracted from it, left-out files are recorded in it.
+        ended: Function called before each file, so it has to be fast; true stops the listing.
 
     Raises:
         TransferStoppedError: `ended` said so.
@@ -199,11 +199,11 @@ class Found:
     """An output file that is to be uploaded."""
 
     name: str
-    """The name it would have alone: `<configuration>/<path below the glob's fixed folder>`."""
+    """Preferred name: `<configuration>/<path below the glob's fixed folder>`."""
 
     path: Path
     replaces: bool = False
-    """Whether it is a later version of what its own configuration may have uploaded under that name."""
+    """Whether the file is a later version of one that its configuration has uploaded under the same name."""
 
 
 def distinct(
@@ -212,12 +212,12 @@ def distinct(
     """Gives output files unique names that any object store accepts.
 
     Args:
-        outputs: names of the run's own outputs.
-        rolled: names of what was stored while the run went on.
-        files: the other files, first come, first served.
+        outputs: Names of the run's own outputs.
+        rolled: Names of the files uploaded during the run.
+        files: Other files, in order of precedence.
 
     Returns:
-        The files under the names they get, and a line for each that does not get the name it would have alone.
+        The files with their names, and a line for each that did not get its preferred name.
     """
     names = _Names([*outputs, *rolled])
     # What has versions, each of which replaces the one before, and the name that it got.
@@ -237,7 +237,7 @@ def distinct(
 
 
 class _Names:
-    """Names that are taken, with the folders they are in."""
+    """Set of used names, and of the folders that they contain."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._files: set[str] = set()
@@ -246,7 +246,7 @@ class _Names:
             self._add(name)
 
     def take(self, name: str) -> str:
-        """Returns the name, or the first free variant of it: `maps/a.pgm.1`; `maps.1/a.pgm` if `maps` is a file."""
+        """Reserves the name, or the first free variant: `maps/a.pgm.1`; `maps.1/a.pgm` if `maps` is a file."""
         free = next(each for each in _like(name) if self._is_free(each))
         self._add(free)
         return free
@@ -270,5 +270,5 @@ def _like(name: str) -> Iterator[str]:
 
 
 def _above(name: str) -> list[str]:
-    """The folders that a file of that name is in."""
+    """Lists the parent folders in a file's name."""
     return [str(parent) for parent in PurePosixPath(name).parents if parent.name]

@@ -1,4 +1,4 @@
-"""Places of outputs in the object store, notes for the result, and the end of an upload that is cancelled."""
+"""Destinations of outputs in the object store, notes for the result, and cancellation of uploads."""
 
 import logging
 import threading
@@ -53,8 +53,8 @@ def check_output_location(location: Mapping[str, Any] | None) -> None:
 def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str]:
     """Returns bucket and prefix of one run's outputs: `<prefix>/<job id>/<run id>`.
 
-    A request that names no bucket means the configured one; outputs of a request that names neither
-    bucket nor prefix are put below `simulation-jobs`.
+    Without a bucket in the request, the configured bucket is used; without bucket and prefix, the prefix is
+    `simulation-jobs`.
     """
     location = SimulationJobDocument.of(job).request.get("outputLocation") or {}
     prefix = location.get("s3Prefix", "") if location else DEFAULT_PREFIX
@@ -62,15 +62,14 @@ def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str
 
 
 def prepare_bucket(service: Service, bucket: str) -> None:
-    """Creates the bucket for outputs if that is the service's task: folder stores, or the configured bucket.
+    """Creates the bucket for outputs if the service may do so: in folder stores, and the configured bucket.
 
-    A bucket of somebody's S3 is never created by a misspelt name, also not by servers that create
-    buckets when something is put into them. Who may write to a bucket, but not ask whether it exists,
-    goes on to do so.
+    A misspelt name never creates a bucket on an S3 server, even if the server creates buckets on upload. If the
+    credentials may write to a bucket, but not check its existence, the bucket is assumed to exist.
 
     Raises:
-        BucketNotFoundError: the bucket does not exist, and its creation is not the service's task.
-        StorageError: the bucket cannot be created.
+        BucketNotFoundError: The bucket does not exist, and the service may not create it.
+        StorageError: The bucket cannot be created.
     """
     ours = bucket == service.settings.bucket or service.store.local_path(bucket, "any") is not None
     try:
@@ -86,18 +85,18 @@ def prepare_bucket(service: Service, bucket: str) -> None:
 
 _NEW_BUCKET = "new-bucket.txt"
 _NEAR = 0.8
-"""Likeness of two names from which on one may be the other, misspelt."""
+"""Similarity of two names from which one is probably a misspelling of the other."""
 
 
 def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
-    """Stores a note if a job makes a new local bucket whose name resembles an existing one's.
+    """Stores a note if a job creates a local bucket whose name resembles that of an existing one.
 
-    Such buckets are made, as programs rely on it.
+    The bucket is created anyway, as programs rely on it.
 
     Args:
         service: the service, with its catalog and object store.
-        bucket: bucket of the job's outputs.
-        folder: the run's own folder.
+        bucket: Name of the bucket for the job's outputs.
+        folder: Folder of the run.
     """
     place = service.store.local_path(bucket, "any")
     if place is None or place.parent.exists() or not place.parent.parent.is_dir():
@@ -114,10 +113,10 @@ def notes_of(
     """Returns the notes about a run's outputs for its result.
 
     Args:
-        request: the job's request.
-        folder: the run's own folder.
-        uploads: the job's upload configurations.
-        matched: numbers of those that some file was found for.
+        request: Request of the job.
+        folder: Folder of the run.
+        uploads: Upload configurations of the job.
+        matched: Indices of the configurations that matched a file.
     """
     notes = [
         f"upload configuration {upload.name}: no file matched {upload.path}"
@@ -134,19 +133,21 @@ def notes_of(
 
 
 _ASK_EVERY_S = 0.2
-"""The threads of an upload ask thousands of times a second; the catalog is asked as often as while a job runs."""
+"""Seconds between two checks in the catalog for a cancellation, as often as during a run; the threads of an upload ask
+thousands of times a second.
+"""
 
 
 class UploadEnd:
     """Checks whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
 
-    A batch whose time is over lets uploads finish.
+    A timeout of the batch lets uploads finish.
 
     Args:
         job: ARN of the job.
         batch: ARN of its batch; `None`: it has none.
         catalog: the catalog.
-        why_stop: why the job has to end; `None` if it does not have to.
+        why_stop: Function that returns the reason why the job has to end, or `None`.
     """
 
     def __init__(
@@ -166,7 +167,7 @@ class UploadEnd:
         self._heard = False
 
     def __call__(self) -> bool:
-        """The last answer; one thread asks again when it is time, and no other waits for it."""
+        """Returns the last answer; one thread asks the catalog again when it is time, and the others do not wait."""
         if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
             try:
                 self._heard = self._is_canceled()

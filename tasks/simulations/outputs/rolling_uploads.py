@@ -1,10 +1,9 @@
-"""Uploads while a job runs: every few seconds files are taken, stored, and gone; and what is left of it at the end.
+"""Uploads during a run: every few seconds, finished files are moved aside and uploaded; the rest at the end.
 
-`upload_every_s` in `tasks/service/service.py` says how often.
+The setting `upload_every_s` in `tasks/service/service.py` is the interval.
 
-Files that were taken wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that
-the job worker that goes on after a crash knows what each of them is. `rolled.jsonl` notes what was stored, for the
-manifest.
+Moved files wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that a job worker
+that continues after a crash knows what each of them is. `rolled.jsonl` lists the uploaded files, for the manifest.
 """
 
 import json
@@ -35,13 +34,14 @@ class RollingUploads:
     """Uploads finished output files of a running simulation every few seconds. Context manager.
 
     Args:
-        uploads: the configurations; see `rolling_only`.
-        folder: the run's own folder.
+        uploads: Upload configurations; see `rolling_only`.
+        folder: Folder of the run.
         store: object store that files are uploaded to.
         bucket: name of the bucket.
         prefix: prefix of the run's outputs.
         every_s: seconds between two polls for finished files.
-        room: space left for files of the run; files without space wait for the end, which leaves them out by name.
+        room: Space left for files of the run; files without space wait for the end, where they are recorded as left
+            out.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class RollingUploads:
         return visit
 
     def _has_room(self, key: str, more_bytes: int) -> bool:
-        """Whether a file fits in the space left beside the files taken so far."""
+        """Returns whether a file fits in the space that is left beside the files moved so far."""
         room = self._room
         if room is None:
             return True
@@ -134,9 +134,9 @@ class RollingUploads:
 
 
 def rolling_only(uploads: Iterable[Upload]) -> list[Upload]:
-    """Returns the upload configurations whose files are uploaded while the run is going on.
+    """Returns the upload configurations whose files are uploaded during the run.
 
-    Of several with one name the first: the files of the others are named apart from its own at the end.
+    Of several with one name it is the first, since files of the others get other names at the end.
     """
     first: dict[str, Upload] = {}
     for upload in uploads:
@@ -149,10 +149,10 @@ def taken_files(folder: Path) -> list[tuple[str, Path]]:
     """Lists the files moved aside for upload that are not uploaded yet, oldest first.
 
     Args:
-        folder: the run's own folder.
+        folder: Folder of the run.
 
     Returns:
-        Paths below the run's outputs, and where each file is.
+        Name among the run's outputs, and path, of each file.
     """
     waiting = folder / _WAITING
     if not waiting.is_dir():
@@ -166,8 +166,8 @@ def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
     """Lists the files uploaded during the run, as they are stored now.
 
     Args:
-        folder: the run's own folder.
-        later: paths that are stored again, over what was.
+        folder: Folder of the run.
+        later: Names of files that are uploaded again and replace the earlier ones.
     """
     ledger = folder / _LEDGER
     if not ledger.is_file():

@@ -1,4 +1,4 @@
-"""Storing a run: its outputs and the files that its upload configurations select, in one place."""
+"""Upload of a run's outputs and of the files that its upload configurations select."""
 
 import os
 import time
@@ -30,15 +30,17 @@ from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_f
 from .upload_files import Upload, link_or_copy, uploads_of, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
-"""Entries of a run's folder that are kept when they could not be stored."""
+"""Names in a run's folder that are kept if the upload fails."""
 
 Visit = Callable[[int, str, str], None]
-"""Takes a file that matches: its folder's descriptor, its name, and its path below the fixed part of the pattern."""
+"""Function that receives a matching file: descriptor of its folder, its name, and its path below the fixed part of the
+pattern.
+"""
 
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _PARTIAL_NOTE = "logs/partial.log"
-"""Note stored of an incomplete run whose storing was cancelled: it has no manifest that could say so."""
+"""Name of a stored note about an incomplete run whose upload was cancelled; such a run has no manifest."""
 _MOST_NOTES = 200
 
 
@@ -47,10 +49,10 @@ class RunOutputs:
 
     Args:
         job: the job.
-        run_id: the run.
-        folder: the run's own folder.
+        run_id: Id of the run.
+        folder: Folder of the run.
         service: the service, with its catalog and object store.
-        sleep: waits, in seconds.
+        sleep: Function that waits for some seconds.
     """
 
     def __init__(
@@ -75,12 +77,12 @@ class RunOutputs:
 
     @property
     def output_dir(self) -> Path:
-        """Local folder that the run writes its outputs to."""
+        """Local folder of the run's outputs."""
         return self._folder / "output"
 
     @property
     def place(self) -> StoredPlace:
-        """Bucket and prefix of these outputs in the object store."""
+        """Bucket and prefix of the run's outputs in the object store."""
         return StoredPlace(bucket=self.bucket, prefix=self.prefix)
 
     @property
@@ -104,7 +106,7 @@ class RunOutputs:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
-        """Returns the uploads during the run."""
+        """Returns the uploader of files that are finished during the run."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
         room = Room.of(self._service.settings)
@@ -120,20 +122,22 @@ class RunOutputs:
         outdated: Stopped = never,
         ended: Stopped = never,
     ) -> StoredPlace:
-        """Uploads the run's outputs, and returns their place.
+        """Uploads the run's outputs, and returns their place in the object store.
 
-        What has no room is left out; the manifest names it. What a crashed or killed run left is stored too, but
-        without a manifest: it is not whole. A store that does not answer is waited for, see `Service.patient`; a file
-        that changes is stored again, a few times.
+        Files without space are left out; the manifest names them. Outputs of a crashed or killed run are uploaded
+        without a manifest, since they are incomplete. If the store does not answer, the upload waits, see
+        `Service.patient`; a file that changes meanwhile is uploaded again, a few times.
 
         Args:
-            about: how the run ended.
-            finished: whether it is whole.
-            stopped: asked while the store does not answer whether to give up. What is stored of a job that was told to
-                stop before has a short grace instead.
-            resumes: whether an earlier attempt may have stored a part of them.
-            outdated: asked before the manifest is written, whether the run ended in another way than `about` says.
-            ended: asked all the time whether to end that at once; quick. `conclude` has to follow.
+            about: Description of the run's end.
+            finished: Whether the outputs are complete.
+            stopped: Function called while the store does not answer; true gives up. If the job was told to stop before,
+                there is a short time limit instead.
+            resumes: Whether an earlier attempt may have uploaded a part of the files.
+            outdated: Function called before the manifest is written; true means that the run ended in another way than
+                `about` says.
+            ended: Function called all the time, so it has to be fast; true stops the upload at once, and `conclude`
+                must follow.
 
         Raises:
             TransferStoppedError: `outdated` or `ended` returned true.
@@ -179,15 +183,15 @@ class RunOutputs:
         """Publishes the files, usually not all, that were uploaded before the upload was stopped.
 
         Args:
-            about: how the run ended.
-            finished: whether the run was whole; of one that was not, no manifest is made.
+            about: Description of the run's end.
+            finished: Whether the run was complete; otherwise no manifest is made.
 
         Returns:
-            Where it is stored, and what of it in words; `None`: all of it.
+            Place of the outputs, and a description of the uploaded part; `None`: all of them.
 
         Raises:
-            StorageError: the manifest cannot be stored.
-            OSError: the result cannot be read.
+            StorageError: The manifest cannot be stored.
+            OSError: The result cannot be read.
         """
         service = self._patient(lambda: True)
         prepare_bucket(service, self.bucket)
@@ -225,7 +229,7 @@ class RunOutputs:
         return self.place, words
 
     def _first_files(self) -> list[FolderFile]:
-        """Files that say how the run went, found without listing all outputs."""
+        """Returns the files that say how the run went, without listing all outputs."""
         found = [FolderFile(name, self.output_dir / name) for name in FIRST]
         return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
@@ -248,7 +252,7 @@ class RunOutputs:
         )
 
     def _patient(self, stopped: Stopped) -> Service:
-        """The service as the job's role has it, whose store waits: not for long if the job was told to stop before."""
+        """Returns the service as the job's role, with a store that waits; only briefly if the job was told to stop."""
         service = self._service.acting_as(role_of(self._request))
         if stopped is not never and stopped():
             return service.patient(self._job.id, never, patience_s=service.timing.store_grace_s, sleep=self._sleep)
@@ -264,7 +268,7 @@ class RunOutputs:
         return {**job, **about, **self._left_out.about()}
 
     def _room(self) -> Room:
-        """Returns the space left beside the files that rolling uploads have stored, or have taken to store."""
+        """Returns the space left beside the files that were uploaded or moved aside during the run."""
         room = Room.of(self._service.settings)
         room.use(rolled_files(self._folder, later=[]))
         taken = taken_files(self._folder)
@@ -276,10 +280,10 @@ class RunOutputs:
         return uploads_of(self._request, self._folder)
 
     def _stage(self, ended: Stopped) -> list[FolderFile]:
-        """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
+        """Collects the files that upload configurations select, with their stored names, after all programs ended.
 
-        They are linked into folders of their own, one for each configuration, so that a job worker that goes on after a
-        crash finds them too, and finds the same.
+        The files are linked into folders, one for each configuration, so that a job worker that continues after a crash
+        finds the same files.
         """
         staged, uploads, room = self._folder / "uploads", self._uploads(), self._room()
         outputs = storable_files(
@@ -302,7 +306,7 @@ class RunOutputs:
         return self._named(names, files, staged / "notes.log", room.left_out.lines)
 
     def _matched_before(self, uploads: Sequence[Upload], taken: Set[str]) -> set[int]:
-        """Numbers of upload configurations of which files were taken while the run went on, or staged before."""
+        """Returns the indices of upload configurations with files that were uploaded or collected before."""
         names = taken | {file.path for file in rolled_files(self._folder, later=[])}
         return {
             index
@@ -344,12 +348,12 @@ class RunOutputs:
 
 
 def _is_linked(path: Path) -> bool:
-    """Whether the path is a link, or its folder, which may be `logs`."""
+    """Returns whether a path, or its folder (such as `logs`), is a link."""
     return path.is_symlink() or path.parent.is_symlink()
 
 
 def _size_of(path: Path) -> int:
-    """A file's size; 0 if it is gone."""
+    """Returns a file's size in bytes; 0 if it does not exist any more."""
     try:
         return path.lstat().st_size
     except OSError:
@@ -357,7 +361,7 @@ def _size_of(path: Path) -> int:
 
 
 def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
-    """A visitor that notes besides that something matched."""
+    """Wraps a visitor of files so that it also records the configuration that matched."""
 
     def counted(descriptor: int, name: str, below: str) -> None:
         matched.add(index)

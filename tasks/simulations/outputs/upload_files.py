@@ -1,4 +1,4 @@
-"""Uploads that a request configures: the files that their globs mean, taken without following a link."""
+"""Upload configurations of a request: finds the files that match their globs, without following links."""
 
 import errno
 import fcntl
@@ -19,22 +19,23 @@ from ..environment.folders import HOME, Sandbox
 from ..environment.run_environment import application_configs, container_sandbox, run_sandbox
 
 MAX_DEPTH = 100
-"""Folders within each other that are looked into."""
+"""Maximum depth of folders that are searched."""
 
 _FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _QUIET_S = 10.0
 
 Visit = Callable[[int, str, str], None]
-"""Told of a file: descriptor of its open folder, its name there, its path below the glob's fixed folder."""
+"""Function that receives a file: descriptor of its open folder, its name, and its path below the glob's fixed folder.
+"""
 
 
 def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
     """Calls a function for each regular file that matches a glob pattern, in order of names.
 
     Args:
-        root: what `/` is for the glob.
+        root: Folder to which absolute globs are relative.
         glob: pattern of the files.
-        visit: see `Visit`; may take the file away.
+        visit: Function that is called; see `Visit`; it may remove the file.
     """
     with _opened_below(root, glob.fixed_folder) as folder:
         if folder is not None:
@@ -57,7 +58,7 @@ def _walk(folder: int, path: str, below: str, glob: Glob, visit: Visit, depth: i
 
 @contextmanager
 def _opened_below(root: Path, path: str) -> Iterator[int | None]:
-    """A folder below a root, open; `None` if there is none or a link is on the way."""
+    """Opens a folder below another one; yields `None` if it does not exist or a link is on the way."""
     folder: int | None = None
     for name in (str(root), *filter(None, path.split("/"))):
         above, folder = folder, None
@@ -91,9 +92,9 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
     """Makes a finished file also appear under a second path, by a link or a copy.
 
     Args:
-        folder: descriptor of its folder.
+        folder: Descriptor of the file's folder.
         name: name of the file there.
-        target: the other path; its folder is made.
+        target: Path of the second file; its folder is created.
 
     Raises:
         OSError: the file does not exist, is not a regular file, or may not be read.
@@ -112,15 +113,15 @@ def take(folder: int, name: str, target: Path) -> bool:
     """Moves a finished file away from programs that may still run.
 
     Args:
-        folder: descriptor of its folder.
-        name: name of the file there.
-        target: new path on the same file system; its folder is created.
+        folder: Descriptor of the file's folder.
+        name: Name of the file there.
+        target: New path on the same file system; its folder is created.
 
     Returns:
-        Whether it was taken: no process can write to it any more.
+        Whether the file was moved, so that no process can write to it any more.
 
     Raises:
-        OSError: the file does not exist, is not a regular file, or may not be read or moved.
+        OSError: The file does not exist, is not a regular file, or may not be read or moved.
     """
     with open_left(Path(name), folder) as content:
         if is_written_to(content.fileno()):
@@ -136,10 +137,10 @@ def take(folder: int, name: str, target: Path) -> bool:
 
 
 def is_written_to(descriptor: int) -> bool:
-    """Whether a process has a file open for writing.
+    """Returns whether a process has a file open for writing.
 
-    The kernel grants a read lease on a file that no process has open for writing; where it cannot tell (files of
-    others, file systems without leases), a file that did not change for ten seconds counts as finished.
+    The kernel grants a read lease on a file that no process has open for writing. If that is not possible (files of
+    other users, file systems without leases), a file that did not change for ten seconds counts as finished.
     """
     try:
         # A writer that comes while the lease is held has a signal sent; the usual one would end this process.
@@ -161,7 +162,7 @@ _DEFAULTS: Mapping[str, str] = {
     "ros-bags": f"{HOME}/.ros/bag/**",
     "ros-logs": f"{HOME}/.ros/log/**",
 }
-"""Names and globs of `useDefaultUploadConfigurations`."""
+"""Names and globs of the default upload configurations (`useDefaultUploadConfigurations`)."""
 
 
 @dataclass(frozen=True)
@@ -169,23 +170,23 @@ class Upload:
     """An upload configuration of a job: name, file pattern and when to upload, with local paths."""
 
     name: str
-    """The folder of its files below the run's outputs."""
+    """Name of the folder for its files below the run's outputs."""
 
     glob: Glob
     is_rolling: bool
     sandbox: Sandbox
-    """The folders that its application sees."""
+    """Folders that the configuration's application sees."""
 
     path: str = ""
-    """The glob as it was given; empty: it is one of the defaults, which need not match anything."""
+    """Glob as it was given; empty: it is a default one, which need not match anything."""
 
 
 def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
     """Returns the upload configurations of a job's applications.
 
     Args:
-        request: the job's request.
-        folder: the run's own folder.
+        request: Request of the job.
+        folder: Folder of the run.
     """
     return [
         Upload(each["name"], Glob(each["path"]), each["uploadBehavior"] == ROLLING, _sandbox(folder, role), asked)
@@ -195,9 +196,10 @@ def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
 
 
 def _configurations(config: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
-    """An application's own configurations with their globs, and the default ones.
+    """Yields an application's upload configurations with their globs, and the default ones.
 
-    Those are added to its own unless it says no, or are there alone if it says yes.
+    The defaults are added unless the request excludes them; if the application has none of its own, only if the request
+    includes them.
     """
     own = config.get("uploadConfigurations") or []
     yield from ((each, each["path"]) for each in own)

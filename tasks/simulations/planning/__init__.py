@@ -1,1 +1,1 @@
-"""Makes run plans of jobs' requests: applications, launch configurations, resumed runs."""
+"""Makes the plan of a run from a job's request: applications, launch configurations, resumed runs."""

@@ -1,4 +1,4 @@
-"""Plans of a job's applications: factories, programs, containers, and the ROS nodes beside them."""
+"""Plans of a job's applications: factory functions, programs, containers, and ROS helpers beside them."""
 
 import os
 import subprocess
@@ -47,10 +47,10 @@ def with_ros_companions(
     """Adds the programs that ROS launches need beside them, such as a ROS 1 master, to a run's programs.
 
     Args:
-        programs: the applications that are programs, and tools.
-        ros: the first of them that ROS launches; `None`: none is.
+        programs: Applications that are programs, and tools.
+        ros: First of the programs that a ROS launch starts; `None`: there is none.
         run_environment: folders, variables and limits of the run.
-        wants_topics: whether all topics of ROS 1 are to be recorded; those of ROS 2 are when the plan is whole.
+        wants_topics: Whether all ROS 1 topics are to be recorded; for ROS 2 that is planned later.
     """
     found = list(programs)
     if ros is not None and ros.launch.ros is not None:
@@ -103,7 +103,7 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
 def _companion(
     ros: RosLaunch, name: str, argv: Sequence[str], run_environment: RunEnvironment, variables: Mapping[str, str]
 ) -> ProgramPlan:
-    """Plans a program beside a launch; its ROS log is kept apart from the application's, which are uploaded."""
+    """Plans a helper program beside a ROS launch; its ROS logs are separate, as the application's are uploaded."""
     logs: Path = run_environment.sandbox.place(f"{TEMPORARY}/{name}")
     return ProgramPlan(
         name=f"{ros.program.role}.{name}",  # a tool's name has a dash there
@@ -128,18 +128,18 @@ class Applications:
     programs: list[ProgramPlan] = field(default_factory=list)
     ports: list[PortPlan] = field(default_factory=list)
     ros: RosLaunch | None = None
-    """The first that ROS launches."""
+    """First application that a ROS launch starts."""
     bridge: RosPlan | None = None
-    """The ROS bridge, where the robot application is a program that may be ROS nodes, and drives a simulation."""
+    """ROS bridge, if the robot application is a program that may be ROS nodes and drives a simulation."""
     robot: RosLaunch | None = None
-    """The robot application, where it is a program of this machine."""
+    """Robot application, if it is a program of this machine."""
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
     """Downloads a job's applications, and determines how they are started.
 
     Args:
-        request: the job's request.
+        request: Request of the job.
         run_environment: folders, variables and limits of the run.
 
     Raises:
@@ -172,10 +172,10 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 
 
 def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
-    """Makes the robot application the one that follows a policy, of its own files if there is one.
+    """Makes the robot application one that follows a policy, from its own files if it has any.
 
     Raises:
-        LaunchError: the robot application is a container, whose files are not read here.
+        LaunchError: The robot application is a container, whose files cannot be read here.
     """
     robot = planned.plans.get("robot")
     if robot is not None and robot.attribute is None:
@@ -210,7 +210,8 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
 def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
     """Adds the bridge between the simulation and ROS 1 nodes to a run's programs.
 
-    A robot application may speak ROS 1, or say so and connect to the agent socket: no rospy is no reason to fail.
+    A robot application may use ROS 1, or only declare it and connect to the agent socket; so a missing rospy is no
+    error.
     """
     robot = planned.robot
     if robot is None:
@@ -313,7 +314,7 @@ def _plan(
 
 
 def _settings_in(launch: Mapping[str, Any]) -> dict[str, str]:
-    """The variables of a container that may be meant for the run; the others are its own affair, and maybe secret.
+    """Returns a container's variables that may configure the run; the others may be secret and stay there.
 
     A plan is written down, and its variables are those of whatever calls the engine, too.
     """
@@ -346,7 +347,7 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
 
 
 def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
-    """An application's code for programs: a copy of the bundle, and the world that the job drives in."""
+    """Returns an application's code for programs: a copy of the archive's files, and the job's world."""
     world = run_environment.world_packages()
     if code.folder is not None:
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
@@ -356,9 +357,9 @@ def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
 
 
 def _own_copy(bundle: Path, folder: Path) -> Path:
-    """A copy of a bundle that its programs may write to: the unpacked one is that of all jobs.
+    """Copies an unpacked archive for a run's programs to write to, since the unpacked one is shared by all jobs.
 
-    Blocks are shared where the file system can do that.
+    The copy shares disk blocks if the file system supports it.
     """
     copied = subprocess.run(["cp", "-r", "--reflink=auto", "--", str(bundle), str(folder)], capture_output=True)
     if copied.returncode:
@@ -374,7 +375,7 @@ def _programs(
     run_environment: RunEnvironment,
     usual: Mapping[str, str],
 ) -> list[ProgramPlan]:
-    """The application itself where it is a program, and its tools, with usual variables that it may set otherwise."""
+    """Plans the application, if it is a program, and its tools, with default variables that it may override."""
     variables = config["launchConfig"].get("environmentVariables") or {}
     import_path = [str(code.folder)] if code.folder else []
     if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):
@@ -409,7 +410,7 @@ def _programs(
 
 
 def _make_executable(path: Path, bundle: Path | None) -> None:
-    """Makes a file of our copy of a bundle executable: zip archives made by some tools do not say that it is."""
+    """Makes a file of an archive's copy executable, as some tools make zip archives without that permission."""
     if bundle is not None and path.is_relative_to(bundle):
         path.chmod(path.stat().st_mode | 0o111)
 

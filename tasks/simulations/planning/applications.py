@@ -1,8 +1,8 @@
-"""Applications in the catalog: finding them and their versions, and reading what they are made of.
+"""Applications in the catalog: finds them and their versions, and reads their sources.
 
-An application is one resource, whose document says what it is now (`$LATEST`). A numbered version
-is a child of it with a document of its own. On the wire all of them have the application's ARN;
-inside the catalog a version's is that of the application with `/version/<number>` behind it.
+An application is one resource, whose document has its present state (`$LATEST`). A numbered version is a child resource
+with a document of its own. In API responses all of them have the application's ARN; inside the catalog a version's ARN
+is the application's with `/version/<number>` appended.
 """
 
 import re
@@ -18,7 +18,7 @@ from ...service.service import Service
 
 LATEST = "$LATEST"
 MAX_VERSIONS = 40
-"""Limit on the versions that an application has at once."""
+"""Maximum number of versions that an application has at once."""
 
 _PYTHON = "python"
 _DIGEST = re.compile("sha256:[0-9a-f]{64}", re.IGNORECASE)
@@ -38,9 +38,9 @@ def find_application(reference: str, role: ApplicationRole, version: str | None,
     """Finds an application, or one version of it, by ARN or name.
 
     Args:
-        reference: ARN or name.
+        reference: ARN or name of the application.
         role: kind of the application, robot or simulation.
-        version: a version's number; `None` or `$LATEST`: what the application is now.
+        version: Number of the version; `None` or `$LATEST`: the present state of the application.
         service: the service, with its catalog and object store.
 
     Returns:

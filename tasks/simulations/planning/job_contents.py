@@ -1,6 +1,6 @@
-"""Contents that the names in a job's request refer to: of its world and of its applications, and versions.
+"""Hashes of the contents to which a job's request refers: its world, applications, and packages.
 
-Of a run that is planned it is what the run has; of a request it is what a run would have now.
+For a planned run these are the contents that the run uses; for a request, those that a run would use now.
 """
 
 import hashlib
@@ -49,7 +49,7 @@ class CurrentApplications:
 
     Args:
         service: the service, with its catalog and object store.
-        planned: applications that replace those of the catalog, by ARN, and by role and name.
+        planned: Applications that replace those of the catalog, by ARN, and by role and name.
     """
 
     def __init__(self, service: Service, planned: Mapping[str, Resource] | None = None) -> None:
@@ -73,7 +73,7 @@ class CurrentApplications:
         return self._found[key]
 
     def content(self, application: Resource) -> str:
-        """Identifies an application's content by a text, such as its archive's ETag; empty if unknown.
+        """Returns a text that identifies an application's content, such as its archive's ETag; empty if unknown.
 
         Raises:
             StorageError: the archive of the application cannot be read.
@@ -152,11 +152,11 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     """Returns the installed Python packages that jobs import, with hashes of their content.
 
     Args:
-        requests: the requests of the jobs.
-        current: source of applications; missing ones are left out, and fail when their job is made.
+        requests: Requests of the jobs.
+        current: Source of applications; missing ones are left out, and fail when their job is created.
 
     Returns:
-        The packages; `None`: the jobs import nothing but what is built in, or runs in containers.
+        The packages; `None`: the jobs import only built-in code, or run in containers.
     """
     packages: dict[str, str] = {}
     imports_own = False
@@ -186,7 +186,7 @@ def changed_import(provenance: Provenance) -> str | None:
 
 
 def _content_of_application(application: Resource, service: Service) -> str:
-    """Returns an application's content as it is now."""
+    """Returns the hash or ETag of an application's present content."""
     document = ApplicationDocument.of(application)
     if document.sources:
         source = source_for_this_machine(document.sources)
@@ -213,16 +213,16 @@ def software_versions() -> Mapping[str, str]:
 
 
 def _judging_packages(requirements: Iterable[Any], content_of: Callable[[str], str]) -> dict[str, str]:
-    """The installed packages that functions of requirements come from, by name, with digests of their files.
+    """Returns the installed packages of requirements' functions, by name, with hashes of their files.
 
-    One that lies in an application's archive only is part of the application.
+    A package that is only in an application's archive is part of the application.
     """
     kinds = ((REQUIREMENT_KINDS.get(str(item.get("kind"))), item) for item in requirements if is_mapping(item))
     return _contents({name for kind, item in kinds if kind is not None for name in kind.packages(item)}, content_of)
 
 
 def _axis_packages(request: Mapping[str, Any], content_of: Callable[[str], str]) -> dict[str, str]:
-    """The installed packages that kinds of axes of a request's trials come from, likewise; without this one."""
+    """Returns the installed packages that define the axes of a request's trials, with hashes, without this one."""
     kinds = {str(axis.get("kind")) for axis in _axes_in(request) if is_mapping(axis)}
     names = {AXIS_KINDS[kind].__module__.partition(".")[0] for kind in kinds if kind in AXIS_KINDS}
     return _contents(names - {__name__.partition(".")[0]}, content_of)
@@ -233,7 +233,7 @@ def _contents(names: set[str], content_of: Callable[[str], str]) -> dict[str, st
 
 
 def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
-    """The axes of a request's trials, as they are written there."""
+    """Yields the axes of a request's trials, as written in the request."""
     orders = [request.get("trials")]
     for _, config in application_configs(request):
         text = (config["launchConfig"].get("environmentVariables") or {}).get(TRIALS_VARIABLE)
@@ -245,7 +245,7 @@ def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
-    """The requirements of a request, as they are written there."""
+    """Yields the requirements of a request, as written in the request."""
     yield from request.get("requirements") or ()
     for _, config in application_configs(request):
         text = (config["launchConfig"].get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
@@ -266,13 +266,13 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
 
 
 def _content_of_policy(policy: str) -> str:
-    """Content of a policy that no archive has: its installed package; files of data sources are compared with these."""
+    """Returns the hash of a policy's installed package; policy files of data sources are compared with these."""
     module = parse_policy(policy).module
     return _BUILT_IN if module is None else _code_of(module)
 
 
 def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str, str]:
-    """The installed module of a policy beside an application, by name; the archive need not have it."""
+    """Returns the installed module of a policy that an application's archive does not have, by name."""
     policy = policy_in(request)
     module = None if policy is None or not request.get("robotApplications") else parse_policy(policy).module
     if module is None or not (content := _code_of(module)) or content in (_BUILT_IN, robot):
@@ -290,7 +290,7 @@ def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the version of the library that evaluates a policy's network: its last bits may depend on it."""
+    """Returns the version of the library that evaluates a policy's network, on which rounding may depend."""
     policy = policy_in(request)
     if policy is None or not parse_policy(policy).is_onnx:
         return {}
@@ -317,9 +317,9 @@ def package_content(name: str) -> str:
 
 
 def _code_of(name: str) -> str:
-    """Returns a hash of the files that an installed name is likely to import: a module's with those of its siblings.
+    """Returns a hash of the files that an installed name probably imports: a module's with those of its siblings.
 
-    A folder in which distributions are installed has siblings that have nothing to do with it.
+    Siblings in a folder of installed distributions are left out, as they are unrelated.
     """
     content = package_content(name)
     if not content.startswith("module "):
@@ -350,7 +350,7 @@ def _world(request: Mapping[str, Any], service: Service) -> str | None:
 
 
 def _program_of(role: ApplicationRole, config: Mapping[str, Any], application: Resource) -> str | None:
-    """Reason why a configured application is a program, as far as its request tells."""
+    """Returns the reason why a configured application is a program, as far as its request tells; else `None`."""
     launch = config["launchConfig"]
     if image_of(application) is not None:
         return f"the {role} application is a container, whose timing no seed repeats"
@@ -360,18 +360,18 @@ def _program_of(role: ApplicationRole, config: Mapping[str, Any], application: R
 
 
 def _programs_of(plan: RunPlan) -> str | None:
-    """Reason why a plan has programs."""
+    """Returns the reason why a plan has programs, whose content may be unknown; else `None`."""
     programs = ", ".join(dict.fromkeys(program.name for program in plan.programs))
     return f"it runs programs ({programs}), whose timing no seed repeats" if programs else None
 
 
 def _unknown(*contents: str | None) -> str | None:
-    """Reason why the content of an application is not known."""
+    """Returns the reason why the content of an application is unknown; `None` if it is known."""
     return "the package of an application is not installed, or cannot be read" if "" in contents else None
 
 
 def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
-    """Returns the reason why the robot's files may differ the next time: the compared contents do not include them."""
+    """Returns the reason why the robot's files may differ in another run, as they are not compared; else `None`."""
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}

@@ -1,8 +1,8 @@
-"""Launch configurations: they start a factory in the simulation's process, or a program of its own.
+"""Launch configurations: determines the factory function or the program that they start.
 
-The order is that of `docs/simulation-jobs.md`: `command`; then `packageName` with `launchFile`, which is a launch
-file of ROS, a Python script, another file that can be executed, or the dotted path of a factory; then the factory
-that every package has.
+The order is that of `docs/simulation-jobs.md`: `command`; then `packageName` with `launchFile`, which is a ROS launch
+file, a Python script, another executable file, or the dotted path of a factory; then the factory function that every
+package has.
 """
 
 import os
@@ -21,7 +21,7 @@ DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simu
 _INNER_FOLDERS = ("", "launch", "scripts")
 
 Which = Callable[[str], str | None]
-"""Finds a program on the path."""
+"""Function that finds a program on the path."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Code:
 
     role: ApplicationRole
     name: str
-    """The application's name, for messages."""
+    """Name of the application, for messages."""
     folder: Path | None = None
-    """The unpacked bundle; `None`: an installed package."""
+    """Folder of the unpacked archive; `None`: the code is an installed package."""
     module: str | None = None
-    """The installed package; `None`: a bundle."""
+    """Name of the installed package; `None`: the code is an archive."""
     world_packages: Path | None = None
-    """Prefix of the ROS packages of the job's world, whose setup is sourced after all others."""
+    """ROS prefix of the packages of the job's world, whose setup is sourced after all others."""
 
     @property
     def crash_code(self) -> str:
@@ -49,7 +49,7 @@ class Factory:
     """An application that is a factory function, called in the simulation's process."""
 
     attribute: str
-    """Dotted path: `my_nav.arena.make_environment`."""
+    """Dotted path of the function: `my_nav.arena.make_environment`."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class Program:
 
     argv: tuple[str, ...]
     launcher: Path | None = None
-    """`roslaunch` or `ros2`, where it is that."""
+    """Path of `roslaunch` or `ros2`, if the program is started by it."""
     ros: Ros | None = None
-    """Version of the ROS that launches it; None: no ROS does."""
+    """Version of the ROS that launches the program; None: no ROS does."""
 
 
 def resolve_launch(
@@ -69,11 +69,11 @@ def resolve_launch(
     """Determines what a launch configuration starts: a factory function or a program.
 
     Args:
-        code: the application.
+        code: Code of the application.
         launch: launch configuration of the application.
-        which: finds programs that are not in the bundle.
-        python: the interpreter for scripts.
-        has_master: another application of the job brings the ROS 1 master.
+        which: Function that finds programs which are not in the archive.
+        python: Python interpreter for scripts.
+        has_master: Whether another application of the job provides the ROS 1 master.
 
     Raises:
         LaunchError: the function or program does not exist, or cannot be started on this machine.
@@ -114,7 +114,7 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
 
 
 def _find_program(code: Code, name: str, which: Which) -> str:
-    """The program that a command begins with: in the bundle, then on the path."""
+    """Finds the program that a command begins with: in the archive, then on the path."""
     if code.folder is not None and not name.startswith("/"):
         # As setups would put it on the path: what a later overlay has comes first.
         for overlay in [*reversed(overlays(code.folder)), code.folder]:
@@ -156,8 +156,8 @@ def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
     """Adds another launch file to a `roslaunch` command line.
 
     Args:
-        argv: the command line, whose launch file comes last.
-        file: the other file, which is read before it where `roslaunch` allows that: a launch file that is named by its
+        argv: Command line, which ends with its launch file.
+        file: Launch file to add. It is read first if `roslaunch` allows that: a launch file that is named by its
             package has to come first.
     """
     if Path(argv[-1]).is_absolute():
@@ -166,10 +166,10 @@ def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
 
 
 def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
-    """A program of the ROS in a colcon bundle, which was built for another system than this machine's.
+    """Replaces an archive's program that belongs to a ROS for another system by this machine's.
 
     Raises:
-        LaunchError: the interpreter of the program is missing on this machine.
+        LaunchError: The interpreter of the program is missing on this machine.
     """
     if (interpreter := missing_interpreter(code.folder, program, which)) is None:
         return program
@@ -185,9 +185,9 @@ def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]
     """Wraps a command line to run in the environment of a ROS installation and the bundle's workspace.
 
     Args:
-        code: the application, whose bundle may have a workspace.
+        code: Code of the application, whose archive may have a ROS workspace.
         launcher: `roslaunch` or `ros2` of the installation.
-        argv: the program and its arguments.
+        argv: Program and its arguments.
     """
     if overlays(code.folder):
         return _with_overlays(code, argv)  # they source that of their own ROS
@@ -202,9 +202,9 @@ def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
-    """A program in the environment that scripts make, those that are there.
+    """Wraps a command line so that existing setup scripts are sourced before.
 
-    They put their own packages before the job's world, which its variables have first; so its setup follows them.
+    The scripts put their own packages before those of the job's world, so the world's setup is sourced after them.
     """
     there = [setup for setup in setups if setup.is_file()]
     if there and code.world_packages is not None:
@@ -213,7 +213,7 @@ def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str
 
 
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
-    """A script: as a module where its folder is a package, else as a file."""
+    """Plans a Python script: run as a module if its folder is a package, else as a file."""
     stem = file.removesuffix(".py")
     if code.folder is None:
         return Program((python, "-m", ".".join(part for part in (code.module, package, stem) if part)))
@@ -237,12 +237,12 @@ def _places(package: str, file: str) -> list[str]:
 
 
 def _find_file(folder: Path, package: str, file: str) -> Path | None:
-    """A file of a package in a bundle, if there is one."""
+    """Finds a file of a package in an archive; `None` if there is none."""
     return next((path for place in _places(package, file) if _is_file_of(folder, path := folder / place)), None)
 
 
 def _is_file_of(folder: Path, path: Path) -> bool:
-    """Whether a file is there and in the bundle: names such as `..usr.bin` would lead out of it."""
+    """Returns whether a file exists and is inside the archive: names such as `..usr.bin` would lead out of it."""
     return path.is_file() and path.resolve().is_relative_to(folder.resolve())
 
 

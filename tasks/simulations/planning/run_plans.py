@@ -51,7 +51,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
     """Returns the simulated seconds between checkpoints of a run; `None` for no checkpoints.
 
     Args:
-        application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
+        application: Simulation application, whose launch configuration may set the interval in seconds, or 0 for none.
 
     Raises:
         LaunchError: the launch variable is not a number of seconds.
@@ -69,11 +69,11 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
 
 
 def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
-    """Returns the plan of an interrupted run if it can be resumed here, else logs why not.
+    """Returns the plan of an interrupted run if it can be resumed on this machine, else logs why not.
 
     Args:
-        job: the job.
-        folder: folder of that run.
+        job: Simulation job.
+        folder: Folder of the interrupted run.
     """
     if job.status != "Running":
         return None
@@ -91,18 +91,18 @@ def reached_s(folder: Path) -> float:
     """Returns the simulated time in seconds of a run's last checkpoint; 0 without one.
 
     Args:
-        folder: folder of the run.
+        folder: Folder of the run.
     """
     last = last_checkpoint(folder / CHECKPOINTS_FOLDER)
     return last[1].sim_time_s if last else 0.0
 
 
 def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
-    """Checks that a plan is that of a run: its applications could write to where it was.
+    """Checks that a stored plan belongs to the run, since applications could have written to its folder.
 
     Raises:
-        CheckpointError: the plan names another run, folders of others, more time, or programs, with which no run is
-            continued.
+        CheckpointError: The plan names another run, other folders, a longer time, or programs, with which no run is
+            resumed.
     """
     folder = folder.absolute()
     expected = {
@@ -134,11 +134,11 @@ def run_plan(
 
     Args:
         job: the simulation job.
-        run_id: id of this run of it.
-        folder: the run's own folder, empty.
-        service: where worlds, applications and data are stored; the last two are read as the role of the request.
-        ros_domain: the run's own domain of ROS 2; see `job_services.own_domain`.
-        stopped: asked while something takes long whether to give up.
+        run_id: Id of the run.
+        folder: Empty folder of the run.
+        service: Service that stores worlds, applications and data; the last two are read as the role of the request.
+        ros_domain: ROS 2 domain of the run; see `job_services.own_domain`.
+        stopped: Function called during long operations; true cancels them.
 
     Raises:
         LaunchError: an input cannot be downloaded; the error carries the job's failure code.
@@ -203,14 +203,14 @@ def run_plan(
 
 
 def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Service, job_id: str) -> dict[str, str]:
-    """The variables of all processes of the run; files that some of them name are written."""
+    """Returns the variables of all processes of the run; files that some of them name are written."""
     request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
     usual = process_variables(sandbox, service.settings, os.environ, caller)
     return access_variables(usual, request, sandbox, service, os.environ)
 
 
 def _check_trials(plan: RunPlan) -> None:
-    """Refuses trials of programs, which nothing puts back to their beginning."""
+    """Raises an error for trials of programs, which cannot be reset between trials."""
     if plan.trials is not None and (plan.has_robot_program or not plan.has_episode):
         role = "robot" if plan.has_robot_program or plan.simulation_application is None else "simulation"
         raise LaunchError(
@@ -220,14 +220,14 @@ def _check_trials(plan: RunPlan) -> None:
 
 
 def _live_view_port(request: Mapping[str, Any]) -> int | None:
-    """Any free port for the page of the run, if an application's `streamUI` asks for one."""
+    """Returns 0 (any free port) for the run's live view if an application's `streamUI` asks for it, else `None`."""
     return 0 if any(config["launchConfig"].get("streamUI") for _, config in application_configs(request)) else None
 
 
 def _world_packages(
     request: Mapping[str, Any], sandbox: Sandbox, service: Service
 ) -> Callable[[], WorldPackages | None]:
-    """Places the ROS packages of the job's world when they are first asked for: jobs of factories need none."""
+    """Returns a function that creates the ROS packages of the job's world when first called: many jobs need none."""
 
     @cache
     def place() -> WorldPackages | None:
@@ -237,7 +237,7 @@ def _world_packages(
 
 
 def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resource], _Found]) -> _Found | None:
-    """Gets something of the world that a request names; `None`: it names none."""
+    """Applies a function to the world that a request names; `None`: it names none."""
     arn = world_arn(request)
     if arn is None:
         return None
@@ -250,7 +250,7 @@ def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resou
 
 
 def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
-    """Returns the requirements of the job, all of which can be judged in this world."""
+    """Returns the job's requirements, after checking that all can be judged in the world."""
     requirements = parse_requirements(document.requirements, "requirements")
     if world_dir is not None and rooms_of(requirements):
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())

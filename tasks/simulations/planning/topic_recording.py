@@ -1,4 +1,4 @@
-"""The recorder of all topics of a job: `rosbag` for ROS 1, a program of ours for ROS 2."""
+"""Recorder of all ROS topics of a job: `rosbag` for ROS 1, this package's topic recorder for ROS 2."""
 
 import importlib.util
 import sys
@@ -12,13 +12,13 @@ from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderReque
 from ..ros.job_services import DOMAIN_VARIABLE
 
 _DISK_SHARE = 8
-"""The recorder takes at most one part of so many of the job's disk, so that it never ends its run."""
+"""Divisor of the job's disk limit that gives the recorder's limit, so that the recording never ends the run."""
 _OURS = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "LD_PRELOAD")
-"""Variables that applications set for themselves, and that decide whether our Python starts."""
+"""Names of variables that applications set for themselves, and that would affect this package's Python."""
 
 
 _ROS_FOLDERS = Path("/opt/ros")
-"""Folder that ROS installs its packages in."""
+"""Folder in which ROS distributions are installed."""
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:
@@ -28,9 +28,10 @@ def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping
 
     Args:
         plan: The run.
-        launched_by: The ROS of its first launch file; `None`: it has none. The launch of ROS 1 has its recorder.
-        environ: Variables of this process.
-        most_bytes: Bytes of all messages that may be recorded.
+        launched_by: Version of ROS of the first launch file; `None`: there is none. A launch of ROS 1 has its own
+            recorder.
+        environ: Environment variables of this process.
+        most_bytes: Maximum size of all recorded messages in bytes.
     """
     if not plan.programs or launched_by == 1:
         return plan

@@ -1,4 +1,4 @@
-"""Plans of the ROS bridge: the jobs that have one, and the ROS that it speaks."""
+"""Plans of the ROS bridge: which jobs have one, and which ROS version it uses."""
 
 import logging
 import os
@@ -13,7 +13,7 @@ from .job_services import DOMAIN_VARIABLE
 RANGE_VARIABLE, LOCALHOST_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
 _SUITES: Mapping[str, Suite] = {"ROS": 1, "ROS2": 2}
 _BEFORE_IRON = frozenset({"Dashing", "Foxy", "Galactic", "Humble"})
-"""Distributions of ROS 2 that know only `ROS_LOCALHOST_ONLY`, of which later ones warn."""
+"""Distributions of ROS 2 that support only `ROS_LOCALHOST_ONLY`, of which later ones warn."""
 _MOST_DOMAIN = 232
 _LOOK_S = 60.0
 
@@ -26,16 +26,16 @@ def bridge_plan(
     """Plans the ROS bridge for a robot application that is a program.
 
     Args:
-        launched_by: ROS that reads its launch file; none: it has none.
-        suite: The application's `robotSoftwareSuite`.
+        launched_by: ROS version that reads the application's launch file; None: it has none.
+        suite: `robotSoftwareSuite` of the application.
         variables: Environment variables of the launch configuration.
-        domain: The job's domain of ROS 2.
+        domain: ROS 2 domain of the job.
 
     Returns:
-        The plan; none for a program that is no ROS node.
+        The plan; None for a program that is no ROS node.
 
     Raises:
-        LaunchError: A variable is wrong.
+        LaunchError: A variable has an invalid value.
     """
     options = RosOptions()
     if (text := variables.get(ROS_VARIABLE)) is not None:
@@ -53,7 +53,7 @@ def bridge_plan(
 
 
 def _domain(variables: Mapping[str, str], domain: int) -> int:
-    """The domain that nodes are in: that of the job, unless their launch configuration says another one."""
+    """Returns the ROS 2 domain of the nodes: the job's, unless their launch configuration sets another."""
     text = variables.get(DOMAIN_VARIABLE)
     if text is None:
         return domain
@@ -66,8 +66,8 @@ def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None)
     """Returns environment variables that keep a job's ROS nodes on this machine.
 
     Args:
-        suite: The application's `robotSoftwareSuite`.
-        bridge: The job's bridge, if it has one.
+        suite: `robotSoftwareSuite` of the application.
+        bridge: ROS bridge of the job, if it has one.
     """
     if bridge is not None and (bridge.options.peers or bridge.options.interface):
         return {}

@@ -1,4 +1,4 @@
-"""ROS services of a job, and its ROS 2 domain."""
+"""ROS services that a job's programs can call, and the job's ROS 2 domain."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ from ...service.service import Service
 from .service_node import SOCKET
 
 FOLDER = "opt/robomaker/ros"
-"""Below a run's root: the message package, and the socket."""
+"""Folder below a run's root with the ROS message package and the socket."""
 NODE = Path(__file__).with_name("service_node.py")
 
 _MOST_BYTES = 64 << 10
@@ -32,10 +32,10 @@ _logger = logging.getLogger(__name__)
 
 
 def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Builds the ROS message package of the job services, if necessary; returns whether it is there.
+    """Builds the ROS message package of the job services, if necessary; returns whether it exists.
 
     Args:
-        argv: `service_node.py make` by the Python of that ROS.
+        argv: Command line of `service_node.py make` with the Python of that ROS.
         variables: environment variables of the launch.
     """
     environment = {"PATH": os.defpath, **variables}
@@ -61,8 +61,8 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
     """Answers ROS service calls of a job's programs while it runs.
 
     Args:
-        root: the run's root.
-        arn: the job: it can ask about no other one.
+        root: Root folder of the run.
+        arn: ARN of the job; the services act on no other job.
         service: the service, with its catalog and object store.
     """
     folder = root / FOLDER if root is not None else None
@@ -88,11 +88,12 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
 
 
 def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
-    """Carries out a job's ROS service call: cancel, or read and change its tags.
+    """Handles a job's ROS service call: cancel the job, or read and change its tags.
 
     Args:
-        question: `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with `keys`, or `list_tags`.
-        arn: the job that asks.
+        question: Object with the member `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with
+            `keys`, or `list_tags`.
+        arn: ARN of the calling job.
         service: the service, with its catalog and object store.
     """
     members: Mapping[str, Any] = question if isinstance(question, dict) else {}
@@ -156,20 +157,21 @@ def _answer_to(connection: socket.socket, arn: str, service: Service) -> dict[st
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 DOMAINS = range(1, 102)
-"""All domains whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0."""
+"""ROS 2 domain ids whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0.
+"""
 
 
 @contextmanager
 def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
-    """Reserves a ROS 2 domain number that no other running job of this machine has; yields it.
+    """Reserves a ROS 2 domain id that no other running job of this machine has; yields it.
 
-    What holds it is the name of a socket. It belongs to the machine, whatever user runs jobs there, or to the container
-    that they run in, as the ports of a domain do; and it is free again when its holder dies.
+    The name of an abstract socket holds it. Such names belong to the machine, whichever user runs jobs, or to the
+    container in which they run, as the ports of a domain do; and they are free again when the process dies.
 
     Args:
-        job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
-            which hear each other too, most likely have different ones.
-        holders: prefix of the names of sockets; only processes with the same prefix avoid each other's domains.
+        job: ARN of the job. The same job gets the same domain again if possible; jobs on two machines of a network,
+            which hear each other, too, most likely get different ones.
+        holders: Prefix of the sockets' names; only processes with the same prefix avoid each other's domains.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):

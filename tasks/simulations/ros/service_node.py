@@ -34,14 +34,15 @@ FILES = {
     "<description>The messages of a job's services.</description>"
     '<maintainer email="jobs@example.com">robomaker</maintainer><license>Apache-2.0</license></package>\n',
 }
-"""The package that nodes of RoboMaker jobs were built with: what their types are called and hashed by."""
+"""Files of the ROS message package with which nodes of RoboMaker jobs were built; they determine type names and hashes.
+"""
 SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     "cancel": ("Cancel", lambda _: {}),
     "add_tags": ("AddTags", lambda request: {"tags": {tag.key: tag.value for tag in request.tags}}),
     "remove_tags": ("RemoveTags", lambda request: {"keys": list(request.keys)}),
     "list_tags": ("ListTags", lambda _: {}),
 }
-"""Types of the services, and the members of a request that are passed to the job worker."""
+"""Types of the services by name, and functions that read a request's members for the job worker."""
 
 
 def make(folder: str) -> int:

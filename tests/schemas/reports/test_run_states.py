@@ -1,4 +1,18 @@
-from prefect_robomaker.schemas.reports.run_states import outcomes_in_words
+"""The end of a run: its state from its jobs, and in words."""
+
+from datetime import date
+
+import pytest
+from helpers.night_records import make_night
+
+from prefect_robomaker.schemas.reports.run_states import (
+    counts_in_words,
+    in_words,
+    outcomes_in_words,
+    run_state,
+    with_known,
+)
+from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch
 
 
 def test_outcomes_are_counted_the_most_frequent_first() -> None:
@@ -7,3 +21,31 @@ def test_outcomes_are_counted_the_most_frequent_first() -> None:
     assert outcomes_in_words(many) == "6 jobs: 3 passed, 2 failed, 1 broken"
     assert outcomes_in_words(["passed"]) == "1 job: 1 passed"
     assert outcomes_in_words([]) == "0 jobs"
+
+
+@pytest.mark.parametrize(
+    ("letters", "about", "state", "said"),
+    [
+        ("PF", "*", "succeeded", "1 of 2 verdicts pass, 1 failure known"),
+        ("PF", "world-2 *", "succeeded", "1 of 2 verdicts pass, 1 failure known"),
+        ("PF", "world-1 *", "failed", "1 of 2 verdicts pass"),
+        ("FF", "world-2 *", "failed", "0 of 2 verdicts pass, 1 failure known"),
+        ("FE", "*", "broken", "0 of 1 verdicts pass, 1 failure known, 1 broke"),
+        ("FC", "*", "canceled", "0 of 1 verdicts pass, 1 failure known, 1 canceled"),
+    ],
+)
+def test_only_a_fail_can_be_known_and_it_makes_no_run_red(letters: str, about: str, state: str, said: str) -> None:
+    known = KnownFailure(match=KnownMatch(job=about, requirement="gentle"), owner="anna", until=date(2026, 3, 1))
+    night = make_night(letters).model_copy(update={"known": [known]})
+
+    jobs, notes = with_known(night, night.jobs)
+
+    assert (run_state(["Completed"], jobs), counts_in_words(jobs)) == (state, said)
+    assert bool(notes) == (about == "world-1 *" and letters == "PF")
+    assert [job.known for job in with_known(night.model_copy(update={"known": []}), night.jobs)[0]] == ["", ""]
+    # What is known is not named as the worst; the day after, it is.
+    assert ("FAIL" in in_words("failed", jobs)) == (state == "failed")
+    not_judged = [job.model_copy(update={"verdict": "ERROR"}) for job in night.jobs if job.verdict == "FAIL"]
+    assert not any(job.known for job in with_known(night, not_judged)[0]), "it missed it, but not all was judged"
+    later = make_night(letters, night=1).model_copy(update={"known": [known]})
+    assert not any(job.known for job in with_known(later, later.jobs)[0])

@@ -137,7 +137,7 @@ MISTAKES = [
     Mistake("version: 1\n", "vresion: 1\n", "1: vresion: is not known; did you mean 'version'?"),
     Mistake("name: flat-night", "name: flat night", "7: name: is 'flat night'; it has to be of letters, digits, - and _, with a letter or digit in front"),
     Mistake("description: Two robots in a flat.", "description: 12", '14: description: is 12; it has to be text'),
-    Mistake("description: Two", "remark: Two", "1: remark: is not known; known are version, name, description, parameters, sabotages, steps"),
+    Mistake("description: Two", "remark: Two", "1: remark: is not known; known are version, name, description, parameters, sabotages, known, steps"),
     # Parameters
     Mistake("minimum: 1, maximum: 50, default: 4", "minimum: 1, maximum: 0, default: 4", "36: parameters.worlds.minimum: is 1; it may be at most the maximum, 0"),
     Mistake("maximum: 50, default: 4", "maximum: 50, default: four", "61: parameters.worlds.default: is 'four'; it has to be a whole number"),

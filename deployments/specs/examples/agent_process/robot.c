@@ -1,6 +1,6 @@
 /* The robot as a program in C: pushes the cart under the falling pole.
  *
- * Plain C99 and POSIX, for little-endian machines; docs/agents.md has the protocol that it speaks.
+ * Plain C99 and POSIX, for little-endian machines; docs/robot-programs.md has the protocol that it speaks.
  * Build it with: cc -std=c99 -O2 -o robot robot.c
  */
 #define _POSIX_C_SOURCE 200809L

@@ -1,4 +1,4 @@
-"""The built-in simulation application `indoor-navigation`: a furnished world with a robot in it."""
+"""Simulation application `indoor-navigation`: a robot has to visit the rooms of a furnished world."""
 
 from .environment import make_environment as make_environment
 

@@ -1,4 +1,4 @@
-"""The built-in simulation application: a furnished world with a robot in it."""
+"""Environment of the simulation application `indoor-navigation`: a robot has to visit all rooms of a world."""
 
 import logging
 import math
@@ -28,10 +28,10 @@ _logger = logging.getLogger(__name__)
 
 
 class IndoorNavigation(ResumableEnvironment):
-    """dm_control environment in which a robot has to visit every room; it judges its run and can be resumed."""
+    """dm_control environment in which a robot has to visit every room; has its own verdict and checkpoints."""
 
     records_itself = True
-    """It publishes its own clock and joint states."""
+    """True: the environment publishes the robot's clock and joint states itself, so the runtime does not."""
 
     def __init__(self, physics: ScenePhysics, task: NavigationTask, robot: Robot) -> None:
         super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
@@ -44,31 +44,31 @@ class IndoorNavigation(ResumableEnvironment):
 
     @property
     def time_limit_s(self) -> float:
-        """Simulated time in seconds at which a run ends in any case."""
+        """Limit of simulated time in seconds, at which a run ends."""
         return self._navigation.time_limit_s
 
     @property
     def lidar_errors(self) -> LidarErrors | None:
-        """Errors of the robot's lidar, which axes of trials change; None: it has none."""
+        """Errors of the robot's lidar, which axes of trials can change; None: the robot has no lidar."""
         return self._navigation.lidar_errors
 
     @property
     def command_delay(self) -> CommandDelay:
-        """Delay of the agent's commands, which axes of trials change."""
+        """Delay of the agent's commands, which axes of trials can change."""
         return self._navigation.command_delay
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors on the agent's commands, which axes of trials change."""
+        """Factors on the agent's commands, which axes of trials can change."""
         return self._navigation.command_gains
 
     @cached_property
     def tf_frames(self) -> dict[int, str]:
-        """ROS frame name of each moving body, by body number; a recording's `/tf` has their poses."""
+        """ROS frame name of each moving body, by body number; these are the frames in a recording's `/tf`."""
         return frames_of_bodies(self.robot, self.physics.model.ptr, self._navigation.frames)
 
     def renew(self, context: SimulationContext) -> None:
-        """Prepares the environment for the next trial; `reset` does the rest."""
+        """Prepares the environment for the next trial, which begins with `reset`."""
         self._navigation.renew(context.rng)
 
     def run_result(self) -> EnvironmentReport:
@@ -85,17 +85,16 @@ class IndoorNavigation(ResumableEnvironment):
 def make_environment(context: SimulationContext) -> IndoorNavigation:
     """Makes the indoor navigation environment of one run.
 
-    The robot is that of the robot application (`robots/lookup.py`). Actions and observations are described by the
-    environment's specs. A run ends when the robot
-    has been in every room and is told to stand still, when it is told to stand still for 10 s, when
-    it tips over, or at the limit of simulated time: `ROBOMAKER_SIM_TIME_LIMIT_S` seconds from the
-    environment variables, else what suits the size of the world.
+    The robot is the one that the robot application names (`robots/lookup.py`). Actions and observations are described
+    by the environment's specs. A run ends when the robot has been in every room and is commanded to stand still, when
+    it is commanded to stand still for 10 s, when it tips over, or at the limit of simulated time: the environment
+    variable `ROBOMAKER_SIM_TIME_LIMIT_S` in seconds, else a limit that fits the size of the world.
 
     Args:
-        context: the run; it has to have a world.
+        context: Context of the run, which has to have a world.
 
     Raises:
-        LaunchError: there is no world, or it cannot be used, or the limit is not a number of seconds, or there is
+        LaunchError: The world is missing or cannot be used, the time limit is not a number of seconds, or there is
             no such robot.
     """
     if context.world is None or context.world_dir is None:
@@ -117,7 +116,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
 
 
 def _known_map(world_dir: Path) -> OccupancyMap | None:
-    """The world's map, if it has one that can be read."""
+    """Reads the world's occupancy map; `None` if there is none, or it cannot be read."""
     try:
         return read_world_map(world_dir) if (world_dir / "map.yaml").is_file() else None
     except (OSError, ValueError) as cause:
@@ -126,7 +125,7 @@ def _known_map(world_dir: Path) -> OccupancyMap | None:
 
 
 def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
-    """Returns the requested limit, else about three times the time that Scout needs, and more for slower robots."""
+    """Returns the requested time limit, else about three times what the robot Scout needs, more for slower robots."""
     if text is None:
         rooms = world.floorplan.rooms
         slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)

@@ -1,4 +1,4 @@
-"""Scans of level lidars, worked out from upright walls and furniture instead of cast rays."""
+"""Fast 2D lidar for level robots: intersects rays with the outlines of walls and furniture instead of ray casting."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -18,21 +18,21 @@ Places = NDArray[np.complex128]
 AnyPlace = TypeVar("AnyPlace", complex, NDArray[np.complex128])
 
 _BESIDE_M = 1e-4
-"""Things nearer to each other than this touch."""
+"""Distance in metres below which two surfaces touch."""
 
 _ROUNDING = 1e-9
-"""Share of the angle between two rays by which everything is wider, so that no ray slips through between two faces."""
+"""Fraction of the angle between two rays by which every sector is widened, so that no ray slips between two faces."""
 
 
 class Fan:
-    """Lidar rays at even angles all around, in a horizontal plane."""
+    """Evenly spaced lidar rays over 360 degrees, in a horizontal plane."""
 
     def __init__(self, count: int, first_rad: float) -> None:
-        """Prepares the directions.
+        """Computes the ray directions.
 
         Args:
-            count: rays all around.
-            first_rad: angle of the first one; the others follow counter-clockwise.
+            count: Number of rays over 360 degrees.
+            first_rad: Angle of the first ray, in radians; the others follow counter-clockwise.
         """
         self.count = count
         self._per_rad = count / math.tau
@@ -48,8 +48,9 @@ class Fan:
         """Finds the rays that pass through angular sectors.
 
         Args:
-            begins: what lies in the directions where sectors begin.
-            widths: what would lie where they end if they began at angle 0; they reach at most half around.
+            begins: Points in the directions where the sectors begin, as complex numbers.
+            widths: Points in the directions where the sectors would end if they began at angle 0; a sector is at most
+                180 degrees wide.
 
         Returns:
             How many rays go through each sector; and sector after sector the numbers of these rays, counting on after
@@ -77,18 +78,18 @@ class Fan:
         return counts, rays, self._around.take(rays)
 
     def largest(self, rays: NDArray[np.intp], values: Floats, least: float) -> Floats:
-        """Returns for each ray the largest of its values, at least `least`."""
+        """Returns for each ray the maximum of its values, at least `least`."""
         best = np.full(len(self._around), least)
         np.maximum.at(best, rays, values)
         return best.reshape(3, -1).max(axis=0)
 
     def to_disc(self, center: complex, radius_m: float, distances: Floats) -> Iterator[slice]:
-        """Yields slices of rays that hit a disc before they end.
+        """Yields slices of the rays that hit a disc before their present ends.
 
         Args:
-            center: of the disc, in the fan's frame.
-            radius_m: of the disc.
-            distances: where the rays have ended so far.
+            center: Centre of the disc in the fan's frame, as a complex number.
+            radius_m: Radius of the disc.
+            distances: Present lengths of the rays, in metres.
         """
         away_m = abs(center)
         middle, half = cmath.phase(center) * self._per_rad + self._zero, self.count / 2
@@ -97,12 +98,12 @@ class Fan:
         return self._parts(middle - half, middle + half, away_m - radius_m, distances)
 
     def to_corners(self, corners: Sequence[complex], least_m: float, distances: Floats) -> Iterator[slice]:
-        """Yields slices of rays that hit a convex polygon before they end.
+        """Yields slices of the rays that hit a convex polygon before their present ends.
 
         Args:
-            corners: of the polygon, in order, in the fan's frame.
-            least_m: how far away all of it is at least.
-            distances: where the rays have ended so far.
+            corners: Corners of the polygon in order, in the fan's frame, as complex numbers.
+            least_m: Lower bound for the distance of the polygon.
+            distances: Present lengths of the rays, in metres.
         """
         center = sum(corners) / len(corners)
         middle = cmath.phase(center) * self._per_rad + self._zero
@@ -114,7 +115,7 @@ class Fan:
         return self._parts(middle + min(sides) - _ROUNDING, middle + max(sides) + _ROUNDING, least_m, distances)
 
     def _parts(self, begin: float, end: float, least_m: float, distances: Floats) -> Iterator[slice]:
-        """The rays between two numbers, in one piece or two, as far as they have not ended before."""
+        """Yields one or two slices of the rays between two ray numbers, without rays that end before `least_m`."""
         first = math.ceil(begin) % self.count
         stop = min(first + math.floor(end) - math.ceil(begin) + 1, first + self.count)
         for part in (slice(first, min(stop, self.count)), slice(0, max(stop - self.count, 0))):
@@ -126,11 +127,11 @@ class Frame:
     """A robot's position and axes, projected to the floor plan."""
 
     def __init__(self, origin: complex, x_axis: complex, y_axis: complex) -> None:
-        """Prepares the change of frames.
+        """Computes the change of frames.
 
         Args:
-            origin: where it is.
-            x_axis: its x axis seen from above, shorter than 1 when the robot is tilted.
+            origin: Position of the robot on the floor plan, as a complex number.
+            x_axis: The robot's x axis seen from above; shorter than 1 if the robot is tilted.
             y_axis: its y axis likewise.
         """
         self.origin = origin
@@ -139,10 +140,10 @@ class Frame:
         self._mirror = -(x_axis + 1j * y_axis) / doubled
 
     def enter(self, away: AnyPlace) -> AnyPlace:
-        """Converts positions from the world's directions to the frame's own.
+        """Converts positions from the world's axes to the robot's axes.
 
         Args:
-            away: where it stands, seen from the origin in the world's directions.
+            away: Positions relative to the robot, along the world's axes.
         """
         return self._turn * away + self._mirror * away.conjugate()
 
@@ -151,11 +152,11 @@ class Faces:
     """Vertical sides of box-shaped obstacles, for ray casting."""
 
     def __init__(self, boxes: Places, range_max_m: float) -> None:
-        """Keeps the sides that can be seen.
+        """Selects the sides that a ray can hit.
 
         Args:
-            boxes: their corners from above, shape (n, 4), clockwise.
-            range_max_m: faces that are farther away are left out.
+            boxes: Corners of the boxes from above, shape (n, 4), clockwise.
+            range_max_m: Range of the lidar; farther sides are left out.
         """
         starts, ends = boxes.ravel(), np.roll(boxes, -1, axis=1).ravel()
         lengths = np.abs(ends - starts)
@@ -168,7 +169,7 @@ class Faces:
         self._reaches = lengths[seen] / 2 + range_max_m
 
     def nearness(self, frame: Frame, fan: Fan) -> tuple[NDArray[np.intp], Floats]:
-        """Computes which rays hit the sides, and the inverse of the distances in 1/m."""
+        """Computes which rays hit the sides, and the inverse of their lengths in 1/m."""
         x, y = frame.origin.real, frame.origin.imag
         in_front = self._normals @ (x, y) > self._offsets
         in_range = np.abs(self._middles - frame.origin) < self._reaches
@@ -187,18 +188,18 @@ class Columns:
     """Vertical cylinders as obstacles, for ray casting."""
 
     def __init__(self, centers: Places, radii_m: Floats, range_max_m: float) -> None:
-        """Notes them.
+        """Stores the cylinders.
 
         Args:
-            centers: of their circles from above.
-            radii_m: of their circles.
-            range_max_m: columns that are farther away are left out.
+            centers: Centres of the circles from above.
+            radii_m: Radii of the circles.
+            range_max_m: Range of the lidar; farther cylinders are left out.
         """
         rows = zip(centers.tolist(), radii_m.tolist(), strict=True)
         self._circles = [(center.real, center.imag, radius_m, radius_m + range_max_m) for center, radius_m in rows]
 
     def shorten(self, distances: Floats, frame: Frame, fan: Fan) -> None:
-        """Shortens the rays of a fan that hit the cylinders."""
+        """Shortens the rays of a lidar that hit the cylinders."""
         x, y = frame.origin.real, frame.origin.imag
         for center_x, center_y, radius_m, reach_m in self._circles:
             if math.hypot(center_x - x, center_y - y) < reach_m:
@@ -211,11 +212,11 @@ class Columns:
 
 
 def covered_sides(boxes: Places, others: Places) -> NDArray[np.bool_]:
-    """Returns a mask of box sides that another box covers completely, which no ray can hit.
+    """Returns a mask of the box sides that are completely covered by another box, so that no ray can hit them.
 
     Args:
-        boxes: their corners from above, shape (n, 4), clockwise.
-        others: likewise.
+        boxes: Corners of the boxes from above, shape (n, 4), clockwise.
+        others: Corners of the boxes that may cover them, in the same form.
 
     Returns:
         Shape (n, 4); the first side goes from the first corner to the second.
@@ -233,22 +234,22 @@ def covered_sides(boxes: Places, others: Places) -> NDArray[np.bool_]:
 
 
 _LEVEL = 0.01
-"""Sine of the tilt up to which a lidar counts as level; Scout on its slides stays under 0.008."""
+"""Sine of the tilt up to which a lidar counts as level; the robot Scout on its slides stays under 0.008."""
 
 _SWAY_M = 0.005
-"""Largest rise or sinking of a lidar that counts as level."""
+"""Largest change of a lidar's height in metres at which it still counts as level."""
 
 _MARGIN_M = 0.002
-"""Margin added to the radii of the spheres around things that MuJoCo is asked about, in metres."""
+"""Margin added to the bounding spheres of geoms for which MuJoCo casts rays, in metres."""
 
 _NOTHING = 1e-9
-"""Inverse length of a ray that meets nothing, 1/m."""
+"""Inverse length of a ray without a hit, 1/m."""
 
 _SEEN, _UNSEEN = 0, 5
 _SEEN_ONLY = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 _EXACT = 1 - 1e-9
-"""Cosine from which directions are the same."""
+"""Cosine of the angle up to which two directions count as parallel."""
 
 _BOX, _CYLINDER, _PLANE = (
     int(kind) for kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE)
@@ -256,11 +257,11 @@ _BOX, _CYLINDER, _PLANE = (
 
 
 class LevelScan:
-    """Fast lidar for a robot that stands level: casts rays against a floor plan instead of MuJoCo geoms.
+    """Fast lidar of a level robot: intersects rays with a floor plan instead of MuJoCo geoms.
 
-    The sides of fixed, upright boxes and cylinders come from the plan of the world. Everything else (what can move,
-    what lies or is otherwise shaped, what ends within the lidar's plane) is left to MuJoCo, which is asked only about
-    the rays that go there.
+    The sides of fixed, upright boxes and cylinders come from the plan of the world. All other geoms (movable, tilted,
+    of other shapes, or ending within the lidar's plane) are left to MuJoCo's ray casting, for the rays that can hit
+    them.
     """
 
     def __init__(
@@ -273,16 +274,16 @@ class LevelScan:
         range_max_m: float,
         groups: NDArray[np.uint8],
     ) -> None:
-        """Draws the plan.
+        """Computes the floor plan of the model's fixed walls and furniture.
 
         Args:
             model: the compiled world with the robot.
             data: its state, after `mj_forward`; read at every measurement.
             body_id: the robot's root body, which rays start in and do not hit.
-            height_m: where on its axis they start; also how high that is over the floor when the body is level.
-            fan: the rays.
-            range_max_m: what lies farther away is not seen.
-            groups: which geom groups rays can hit.
+            height_m: Height of the lidar on the body's z axis; also its height over the floor when the body is level.
+            fan: Rays of the lidar.
+            range_max_m: Range of the lidar.
+            groups: Mask of the geom groups that rays can hit.
 
         Raises:
             ValueError: A geom has a shape whose extent is unknown.
@@ -331,7 +332,7 @@ class LevelScan:
         return distances
 
     def _ask_about(self, geoms: NDArray[np.intp]) -> None:
-        """Stores bounding spheres of what MuJoCo's ray casting has to test: fixed geoms, and bodies with others."""
+        """Stores bounding spheres of the geoms that are left to MuJoCo's ray casting: fixed geoms, moving bodies."""
         model = self._model
         if (model.geom_rbound[geoms] <= 0).any():
             raise ValueError("there are geoms without an end")
@@ -358,7 +359,7 @@ class LevelScan:
         self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
-        """Shortens the rays that hit geoms which MuJoCo's ray casting tests."""
+        """Shortens the rays that hit geoms outside the floor plan, with MuJoCo's ray casting."""
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
         parts: list[slice] = []
@@ -395,7 +396,7 @@ class LevelScan:
 
 
 def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
-    """Between which heights geoms are now; horizontal planes have one."""
+    """Returns the lowest and highest z of each geom now; equal for horizontal planes."""
     vertical = data.geom_xmat[:, 6:9]
     plane = model.geom_type == _PLANE
     level = np.abs(vertical[:, 2]) > _EXACT
@@ -406,7 +407,7 @@ def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Float
 
 
 def _alpha(model: mujoco.MjModel) -> NDArray[np.float32]:
-    """Returns the opacities of the geoms; rays pass through fully transparent ones."""
+    """Returns the opacities (alpha) of the geoms; rays pass through fully transparent geoms."""
     own = model.geom_matid < 0
     alpha = model.geom_rgba[:, 3].copy()
     alpha[~own] = model.mat_rgba[model.geom_matid[~own], 3]
@@ -421,7 +422,7 @@ def _are_upright(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, boxes: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Corners of upright boxes from above, clockwise, shape (n, 4)."""
+    """Returns the corners of upright boxes from above, clockwise, shape (n, 4)."""
     corners = np.zeros((len(boxes), 4), np.complex128)
     for row, (geom, middle) in enumerate(zip(boxes.tolist(), _places(data, boxes).tolist(), strict=True)):
         axes = data.geom_xmat[geom].reshape(3, 3)

@@ -13,14 +13,14 @@ PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
 PROXIMITY_RANGE_MAX_M = 0.8
 
 _VISIBLE_GROUPS = (0, 1, 2)
-"""Geom groups that renderers show unless told otherwise."""
+"""Geom groups that MuJoCo renders by default."""
 
 
 class RangeFinder:
-    """Simulated lidar with rays around a robot's vertical axis, which do not see the robot's own root body.
+    """Simulated lidar with rays around a robot's vertical axis, which do not hit the robot's own root body.
 
-    The rays turn with the robot and tilt with it. Rays all around are measured on the plan of the world while the robot
-    stands level, which is several times faster.
+    The rays turn and tilt with the robot. While the robot is level, full scans are computed on the floor plan of the
+    world, which is several times faster than ray casting.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class RangeFinder:
             model: the compiled world with the robot.
             data: its state, read at every measurement.
             body_id: the robot's root body; rays start on its z axis.
-            height_m: where on that axis.
+            height_m: Height of the rays' origin on the body's z axis.
             angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
-            range_max_m: what lies farther away is not seen.
+            range_max_m: Range of the lidar; farther surfaces are not measured.
             hidden_group: geom group that no ray can hit, from `hide_geoms_from_lidar`.
         """
         self._model, self._data, self._body_id = model, data, body_id
@@ -74,7 +74,7 @@ class RangeFinder:
         return np.where(seen, self._distances, np.inf)
 
     def _level_scan(self, height_m: float, angles_rad: NDArray[np.float64]) -> LevelScan | None:
-        """Returns the quicker way to measure, where there is one."""
+        """Returns the faster lidar for level robots; `None` if these rays or this world do not allow it."""
         fan = Fan(len(angles_rad), float(angles_rad[0]))
         around = np.abs(fan.directions - np.exp(1j * angles_rad)).max() < 1e-9
         if not around:
@@ -90,16 +90,15 @@ def hide_geoms_from_lidar(
 ) -> int | None:
     """Moves fixed geoms that no lidar ray can hit to a separate geom group, so that ray casting is faster.
 
-    A lidar asks every geom in a world about every ray, and most of them are out of the question for
-    good: what is above or below its plane (table tops, lintels, drawer fronts), and what is drawn but
-    not solid. Only groups that renderers show anyway are changed, into one of them that the world
-    does not use, so that pictures stay the same.
+    MuJoCo tests every geom for every ray, and most geoms can never be hit: those above or below the lidar's plane
+    (table tops, lintels, drawer fronts), and those that are drawn but do not collide. Only geoms of rendered groups are
+    moved, into a rendered group that the world does not use, so that pictures stay the same.
 
     Args:
         model: its `geom_group` is changed in place.
         data: a state of it, after `mj_forward`.
-        height_m: height of the plane over the floor.
-        tolerance_m: how far the plane may tilt away at the sensor's range.
+        height_m: Height of the lidar's plane over the floor.
+        tolerance_m: Change of the plane's height at the sensor's range when the robot tilts.
 
     Returns:
         The group, or nothing when the world uses all of them.

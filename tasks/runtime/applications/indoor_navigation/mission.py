@@ -1,4 +1,4 @@
-"""The mission of indoor navigation: rooms to visit, collisions, and its report."""
+"""Score of indoor navigation: visited rooms, collisions, and the run's report."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -18,7 +18,9 @@ from ...episode.results import MAX_PATH_POINTS, EnvironmentReport, thin_out
 from .telemetry import RobotState
 
 HARD_COLLISION_N = 20.0
-"""Normal force above which a touch counts as a crash: Scout's bumper reaches it at about 0.12 m/s against a wall."""
+"""Normal force in N above which a contact counts as a crash: Scout's bumper reaches it at about 0.12 m/s against a
+wall.
+"""
 
 TIPPED_OVER_RAD = math.radians(35)
 
@@ -33,7 +35,7 @@ class Mission(KeepsAttributes):
     KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
 
     def __init__(self, rooms: Sequence[Room], time_limit_s: float) -> None:
-        """Starts with nothing visited.
+        """Creates a mission in which no room is visited.
 
         Args:
             rooms: the rooms to visit, in any order.
@@ -96,10 +98,10 @@ class Mission(KeepsAttributes):
         """Computes verdict, requirements and metrics of the run.
 
         Args:
-            collisions: the touches to list.
-            touches: how many there were.
-            max_force_N: the hardest one's force.
-            can_touch: whether the robot has a shape that collides with anything else.
+            collisions: Collisions to list in the report.
+            touches: Number of all collisions.
+            max_force_N: Largest contact force.
+            can_touch: Whether the robot has a geom that can collide with anything else.
         """
         time_s = self._last.time_s if self._last else 0.0
         requirements = self._requirements(time_s, max_force_N)
@@ -166,14 +168,14 @@ def _bounds(polygon: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 SEPARATION_S = 0.1
-"""A touch is over when nothing was felt for this long; shorter gaps are bouncing."""
+"""Seconds without contact after which a collision is over; shorter gaps are bouncing."""
 
 MAX_REPORTED = 200
 
 
 @dataclass
 class _Touch:
-    """A touch that may still go on."""
+    """A collision of the robot that may still continue."""
 
     first_s: float
     last_s: float
@@ -185,8 +187,8 @@ class _Touch:
 class CollisionMonitor(KeepsAttributes):
     """Detects collisions of the robot with anything but the floor from simulated contacts.
 
-    Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest
-    force is the largest of those sampled.
+    Call `sample` often: a collision that begins and ends between two calls is not detected, and the maximum force is
+    that of the samples.
     """
 
     KEPT = ("_open", "collisions", "count", "max_force_N")
@@ -206,7 +208,7 @@ class CollisionMonitor(KeepsAttributes):
             data: its state, after `mj_forward`.
             robot_body_id: the robot's root body.
             furniture_ids: prefixes of geom names that name pieces of furniture.
-            on_touch: called at every look at which something is touched.
+            on_touch: Called at every sample in which the robot has a contact.
         """
         self._data = data
         self._on_touch = on_touch
@@ -223,7 +225,7 @@ class CollisionMonitor(KeepsAttributes):
         self.max_force_N = 0.0
 
     def sample(self) -> None:
-        """Records the robot's contacts at this moment: begins, extends and ends collisions."""
+        """Records the robot's current contacts: begins, extends and ends collisions."""
         if forces := self._contacts.read():
             self._note(forces)
             if self._on_touch is not None:

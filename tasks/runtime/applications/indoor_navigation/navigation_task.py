@@ -1,4 +1,4 @@
-"""The task of indoor navigation: drive through every room of a world and stop.
+"""dm_control task of indoor navigation: drive through every room of a world and stop.
 
 Built for dm_control's `rl.control.Environment`, which calls the methods in this order at every step:
 `before_step`, (physics), `after_step`, `get_reward`, `get_observation`, `get_termination`.
@@ -40,17 +40,17 @@ from .telemetry import RobotState, Telemetry
 from .world_with_robot import ScenePhysics
 
 _SETTLED_S = 0.5
-"""With all rooms visited, standing still on command for this long ends the run."""
+"""Seconds of standing still on command that end the run once all rooms are visited."""
 
 _IDLE_S = 10.0
-"""Standing still on command for this long ends the run in any case: the agent has given up."""
+"""Seconds of standing still on command that end the run in any case: the agent has given up."""
 
 _KEPT = ("_steps", "_still_s", "_ever_moved", "_newly_visited", "_visited")
 _KEPT_RANGES = ("_scan", "_proximity", "_scan_time")
 
 
 Ranges = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]
-"""Scan and proximity in metres, and the time in seconds at which they were measured."""
+"""Lidar scan and proximity ranges in metres, and the time of the measurement in seconds."""
 
 
 class NavigationTask(Task):
@@ -65,15 +65,15 @@ class NavigationTask(Task):
         time_limit_s: float,
         known: OccupancyMap | None = None,
     ) -> None:
-        """Prepares the task; a run begins with `initialize_episode`.
+        """Prepares the task; each run begins with `initialize_episode`.
 
         Args:
-            world: the world that the physics was made from.
-            robot: the robot that was put into it.
-            rng: source of the first heading and of the lidar's noise.
-            recorder: where ROS 2 messages go.
+            world: World that the physics was made from.
+            robot: Robot that was put into the world.
+            rng: Random generator for the first heading and for the lidar's noise.
+            recorder: Recorder of ROS 2 messages.
             time_limit_s: simulated time that ends a run.
-            known: the world's map, for the recording.
+            known: The world's map, for the recording.
         """
         self._world = world
         self._robot = robot
@@ -120,7 +120,7 @@ class NavigationTask(Task):
         """Passes a velocity command to the robot's controller, which limits it to the robot's largest speeds.
 
         Args:
-            action: see `action_spec`.
+            action: Command in the form of `action_spec`.
             physics: unused; the task is bound to it.
 
         Raises:
@@ -132,13 +132,13 @@ class NavigationTask(Task):
         self._still_s = self._still_s + CONTROL_TIMESTEP_S if standing else 0.0
 
     def after_step(self, physics: ScenePhysics) -> None:
-        """Reads the sensors, updates the score, and records."""
+        """Reads the sensors, updates the score, and records ROS messages, after each control step."""
         del physics
         self._steps += 1
         self._sense()
 
     def get_reward(self, physics: ScenePhysics) -> float:
-        """Returns 1 for every room that was entered for the first time in this step."""
+        """Returns the reward: 1 for every room that was entered for the first time in this step."""
         del physics
         return float(self._newly_visited)
 
@@ -164,7 +164,7 @@ class NavigationTask(Task):
         return observation
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
-        """Returns 0 when the run is over, else `None`."""
+        """Returns the discount 0 when the run is over, else `None`."""
         del physics
         over = (
             (self.mission.all_visited and self._still_s >= _SETTLED_S)
@@ -211,7 +211,7 @@ class NavigationTask(Task):
         self._rng = rng
 
     def state(self) -> dict[str, Any]:
-        """Returns the task's state besides the physics, for a checkpoint; see `checkpoints.Resumable`."""
+        """Returns the task's state without that of the physics, for a checkpoint; see `checkpoints.Resumable`."""
         return {
             "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
             "mission": self.mission.state(),
@@ -242,7 +242,7 @@ class NavigationTask(Task):
     # -- Inside -----------------------------------------------------------------
 
     def _bind(self, physics: ScenePhysics) -> None:
-        """Takes views of the robot's part of the state, so that a step need not look anything up."""
+        """Stores views of the robot's part of the physics state, which saves look-ups in each step."""
         model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
         self._data = data
         self._base = bind_base(robot, model, data)
@@ -252,7 +252,7 @@ class NavigationTask(Task):
         self._sensors = {kind: self._reader(names, physics) for kind, names in robot.sensors}
 
     def _reader(self, names: Sequence[str], physics: ScenePhysics) -> Callable[[], tuple[float, ...]]:
-        """A function that reads sensors of the robot's model."""
+        """Returns a function that reads some of the robot's sensors."""
         found = [physics.model.ptr.sensor(f"{self._robot.prefix}{name}") for name in names]
         places = [int(each.adr[0]) + axis for each in found for axis in range(int(each.dim[0]))]
         return _picked(physics.data.ptr.sensordata, places)
@@ -279,7 +279,7 @@ class NavigationTask(Task):
             )
 
     def _between_substeps(self) -> Callable[[], None]:
-        """Returns a function to call every 10 ms: it looks at contacts, records states, and moves legs."""
+        """Returns a function to call every 10 ms: it samples contacts, records states, and moves legs."""
         sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
 
         def sample_and_record() -> None:
@@ -314,7 +314,7 @@ class NavigationTask(Task):
                 self._scan, self._proximity, self._scan_time = ranges
 
     def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
-        """Measures; the robot has stood at its start before, so the first ranges are there at once."""
+        """Measures ranges with lidar and bumper once, so that the first observation has them."""
         assert self.lidar_errors is not None
         time_s, latency_s = self._state.time_s, self.lidar_errors.latency_s if self._steps else 0.0
         measured = self.lidar_errors.disturb(scanner.measure(), self._rng, self._chance)
@@ -339,7 +339,7 @@ class NavigationTask(Task):
 
 
 def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tuple[float, ...]]:
-    """A function that reads some of the values; a view where they lie in a row, which is quicker."""
+    """Returns a function that reads the values at some indices; consecutive indices use a view, which is faster."""
     if places and places == list(range(places[0], places[0] + len(places))):
         view = values[places[0] : places[0] + len(places)]
         return lambda: tuple(view.tolist())
@@ -350,7 +350,7 @@ def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tupl
 def _range_specs(model: Lidar) -> dict[str, specs.Array]:
     """Returns the dm_env array specs of the range sensors' observations, by name.
 
-    They are the lidar scan and the proximity ranges, in metres, and the time of both, in seconds.
+    These are the lidar scan and the proximity ranges in metres, and the time of both in seconds.
     """
     near = specs.BoundedArray(
         lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"

@@ -1,4 +1,4 @@
-"""Markers of a recording: goals, contacts, the world, the robot, and the map."""
+"""ROS markers for a recording: goals, contacts, the world, the robot, and the map."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -21,12 +21,12 @@ from ...rendering.views import SHOWN_GROUPS
 
 CONTACT_RATE_HZ = 50.0
 ARROW_M_PER_N = 0.01
-"""Length of a contact's arrow for its normal force."""
+"""Length of a contact's arrow per newton of normal force."""
 
 _LIFETIME = ros.Time.from_seconds(0.1)
 _ROUNDING_S = 1e-6
 _SHAFT = ros.Vector3(0.02, 0.04, 0.0)
-"""Diameters of an arrow's shaft and head."""
+"""Diameters of an arrow's shaft and head, in metres."""
 
 _DISC = ros.Vector3(0.3, 0.3, 0.01)
 _LETTERS = ros.Vector3(z=0.2)
@@ -38,9 +38,9 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, 
 
     Args:
         rooms: the rooms, each with its goal.
-        visited: which of them the robot has been in.
-        time_s: simulated time.
-        frame: the map's.
+        visited: Whether the robot has been in each room.
+        time_s: Simulated time of the message.
+        frame: Name of the map's ROS frame.
     """
     header = ros.Header(ros.Time.from_seconds(time_s), frame)
     markers = []
@@ -57,8 +57,8 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, 
 class ContactMarkers:
     """Publishes ROS arrow markers for the robot's contacts, for display in a recording.
 
-    An arrow begins at the contact and points where the robot is pushed, 1 cm per newton of normal force. Its `ns` is
-    what is touched, its `text` the force.
+    An arrow begins at the contact and points in the direction of the force on the robot, 1 cm per newton of normal
+    force. Its `ns` names the touched object, its `text` the force.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ContactMarkers:
         """Looks up the bodies and geoms.
 
         Args:
-            recorder: where they go.
+            recorder: Recorder that gets the markers.
             model: the compiled world with the robot.
             data: its state, after `mj_forward`.
             robot_body_id: a body of the robot.
@@ -119,22 +119,22 @@ _SHAPES = {
     int(_GEOM.mjGEOM_CYLINDER): MarkerType.CYLINDER,
     int(_GEOM.mjGEOM_CAPSULE): MarkerType.CYLINDER,
 }
-"""Marker types of geoms; other geoms, such as meshes, are drawn as the box around them."""
+"""ROS marker type of each MuJoCo geom type; other geoms, such as meshes, are drawn as their bounding box."""
 
 _WALLS, _WALL_OPACITY = ("wall", "window"), 0.3
 _FLOOR_M = 0.005
-"""Distance from the height 0 within which a shape's top counts as floor, in metres."""
+"""Largest height in metres of a shape's top at which it counts as floor."""
 
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Position, and a quaternion with w first."""
+"""Pose: position, and quaternion with w first."""
 
 
 def occupancy_grid(known: OccupancyMap, header: ros.Header) -> OccupancyGrid:
     """Converts a map to a ROS `OccupancyGrid` message, as Nav2's map server publishes it.
 
     Args:
-        known: the map.
-        header: when, and in which frame.
+        known: Occupancy map to convert.
+        header: Time stamp and frame of the message.
     """
     cells = np.where(known.free, 0, -1).astype(np.int8)
     if known.occupied is not None:
@@ -150,8 +150,8 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
     Args:
         model: the compiled world.
         data: its state, after `mj_forward`.
-        frame_id: frame of the world.
-        stamp: simulated time.
+        frame_id: ROS frame of the world.
+        stamp: Simulated time of the message.
     """
     fixed = _shown(model) & (model.body_weldid[model.geom_bodyid] == 0)
     pattern = Marker(ros.Header(stamp, frame_id), "", 0, MarkerType.CUBE)
@@ -162,14 +162,14 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
 def robot_markers(
     model: mujoco.MjModel, data: mujoco.MjData, frames: Mapping[int, str], wheels: Iterable[int], stamp: ros.Time
 ) -> MarkerArray:
-    """Makes ROS markers that show a robot; its parts move with their frames.
+    """Makes ROS markers for a robot's shape; each part moves with the ROS frame of its body.
 
     Args:
         model: the compiled world with the robot.
         data: its state, after `mj_forward`.
-        frames: frames by body, the base's first; what is rigidly fixed to a body is seen from its frame.
-        wheels: bodies without frames that are drawn in the base's, since they look the same however they are turned.
-        stamp: simulated time.
+        frames: ROS frame name by body number, the base's first; rigidly attached parts use their body's frame.
+        wheels: Bodies without ROS frames that are drawn in the base's frame, since they look the same at every angle.
+        stamp: Simulated time of the message.
     """
     shown, group = _shown(model), model.body_weldid[model.geom_bodyid]
     markers = []
@@ -182,7 +182,7 @@ def robot_markers(
 
 
 def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Geoms that cameras see, without endless planes."""
+    """Returns a mask of the geoms that cameras see, without infinite planes."""
     shown = SHOWN_GROUPS[np.clip(model.geom_group, 0, 5)].astype(bool) & (model.geom_rgba[:, 3] > 0)
     return shown & (model.geom_type != _GEOM.mjGEOM_PLANE.value)
 
@@ -190,7 +190,7 @@ def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def _markers(
     model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_], frame: Pose, pattern: Marker
 ) -> list[Marker]:
-    """Markers of geoms, seen from a frame; `ns` is the prefix of a geom's name, so that kinds can be hidden."""
+    """Makes markers for some geoms, in a frame; `ns` is the prefix of the geom's name, so kinds can be hidden."""
     geoms = np.flatnonzero(chosen)
     kinds = [_SHAPES.get(kind, MarkerType.CUBE) for kind in model.geom_type[geoms].tolist()]
     # A box around a geom is as large as the geom; along a capsule it reaches as far as its round ends.
@@ -214,7 +214,7 @@ def _kind_of_name(model: mujoco.MjModel, geom: int) -> str:
 
 
 def _unobtrusive(shape: Marker) -> Marker:
-    """Lowers floors a little below maps and plans, and lets one look through walls."""
+    """Lowers a floor marker a little below maps and plans, and makes a wall marker translucent."""
     x, y, z = shape.pose.position
     if abs(z + shape.scale.z / 2) < _FLOOR_M:
         return shape._replace(pose=shape.pose._replace(position=ros.Vector3(x, y, z - 2 * _FLOOR_M)))
@@ -224,7 +224,7 @@ def _unobtrusive(shape: Marker) -> Marker:
 
 
 def _poses(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], frame: Pose) -> Iterator[ros.Pose]:
-    """Yields the poses of the middles of geoms' boxes, seen from a frame."""
+    """Yields the poses of geoms' bounding boxes in a frame."""
     own = np.zeros(9)
     mujoco.mju_quat2Mat(own, frame[1])
     axes = data.geom_xmat[geoms].reshape(-1, 3, 3)

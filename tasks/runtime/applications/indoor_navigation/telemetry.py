@@ -1,4 +1,4 @@
-"""Publishes the robot's state as ROS 2 messages."""
+"""Publisher of the robot's state as ROS 2 messages."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -25,7 +25,7 @@ from ...robots.sensors.kind import SensorKind
 from .scene_markers import goal_markers, occupancy_grid, robot_markers, world_markers
 
 _ROUNDING_S = 1e-6
-"""Forgives rounding in sums of time steps."""
+"""Tolerance for rounding errors in sums of time steps, in seconds."""
 
 
 class RobotState(NamedTuple):
@@ -38,7 +38,7 @@ class RobotState(NamedTuple):
     linear: float
     angular: float
     joint_positions: tuple[float, ...]
-    """Joint positions, in the order of the robot's joints; likewise the velocities."""
+    """Positions of the robot's joints, in the order of its joint list; joint velocities have the same order."""
 
     joint_velocities: tuple[float, ...]
 
@@ -60,21 +60,21 @@ def frames_of_bodies(robot: Robot, model: mujoco.MjModel, frames: Frames = DEFAU
 
 
 def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:
-    """Bodies that turn without being seen to."""
+    """Returns the numbers of bodies that turn without a visible change, such as wheels."""
     joints = robot.joints if robot.is_differential else ()
     return [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
 
 
 def _joint_names(robot: Robot) -> list[tuple[str, str]]:
-    """Joints of the model with their names in messages."""
+    """Returns pairs of names for each joint: in the model, and in ROS messages."""
     # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
     return [(name, f"{name}_joint" if robot.is_differential else name) for name in robot.joints]
 
 
 class Telemetry(KeepsAttributes):
-    """Records the ROS topics that the robot's own nodes would publish.
+    """Publishes the ROS topics that the nodes of the real robot would publish.
 
-    | topic | what | how often |
+    | topic | content | rate |
     | --- | --- | --- |
     | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | 50 Hz |
     | `/scan` | the lidar | with every measurement |
@@ -128,7 +128,7 @@ class Telemetry(KeepsAttributes):
         self.sample()
 
     def sample(self) -> None:
-        """Publishes the current state when it is due; call it at least that often."""
+        """Publishes the current state if it is due; call it at least as often as topics are due."""
         if self._data.time >= self._due_s:
             self._samples += 1
             self._due_s = self._start_s + self._samples / STATE_RATE_HZ - _ROUNDING_S
@@ -159,7 +159,7 @@ class Telemetry(KeepsAttributes):
         """Bodies that have frames, by what moves with them."""
 
         def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64], body: int = base) -> None:
-            """Adds a static frame on a body, by its place and axes in the world."""
+            """Adds a static ROS frame that is fixed to a body, from its position and axes in the world."""
             turn = data.xmat[body].reshape(3, 3).T
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, (turn @ axes).ravel())
@@ -217,7 +217,7 @@ class Telemetry(KeepsAttributes):
         self._scans.add(self._recorder, time_s, ranges)
 
     def publish_reading(self, kind: type[SensorKind], time_s: float, numbers: Sequence[float]) -> None:
-        """Publishes a sensor's reading, if the sensor has a topic."""
+        """Publishes a measurement of a sensor, if the kind of sensor has a topic."""
         frame = self._frame_of(kind)
         if not kind.topic:
             return

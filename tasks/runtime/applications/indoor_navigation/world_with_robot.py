@@ -1,4 +1,4 @@
-"""Puts the robot into a world and compiles both."""
+"""Puts a robot into a world's MJCF and compiles both."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
@@ -22,27 +22,27 @@ from .lidar import hide_geoms_from_lidar
 _logger = logging.getLogger(__name__)
 
 CONTACT_SAMPLE_STEPS = 5
-"""Contacts are looked at every so many steps: every 10 ms, less than any touch lasts."""
+"""Physics steps between two samples of the contacts: 10 ms, shorter than any collision."""
 
 _SCAN_TILT = 0.1 / 3.5
-"""Rise of the lidar's plane per metre of its range while the robot rocks, about 1.6 degrees."""
+"""Rise of the lidar's plane per metre of distance while the robot rocks; about 1.6 degrees."""
 
 _DRAWN_GROUPS = 3
-"""Geom groups below this are drawn by cameras."""
+"""Number of the first geom group that cameras do not draw."""
 
 
 class ScenePhysics(Physics):
     """dm_control physics that calls a function several times within one control step."""
 
     unseen_group: int | None = None
-    """Geom group of the fixed things that neither the lidar nor the bumper's sensors can hit."""
+    """Geom group of the fixed geoms that neither the lidar nor the bumper's sensors can hit."""
 
     between_substeps: Callable[[], None] | None = None
-    """Called after every `CONTACT_SAMPLE_STEPS` steps and at the end of `step`."""
+    """Function to call after every `CONTACT_SAMPLE_STEPS` physics steps and at the end of `step`."""
 
     @property
     def named(self) -> NamedIndexStructs:
-        """Access to model and data by names, made on first use."""
+        """Access to model and data by name, built on first use."""
         if self._named is None:
             indexers = index.make_axis_indexers(self.model)
             self._named = NamedIndexStructs(
@@ -52,7 +52,7 @@ class ScenePhysics(Physics):
         return self._named
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
-        """Does what dm_control does with new data, except for making names, which takes longer than all the rest."""
+        """Loads new data as dm_control does, but without building the name index, which takes most of the time."""
         self._data, self._named = data, None
         self._warnings = data.warning.number
         self._warnings_before = np.empty_like(self._warnings)
@@ -92,8 +92,8 @@ def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
     """Loads a world's MJCF, places a robot at its origin, and compiles both.
 
     Args:
-        world_xml: the world's MJCF; its physics options are the ones that count.
-        robot: the robot.
+        world_xml: Path of the world's MJCF; its physics options are used for both.
+        robot: Robot to place at the origin.
 
     Raises:
         ValueError: MuJoCo cannot make a model of it; the message has its reason.
@@ -127,7 +127,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
 
 
 def _let_slide(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
-    """Raises the contact priority of robot parts whose own friction counts above that of floors of varied friction."""
+    """Raises the contact priority of robot parts over that of floors whose friction varies."""
     most = max((geom.priority for geom in world.geoms), default=0)
     for geom in own.geoms:
         if geom.priority > 0:
@@ -135,9 +135,10 @@ def _let_slide(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
 
 
 def _let_sleep(world: mujoco.MjSpec) -> None:
-    """Lets loose objects and doors sleep until something touches them: steps are ten times faster.
+    """Lets loose objects and doors sleep until something touches them, which makes steps ten times faster.
 
-    The file does not say so, as not every MuJoCo can read that. Where it does, an earlier generator wrote it.
+    The option is set here and not in the file, as older versions of MuJoCo could not read it there. Files of earlier
+    generators do have it.
     """
     if world.option.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP.value:
         return
@@ -147,7 +148,7 @@ def _let_sleep(world: mujoco.MjSpec) -> None:
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
-    """Hides a robot's own parts from its range sensors, but not from cameras."""
+    """Makes the robot's own parts invisible for its range sensors, but not for cameras."""
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
     if unseen_group is not None:
         model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group

@@ -1,4 +1,4 @@
-"""The built-in robot application `scout`: visits every room of a world, then stops."""
+"""Robot application `scout`: visits every room of a world, then stops."""
 
 from .agent import make_agent as make_agent
 

@@ -1,4 +1,4 @@
-"""The scout: visits every room of a world by a short tour, around whatever is in its way."""
+"""Agent of the robot application `scout`: visits every room of a world on a short tour, and avoids obstacles."""
 
 import logging
 import math
@@ -25,7 +25,9 @@ from .planner import GridPlanner, WayKind
 from .planner import Path as Points
 
 EXACT_PLACES = 9
-"""Places up to which the shortest tour is found: twenty thousand sums; worlds mostly have six rooms at most."""
+"""Number of places up to which the shortest tour is computed exactly (about 20,000 sums); most worlds have at most six
+rooms.
+"""
 
 Table = Sequence[Sequence[float]]
 
@@ -34,10 +36,10 @@ def plan_tour(distances: NDArray[np.float64]) -> list[int]:
     """Orders places into a short open tour that begins at place 0.
 
     Few places are visited on the shortest tour (M. Held, R. M. Karp, "A dynamic programming approach to sequencing
-    problems", 1962), many on one from nearest neighbour to nearest neighbour, untangled by 2-opt.
+    problems", 1962), many on a nearest-neighbour tour that 2-opt improves.
 
     Args:
-        distances: shape (n, n), symmetric; infinite where there is no way.
+        distances: Path lengths between places, shape (n, n), symmetric; infinite where there is no path.
 
     Returns:
         The places that can be reached from place 0, without it.
@@ -48,7 +50,7 @@ def plan_tour(distances: NDArray[np.float64]) -> list[int]:
 
 
 def _shortest(places: list[int], table: Table) -> list[int]:
-    """Grows the best tours over all sets of places, one place at a time."""
+    """Computes the shortest open tour by dynamic programming over all sets of places."""
     if not places:
         return []
     # Length of the best tour through a set of places to the last of them, and that tour.
@@ -67,7 +69,7 @@ def _shortest(places: list[int], table: Table) -> list[int]:
 
 
 def _untangled(places: list[int], table: Table) -> list[int]:
-    """Goes to the nearest place left, then turns stretches around for as long as that shortens the tour."""
+    """Computes a nearest-neighbour tour, then reverses stretches (2-opt) as long as that shortens it."""
     left, tour = set(places), [0]
     while left:
         here = table[tour[-1]]
@@ -91,7 +93,7 @@ def _untangled(places: list[int], table: Table) -> list[int]:
 
 
 _EVERY_POINTS = 4
-"""Paths are published with fewer points than they are followed with, 20 cm apart."""
+"""Points of a path per published point, which are then 20 cm apart."""
 
 _FRAME = "map"
 
@@ -100,9 +102,9 @@ def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -
     """Records the ROS topics `/goal_pose` and `/plan`, as navigation stacks publish them.
 
     Args:
-        recorder: The run's.
-        goal: where to, metres.
-        path: points on the way, shape (n, 2).
+        recorder: Recorder of the run.
+        goal: Goal of the path, metres.
+        path: Points of the path, shape (n, 2), metres.
         time_s: simulated time.
     """
     if not recorder.enabled:
@@ -119,7 +121,7 @@ _logger = logging.getLogger(__name__)
 _STOP = (0.0, 0.0)
 
 _GOODBYE_S = 1.0
-"""Time between stopping for good and leaving, for an environment that wants to end the run itself."""
+"""Seconds between the final stop and the agent's end of the run, in which the environment may end the run itself."""
 
 _SPEED_LIMIT_MPS: dict[WayKind, float] = {"free": math.inf, "tight": 0.2, "pushing": 0.09}
 
@@ -127,13 +129,13 @@ _CAREFUL_MPS = 0.25
 _CAREFUL_WITHIN_M = 0.3
 _CREEPING_MPS = 0.08
 _CLOSING_S = 0.45
-"""Speed is limited such that what is straight ahead is at least this far away in time."""
+"""Minimum time to collision in seconds with anything straight ahead, by which the speed is limited."""
 
 _LOOK_AHEAD_M = 1.0
 _REPLAN_PERIOD_S = 0.6
 
 _TRIES = 3
-"""Times a room is tried again after getting stuck or finding no way, before it is put off or given up."""
+"""Number of tries for a room when the robot gets stuck or finds no path, before the room is postponed or given up."""
 
 _STUCK_S = 1.5
 _PROGRESS_M = 0.04
@@ -146,7 +148,7 @@ _BUMP_ARC_RAD = np.linspace(-0.6, 0.6, 7)
 
 
 class _Anchor(NamedTuple):
-    """The last pose from which there was progress."""
+    """Pose and time at which the robot last made progress, to detect that it is stuck."""
 
     time_s: float
     pose: Pose
@@ -168,14 +170,14 @@ class Scout(KeepsAttributes):
         recorder: Recorder | None = None,
         lidar: Lidar = LIDAR,
     ) -> None:
-        """Prepares for a run.
+        """Creates the agent of a run.
 
         Args:
-            known: the map.
-            goals: one place per room, metres, by the room's name.
-            limits: how large the robot is and what it can do.
-            recorder: gets every way that is planned.
-            lidar: what its scans are.
+            known: Occupancy map of the world.
+            goals: A goal for each room by the room's name, metres.
+            limits: Size, speed and acceleration limits of the robot.
+            recorder: Recorder that gets every planned path.
+            lidar: Specification of the robot's lidar.
         """
         self._recorder = recorder or Recorder()
         self._limits = limits
@@ -214,7 +216,7 @@ class Scout(KeepsAttributes):
         return self._queue == []
 
     def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
-        """Decides on forward velocity (m/s) and turning rate (rad/s).
+        """Computes the velocity command for a time step: forward velocity (m/s) and turning rate (rad/s).
 
         Raises:
             StopIteration: the robot has been standing still for a second with nothing left to do.
@@ -250,14 +252,14 @@ class Scout(KeepsAttributes):
         return follower.command(*pose, speed, min(self._speed_limit, _SPEED_LIMIT_MPS[self._way_kind]))
 
     def _order_rooms(self, here: tuple[float, float]) -> list[str]:
-        """Plans the tour; rooms that the map shows no way to come last, since the map may be wrong."""
+        """Plans the order of the rooms; rooms without a path on the map come last, since the map may be wrong."""
         rooms = list(self._goals)
         tour = plan_tour(self._planner.distances([here, *self._goals.values()]))
         order = [rooms[place - 1] for place in tour]
         return order + [room for room in rooms if room not in order]
 
     def _set_out(self, pose: Pose, now_s: float) -> bool:
-        """Finds a path to the next goal that has one; returns whether a goal is left."""
+        """Plans a path to the next reachable goal of the tour; returns whether a goal is left."""
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
             goal = self._goals[self._queue[0]]
@@ -295,7 +297,7 @@ class Scout(KeepsAttributes):
         return now_s - self._anchor.time_s > _STUCK_S
 
     def _bump(self, pose: Pose, now_s: float) -> None:
-        """Assumes an obstacle in front, backs off and plans again."""
+        """Assumes an obstacle in front of the robot, backs off and plans again."""
         x, y, yaw = pose
         arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
         self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)
@@ -312,7 +314,7 @@ class Scout(KeepsAttributes):
         self._tries = 0
 
     def _leave_goal(self) -> None:
-        """Puts the present goal off to the end of the tour, the second time gives it up."""
+        """Postpones the current goal to the end of the tour; gives it up the second time."""
         assert self._queue
         goal = self._queue[0]
         self._next_goal()
@@ -328,8 +330,8 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
     """Makes the built-in robot program for one run.
 
     Args:
-        context: the run; its world's map is what the robot knows.
-        environment: `indoor-navigation`, or another one with the same observations and actions.
+        context: Context of the run; the robot knows its world's map.
+        environment: The environment `indoor-navigation`, or another one with the same observations and actions.
 
     Raises:
         LaunchError: there is no world or its map cannot be read, or the environment is of another kind.

@@ -1,4 +1,4 @@
-"""Path follower: pure pursuit, turning on the spot where the path leads in another direction."""
+"""Path follower: pure pursuit, with turning on the spot at sharp corners."""
 
 import math
 
@@ -13,22 +13,22 @@ _TURNED_RAD = 0.25
 _TURN_GAIN = 3.5
 _BRAKING_MPS2 = 0.7
 _LATERAL_MPS2 = 0.45
-"""Limits the speed in bends."""
+"""Maximum lateral acceleration in m/s², which limits the speed in bends."""
 
 _ARRIVED_M = 0.08
 _SEARCH_POINTS = 12
-"""Number of points ahead of the last nearest one among which the next is looked for."""
+"""Number of points after the last nearest path point among which the next nearest one is searched."""
 
 
 class PathFollower:
     """Path tracking controller: computes velocity commands along one path from the robot's poses."""
 
     def __init__(self, path: Path, limits: Limits = LIMITS) -> None:
-        """Starts at the path's beginning.
+        """Starts at the beginning of a path.
 
         Args:
-            path: points of shape (n, 2), about 5 cm apart, n at least 2.
-            limits: what the robot can do.
+            path: Points of shape (n, 2) in metres, about 5 cm apart, n at least 2.
+            limits: Speed and acceleration limits of the robot.
         """
         self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
         self._points: list[tuple[float, float]] = [(x, y) for x, y in path.tolist()]
@@ -40,12 +40,12 @@ class PathFollower:
 
     @property
     def remaining_m(self) -> float:
-        """Length in metres from the path's point nearest to the robot to the end."""
+        """Length in metres of the path that is left, from the path point nearest to the robot."""
         return self._along[-1] - self._along[self._nearest]
 
     @property
     def arrived(self) -> bool:
-        """Whether the end of the path is reached."""
+        """Whether the robot has reached the end of the path."""
         return self.remaining_m < _ARRIVED_M
 
     def ahead(self, distance_m: float) -> list[tuple[float, float]]:
@@ -61,7 +61,7 @@ class PathFollower:
             y: position, metres.
             yaw: heading, radians.
             speed: present forward speed, m/s; sets how far ahead to aim.
-            speed_limit: most that is allowed now, m/s.
+            speed_limit: Maximum speed that is allowed now, m/s.
 
         Returns:
             Forward velocity in m/s and turning rate in rad/s.
@@ -81,7 +81,7 @@ class PathFollower:
         return linear, _clip(linear * curvature, self._max_angular)
 
     def _advance(self, x: float, y: float) -> None:
-        """Moves on to the nearest point, never back."""
+        """Advances to the path point nearest to the robot, never backwards."""
         points, best = self._points, math.inf
         for index in range(self._nearest, min(self._nearest + _SEARCH_POINTS, len(points))):
             point_x, point_y = points[index]
@@ -90,7 +90,7 @@ class PathFollower:
                 best, self._nearest = square, index
 
     def _index_at(self, distance_m: float) -> int:
-        """Index of the first point at least that far along from the nearest one."""
+        """Returns the index of the first path point at least `distance_m` ahead of the robot's nearest point."""
         wanted = self._along[self._nearest] + distance_m
         index, last = self._nearest, len(self._points) - 1
         while index < last and self._along[index] < wanted:

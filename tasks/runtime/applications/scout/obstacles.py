@@ -1,4 +1,4 @@
-"""Obstacle memory: what the range sensors see and the map does not show."""
+"""Memory of obstacles that the range sensors see and the map does not show."""
 
 import math
 
@@ -10,13 +10,13 @@ from ..indoor_navigation import lidar
 from .planner import GridPlanner
 
 _NEAR_M = 1.6
-"""Farther obstacles can wait."""
+"""Distance in metres up to which obstacles are remembered."""
 
 _KNOWN_WITHIN_M = 0.12
-"""Points this near to something on the map belong to it."""
+"""Distance in metres up to which a measured point belongs to an obstacle on the map."""
 
 _CELL_M = 0.025
-"""Sightings closer together than this are one."""
+"""Distance in metres below which two measured points count as one."""
 
 _FORGET_S = 25.0
 
@@ -42,8 +42,8 @@ class ObstacleMemory(KeepsAttributes):
 
         Args:
             pose: x, y in metres and yaw in radians, of the measurement.
-            hits: what was hit, from `near_hits`.
-            now_s: time.
+            hits: Measured points in the robot's frame, from `near_hits`.
+            now_s: Time of the measurement.
 
         Returns:
             Those of the hits that the map does not show, as points of shape (n, 2), metres.
@@ -65,7 +65,7 @@ class ObstacleMemory(KeepsAttributes):
 
 
 def ray_directions(scan_angles_rad: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Returns the directions of the lidar's and bumper's rays as complex numbers, which a product rotates."""
+    """Returns the directions of the lidar's and bumper's rays as unit complex numbers, which a product rotates."""
     return np.exp(1j * np.concatenate((scan_angles_rad, lidar.PROXIMITY_ANGLES_RAD)))
 
 
@@ -75,7 +75,7 @@ def near_hits(
     """Returns the points within 1.6 m that lidar and bumper rays hit, in the robot's frame.
 
     Args:
-        rays: their directions, from `ray_directions`.
+        rays: Directions of the rays, from `ray_directions`.
         scan: the lidar's ranges, metres.
         proximity: the bumper's ranges, metres.
 

@@ -1,4 +1,4 @@
-"""Paths on an occupancy map: found on a grid, then smoothed."""
+"""Path planner on an occupancy map: searches a grid, then smooths the path."""
 
 from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
@@ -11,15 +11,15 @@ from scipy.sparse import csgraph
 from ...episode.occupancy_map import OccupancyMap
 
 STEP_M = 0.05
-"""Distance between the points of a finished path."""
+"""Distance between the points of a smoothed path, in metres."""
 
 _SHORTCUT_CLEARANCE_M = 0.30
 _WINDOW = 9
-"""Points that a corner is rounded over."""
+"""Number of points in the moving average that rounds corners."""
 
 _ROUNDS = 2
 _LONGEST_SHORTCUT = 64
-"""Grid steps that one straight line may replace."""
+"""Maximum number of grid steps that one straight line may replace."""
 
 Clearance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -28,9 +28,9 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
     """Straightens and rounds a path, keeping clearance from obstacles.
 
     Args:
-        points: the path, shape (n, 2), metres; its ends stay.
-        clearance: distance to the nearest obstacle for points of shape (n, 2).
-        radius_m: clearance that rounding must not go below.
+        points: Points of the path, shape (n, 2), metres; both ends stay.
+        clearance: Function that returns the distance to the nearest obstacle for points of shape (n, 2).
+        radius_m: Minimum clearance of the rounded path.
 
     Returns:
         Points about `STEP_M` apart, shape (m, 2), m at least 2.
@@ -54,7 +54,7 @@ def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _straighten(points: NDArray[np.float64], clearance: Clearance) -> NDArray[np.float64]:
-    """Replaces stretches by straight lines that are no tighter."""
+    """Replaces stretches of a path by straight lines where that does not reduce the clearance."""
     room = clearance(points)
     kept, here, last = [0], 0, len(points) - 1
     while here < last:
@@ -76,7 +76,7 @@ def _is_no_tighter(
 
 
 def _average(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Moving average; near the ends, where the window would stick out, it is narrower."""
+    """Smooths points by a moving average, which is narrower near both ends."""
     count = len(points)
     index = np.arange(count)
     half = np.minimum(_WINDOW // 2, np.minimum(index, count - 1 - index))
@@ -85,48 +85,48 @@ def _average(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 COMFORT_M = 0.38
-"""Clearance from which more clearance is worth no detour."""
+"""Clearance in metres beyond which more clearance is worth no detour."""
 
 _LEAST_COMFORT_M = 0.1
-"""Least comfortable clearance beyond what the way needs, in metres, however large the robot is."""
+"""Minimum comfortable clearance in addition to the required clearance, in metres, for robots of any size."""
 
 _NARROWNESS_COST = 5.0
-"""Added cost of a way that just fits, as a multiple of a comfortable one."""
+"""Cost factor added for a path that the robot only just fits through, relative to a comfortable one."""
 
 _PUSHING_COST = 40.0
-"""Added cost of a way through an obstacle that the map lacks, as a multiple of a free one."""
+"""Cost factor added for a path through an obstacle that is not on the map, relative to a free one."""
 
 _SNAP_M = 0.5
-"""Largest distance of a start or a goal from a cell where the disc fits."""
+"""Maximum distance in metres by which a start or goal is moved to a cell where the robot fits."""
 
 Path = NDArray[np.float64]
 """Points of shape (n, 2), metres."""
 
 WayKind = Literal["free", "tight", "pushing"]
-"""`free`: with a margin; `tight`: it just fits; `pushing`: through things that the map does not know."""
+"""Kind of path: `free` has a margin, `tight` just fits, `pushing` goes through obstacles that are not on the map."""
 
 _MARGIN_M: dict[WayKind, float] = {"free": 0.03, "tight": 0.005, "pushing": 0.005}
 
 
 class Way(NamedTuple):
-    """A planned way on the map: its points, and how freely the robot can pass."""
+    """A planned path on the map: its points, and how freely the robot can pass."""
 
     path: Path
     kind: WayKind
 
 
 class GridPlanner:
-    """Path planner on a grid map with eight neighbours for each cell; prefers clearance.
+    """Path planner on a grid map with eight neighbours per cell, which prefers clearance.
 
-    Obstacles that the map does not know can be added and taken back.
+    Obstacles that are not on the map can be added and removed.
     """
 
     def __init__(self, known: OccupancyMap, radius_m: float) -> None:
-        """Prepares the map as it is.
+        """Computes the grid of the map without extra obstacles.
 
         Args:
-            known: the map.
-            radius_m: the disc's radius.
+            known: Occupancy map.
+            radius_m: Radius of the robot, as a disc.
         """
         self._map = known
         self._radius_m = radius_m
@@ -151,12 +151,12 @@ class GridPlanner:
         return self._known_clearance[self._map.cells(points)]
 
     def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Way | None:
-        """Plans a way: a free one if possible, else a tight one, else one that pushes obstacles.
+        """Plans a path: a free one if possible, else a tight one, else one that pushes obstacles.
 
         Args:
-            start: where the disc's middle is; when the disc does not fit there, the way begins at the
-                nearest place where it does.
-            goal: where it should be, likewise.
+            start: Position of the robot's centre; if the robot does not fit there, the path begins at the nearest
+                position where it does.
+            goal: Position to reach, moved likewise.
 
         Returns:
             The way, or nothing when there is none on the map alone.
@@ -168,7 +168,7 @@ class GridPlanner:
         return None
 
     def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
-        """Precomputes the free ways from everywhere to some places."""
+        """Precomputes the costs of free paths from everywhere to some goals."""
         grid = self._grid("free")
         for goal in goals:
             node = grid.node(goal)
@@ -176,7 +176,7 @@ class GridPlanner:
                 grid.tree(node)
 
     def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
-        """Returns the path costs between places, shape (n, n), infinite where there is no way."""
+        """Returns the path costs between places, shape (n, n), infinite where there is no path."""
         grid = self._grid("free")
         nodes = [grid.node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
@@ -226,7 +226,7 @@ class GridPlanner:
 
 
 class _Grid:
-    """The graph of the cells that a disc fits in."""
+    """Graph of the grid cells in which a disc fits."""
 
     def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
         rows, columns = np.nonzero(fits)
@@ -238,7 +238,7 @@ class _Grid:
         self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
 
     def node(self, place: tuple[float, float]) -> int | None:
-        """Returns the grid node nearest to a place; `None` if none is near."""
+        """Returns the graph node nearest to a position; `None` if none is near."""
         if len(self.centers) == 0:
             return None
         around = int(self._numbers[self._known.cells(np.array([place]))][0])
@@ -249,20 +249,20 @@ class _Grid:
         return nearest if squares[nearest] <= _SNAP_M**2 else None
 
     def tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Returns the cost from every node to an end node, and the next node on the way."""
+        """Returns the cost from every node to an end node, and each node's successor on the shortest path."""
         if end not in self._trees:
             self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
         return self._trees[end]
 
 
 def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float64]:
-    """Distances from the middles of cells to the face of the nearest one that is not free."""
+    """Returns the distance from each cell's centre to the nearest edge of a cell that is not free, in metres."""
     distance = np.asarray(ndimage.distance_transform_edt(free, sampling=resolution_m))
     return np.maximum(distance - resolution_m / 2, 0.0)
 
 
 def _grid_graph(numbers: NDArray[np.int32], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:
-    """Joins neighbouring cells; nodes are the cells with a number that is not negative."""
+    """Builds the sparse graph of neighbouring cells; cells with a negative number are not nodes."""
     fits = numbers >= 0
     count = int(fits.sum())
     heads, tails, weights = [], [], []

@@ -1,1 +1,1 @@
-"""Robots of `robot.yaml`: reading it, the MJCF, URDF or MuJoCo Menagerie model that it names, and the robot of both."""
+"""Robots from `robot.yaml`: reads the file and the MJCF, URDF or MuJoCo Menagerie model that it names."""

@@ -1,4 +1,4 @@
-"""Robots made from `robot.yaml` and their model."""
+"""Assembly of robots from `robot.yaml` and its model."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -23,7 +23,9 @@ from .shape import RobotLidar, RobotModel
 
 _GEOM = mujoco.mjtGeom
 _DIRECTIONS = 720
-"""Horizontal directions that round parts are measured in; what lies between two is missed by 1e-5 of the reach."""
+"""Number of horizontal directions in which the extent of round parts is measured; the error is at most 1e-5 of the
+extent.
+"""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 _Points = NDArray[np.float64]
@@ -67,13 +69,13 @@ def _points(model: mujoco.MjModel, geom: int) -> _Points:
 
 
 def _directions(middle: _Points) -> _Points:
-    """Horizontal unit vectors all around, beginning with the one that leads to a geom's middle."""
+    """Returns horizontal unit vectors all around, beginning with the direction to a geom's centre."""
     angles = math.atan2(middle[1], middle[0]) + np.linspace(0.0, 2 * math.pi, _DIRECTIONS, endpoint=False)
     return np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def _widest_m(middle: _Points, width_m: _Points) -> float:
-    """The reach of a convex shape is the largest value of its support function."""
+    """Returns the extent of a convex shape in metres: the largest value of its support function."""
     return float((_directions(middle) @ middle[:2] + width_m).max())
 
 
@@ -84,28 +86,32 @@ def _farthest_m(points: _Points) -> float:
 _logger = logging.getLogger(__name__)
 
 _OVERHANG_M = 0.01
-"""Length by which parts may stick out of the footprint before a warning, in metres."""
+"""Length in metres by which parts may stick out of the footprint before a warning."""
 
 _TOO_LARGE = 20
-"""Greatest reach of a part, in radii of the footprint.
+"""Maximum extent of a robot's parts, in radii of its footprint.
 
-Parts in millimetres are told from a fiftieth of the radius on, those in inches from half of it on.
+This detects parts in millimetres from a fiftieth of the radius on, those in inches from half of it on.
 """
 
 _TOO_SMALL = 100
-"""Divisor of the footprint that is the least reach of a robot; one in millimetres, scaled twice, has 1000."""
+"""Divisor of the footprint's radius that gives the minimum extent of a robot; a model in millimetres that is scaled
+twice is 1000 times too small.
+"""
 
 _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-"""Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""
+"""Joint types with one coordinate, as integers, because NumPy's numbers equal MuJoCo's enum members only on one side of
+`==`.
+"""
 
 
 def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Robot:
     """Makes a robot from its `robot.yaml` and model files.
 
     Args:
-        mapping: what `robot.yaml` says.
-        files: where it and the model are.
-        default_name: the robot's name if it does not say one.
+        mapping: Content of `robot.yaml`.
+        files: Paths of `robot.yaml` and of the model.
+        default_name: Name of the robot if `robot.yaml` has none.
 
     Raises:
         LaunchError: the model cannot be read, or a name in the mapping is not in it.
@@ -165,7 +171,7 @@ def _home(mapping: RobotModel, builder: ModelBuilder, model: mujoco.MjModel) -> 
 
 
 def _standing(model: mujoco.MjModel, mapping: RobotModel, home: Mapping[str, float]) -> mujoco.MjData:
-    """A state in which the robot stands on the origin."""
+    """Returns a state in which the robot stands at the origin."""
     data = mujoco.MjData(model)
     for joint in range(model.njnt):
         if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
@@ -248,7 +254,7 @@ def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
 
 
 def _ros(mapping: RobotModel, where: str) -> dict[str, Any]:
-    """Options of the ROS bridge; those that are needed before this file is read are refused."""
+    """Returns the options of the ROS bridge; options that are needed before this file is read are an error."""
     given = mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {}
     for name in NOT_OF_ROBOTS:
         if name in given:
@@ -265,7 +271,7 @@ def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str
 
 
 def _check_shapes(model: mujoco.MjModel, where: str) -> None:
-    """Refuses a robot that is only drawn: it would go through walls, and pass every test of collisions."""
+    """Raises an error for a robot without collision shapes, which would go through walls unnoticed."""
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if not (collides & (model.geom_bodyid > 0)).any():
         raise invalid(
@@ -278,7 +284,7 @@ def _check_shapes(model: mujoco.MjModel, where: str) -> None:
 def _check_sizes(
     mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, builder: ModelBuilder, files: RobotFiles
 ) -> None:
-    """Raises an error for parts in another unit than metres, which would make the robot far too large or small."""
+    """Raises an error for parts in a unit other than metres, which make the robot far too large or small."""
     radius_m, where = mapping.footprint.radius_m, files.mapping.name
     for geom in range(model.ngeom):
         reach_m = geom_reach_m(model, data, geom)
@@ -307,7 +313,7 @@ def _check_sizes(
 
 
 def _warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
-    """Warns if parts reach beyond the footprint's disc: planners would drive into obstacles."""
+    """Warns if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
     reach_m = solid_reach_m(model, data)
     if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
         _logger.warning(

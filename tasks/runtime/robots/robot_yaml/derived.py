@@ -1,4 +1,4 @@
-"""A `robot.yaml` of a model that comes without one, where the model says enough: its base moves freely, and it acts."""
+"""Derives a `robot.yaml` from a model that comes without one, if its base moves freely and has actuators."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
@@ -16,16 +16,16 @@ from .mapping import MAPPING_FILE, invalid
 from .shape import RobotModel, robot_model_type
 
 _LIDAR_ABOVE_M = 0.02
-"""Height of the lidar over the robot's highest part, so that it does not see the robot itself."""
+"""Height in metres of the lidar over the robot's highest part, so that it does not see the robot itself."""
 _ROUNDED_M = 0.01
-"""Sizes are told in whole centimetres, away from zero."""
+"""Step in metres to which sizes are rounded up."""
 
 
 def derive_mapping(path: Path) -> RobotModel | str:
-    """Derives a robot's mapping from its model: how it stands, how wide it is, and that its actuators drive it.
+    """Derives a robot's `robot.yaml` from its model: initial pose, footprint, and actuators as drive.
 
     Args:
-        path: The model, MJCF.
+        path: Path of the MJCF model.
 
     Returns:
         The mapping, or in words why the model does not say enough.
@@ -67,7 +67,7 @@ def derive_mapping(path: Path) -> RobotModel | str:
 
 
 def _lacks(model: mujoco.MjModel, base: int) -> str | None:
-    """The part that a model lacks for a mapping, in words; None: it has all."""
+    """Returns the part that a model lacks for a derived `robot.yaml`, as text; None: it has all."""
     if not model.njnt or int(model.jnt_type[0]) != int(mujoco.mjtJoint.mjJNT_FREE):
         name = model.body(1).name if model.nbody > 1 else "none"
         return f"its first body, {name!r}, has no free joint, so the model does not say how the robot moves about"
@@ -97,7 +97,7 @@ def said_of(mapping: RobotModel) -> str:
 
 
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, base: int) -> tuple[float, float]:
-    """Radius around the base and greatest height of all that collides, in metres."""
+    """Returns the radius around the base and the greatest height of all geoms that collide, in metres."""
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     collides &= model.body_rootid[model.geom_bodyid] == base
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)

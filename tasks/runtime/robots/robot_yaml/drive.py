@@ -1,4 +1,4 @@
-"""Drives of robots that came with a mapping."""
+"""Drives of robots that have a `robot.yaml`."""
 
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
@@ -16,10 +16,10 @@ from .shape import DifferentialDriveModel, RobotModel, VelocityDriveModel
 _logger = logging.getLogger(__name__)
 
 _ACROSS = 0.95
-"""Cosine up to which a wheel's axis may deviate from the robot's y axis."""
+"""Minimum cosine of the angle between a wheel's axis and the robot's y axis."""
 
 _DEVIATION = 0.15
-"""Share by which the mapping may deviate from the model before a warning."""
+"""Relative deviation between `robot.yaml` and model from which a warning is logged."""
 
 _JOINT = mujoco.mjtTrn.mjTRN_JOINT
 
@@ -28,11 +28,11 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
     """Makes the drive that a `robot.yaml` describes.
 
     Args:
-        mapping: the mapping.
-        limits: of the robot.
-        model: the robot alone.
-        data: a state in which it stands on the origin and looks along the x axis.
-        where: the mapping file's name, for messages.
+        mapping: Content of `robot.yaml`.
+        limits: Velocity and acceleration limits of the robot.
+        model: Compiled robot without a world.
+        data: State in which the robot stands at the origin and faces along the x axis.
+        where: Name of the `robot.yaml` file, for messages.
 
     Raises:
         LaunchError: a name is not in the model, or is no velocity actuator, or a wheel is no wheel.

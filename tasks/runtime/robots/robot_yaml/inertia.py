@@ -1,4 +1,4 @@
-"""Inertias that a URDF gives its links: those that no body can have, and what its shapes would have instead."""
+"""Inertias of links in a URDF: finds physically impossible ones, and computes those of the links' shapes."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -15,29 +15,31 @@ from numpy.typing import NDArray
 from .located_xml import Located
 
 _SMALLEST = 1e-15
-"""MuJoCo's least mass (kg) and moment of inertia (kg·m²) of what moves (mjMINVAL)."""
+"""Minimum mass (kg) and moment of inertia (kg·m²) of moving bodies in MuJoCo (mjMINVAL)."""
 
 _DENSITY_KGPM3 = 1000.0
-"""Density that MuJoCo gives shapes whose mass is not said."""
+"""MuJoCo's default density of shapes without a mass, in kg/m³."""
 
 _BALL_M = 0.05
-"""Radius of the ball that is suggested for a link without shapes, in metres."""
+"""Radius in metres of the sphere whose inertia is suggested for a link without shapes."""
 
 _THICKEN = 0.01
-"""Part of the mean moment that flat shapes get on top: theirs are exactly at the limit, where rounding decides."""
+"""Fraction of the mean moment of inertia that is added for flat shapes, whose moments are exactly at the physical
+limit, where rounding decides.
+"""
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _OVERRIDES = frozenset({"balanceinertia", "boundmass", "boundinertia", "inertiafromgeom"})
-"""Settings of MuJoCo's compiler by which a URDF says itself what to do with such inertias."""
+"""Settings of MuJoCo's compiler by which a URDF chooses itself how to handle impossible inertias."""
 
 _SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 _SOLID = mujoco.mjtMeshInertia.mjMESH_INERTIA_LEGACY
-"""The default of MuJoCo: the inertia of what a mesh encloses."""
+"""MuJoCo's default way to compute the inertia of a mesh: that of the enclosed volume."""
 
 _MOST_TOLD = 4
 
 MakeSpec = Callable[[ET.Element], mujoco.MjSpec]
-"""Makes a model of a URDF whose meshes have been found."""
+"""Function that makes a MuJoCo model of a URDF whose mesh files have been found."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Inertia:
 
     mass_kg: float
     moments: NDArray[np.float64]
-    """Matrix of inertia about the centre of mass, along the link's axes, kg·m²."""
+    """Inertia matrix about the centre of mass, along the link's axes, in kg·m²."""
 
     centre_m: NDArray[np.float64]
     """Centre of mass in the link's frame, in metres."""
@@ -62,7 +64,7 @@ class Inertia:
         return inertial
 
     def __str__(self) -> str:
-        """The `<inertial>` in one line."""
+        """Returns the `<inertial>` element in one line."""
         return ET.tostring(self.element(), encoding="unicode").replace(" />", "/>")
 
 
@@ -73,14 +75,16 @@ class Problem:
     link: Located
     line: int
     text: str
-    """Values and what is wrong with them."""
+    """Text with the values and the error."""
 
     source: str
-    """Source of the inertia that is suggested."""
+    """Source of the suggested inertia, as text."""
 
     suggestion: Inertia
     by_setting: Inertia | None
-    """Inertia that it gets when the setting asks for one; None: it has no shapes to take it from, and has to move."""
+    """Inertia that the link gets if the setting asks for a replacement; None: it has no shapes to compute one from, and
+    has to move.
+    """
 
     def __str__(self) -> str:
         """Describes the problem, and the values to write instead."""
@@ -93,8 +97,8 @@ def find_problems(robot: Located, make_spec: MakeSpec) -> list[Problem]:
     """Finds links of a URDF with impossible inertias, which MuJoCo refuses or silently changes.
 
     Args:
-        robot: the URDF.
-        make_spec: makes a model of one.
+        robot: Document of the URDF.
+        make_spec: Function that makes a MuJoCo model of a URDF.
     """
     compiler = robot.find("mujoco/compiler")
     if compiler is not None and not _OVERRIDES.isdisjoint(compiler.attrib):
@@ -128,7 +132,7 @@ def _problem(link: Located, line: int, text: str, make_spec: MakeSpec, *, is_car
 
 
 def _mass_kg(link: Located) -> float:
-    """Returns the mass that a link states, in kg; 0: no mass, or an impossible one."""
+    """Returns the mass of a link in kg; 0 if it has none, or an impossible one."""
     mass = link.find("inertial/mass")
     try:
         mass_kg = float(mass.get("value", "")) if mass is not None else 0.0
@@ -141,8 +145,8 @@ def told(problems: list[Problem], path: object) -> str:
     """Describes impossible inertias of links in one text.
 
     Args:
-        problems: the links.
-        path: their file.
+        problems: Links with impossible inertias.
+        path: Path of the URDF.
     """
     texts = [f"{path}:{each.line}: {each}" if index else str(each) for index, each in enumerate(problems)]
     more = f"; and {len(texts) - _MOST_TOLD} links more" if len(texts) > _MOST_TOLD else ""
@@ -158,7 +162,7 @@ def replace_inertial(problem: Problem) -> None:
 
 
 def _impossible(link: Located) -> tuple[int, str] | None:
-    """Returns line and text of an impossible inertia; None: possible, or MuJoCo's importer reports it with its line."""
+    """Returns line and text of an impossible inertia; None: it is possible, or MuJoCo's importer reports it."""
     mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
     if mass is None or inertia is None:
         return None
@@ -199,7 +203,7 @@ def _impossible_moments(values: list[float]) -> str | None:
 
 
 def _massless(link: Located, first: Located, joint: Located | None) -> tuple[int, str]:
-    """Line and text about links that move together and have no mass; the first of them with shapes is to get one."""
+    """Returns line and text of the error about rigidly connected links that move and have no mass."""
     inertial, mass = link.find("inertial"), link.find("inertial/mass")
     said = f"a mass of {mass.get('value')} kg without inertia" if mass is not None else "no mass"
     how = f"moves on joint {joint.get('name')!r}" if joint is not None else "is what all others hang on"
@@ -208,7 +212,7 @@ def _massless(link: Located, first: Located, joint: Located | None) -> tuple[int
 
 
 def _moving_groups(robot: Located, links: list[Located]) -> Iterator[tuple[list[Located], Located | None]]:
-    """Links that move as one, the first of them first, and the joint they move on; None: the robot moves by itself."""
+    """Yields groups of rigidly connected links, and the joint that moves each group; None: it moves freely."""
     by_name = {link.get("name", ""): link for link in links}
     joints = [each for each in robot.findall("joint") if isinstance(each, Located)]
     children: dict[str, list[str]] = {}
@@ -235,9 +239,9 @@ def _fixed_to(first: str, children: Mapping[str, list[str]]) -> list[str]:
 
 
 def _can_move(link: Located) -> bool:
-    """Whether MuJoCo would let a link move by its own mass and inertia.
+    """Returns whether a link's mass and inertia are large enough for MuJoCo to let it move.
 
-    Values that cannot be read pass: MuJoCo's importer tells them with their line.
+    Unreadable values count as large enough: MuJoCo's importer reports them with their line.
     """
     inertial = link.find("inertial")
     if inertial is None:
@@ -251,12 +255,12 @@ def _can_move(link: Located) -> bool:
 
 
 def _shapes(link: Located) -> list[ET.Element]:
-    """Shapes that a link's inertia may be taken from: those that collide, else those that are drawn."""
+    """Returns the shapes from which a link's inertia can be computed: the collision shapes, else the visual ones."""
     return link.findall("collision") or link.findall("visual")
 
 
 def _of_shapes(link: Located, make_spec: MakeSpec) -> Inertia | None:
-    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None: no shape has a volume."""
+    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None if no shape has a volume."""
     alone = ET.Element("robot", name="alone")
     body = ET.SubElement(alone, "link", name="link")
     for shape in _shapes(link):

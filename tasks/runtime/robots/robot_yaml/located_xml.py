@@ -1,4 +1,4 @@
-"""XML whose elements know their lines in the file."""
+"""XML parser whose elements know their lines in the file."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -8,14 +8,14 @@ from xml.sax.saxutils import quoteattr
 from .mapping import invalid
 
 _MAX_DEPTH = 100
-"""Elements within elements: a URDF has five, and reading and writing more takes the stack."""
+"""Maximum nesting depth of elements: a URDF has five, and very deep documents overflow the stack."""
 
 
 class Located(ET.Element):
     """An XML element that knows its line in the file."""
 
     line: int = 1
-    """Line of the file in which its tag begins, from 1."""
+    """Line of the file in which the element's tag begins, from 1."""
 
 
 def parse_located(path: Path) -> Located:
@@ -64,7 +64,8 @@ def lined_text(root: Located) -> str:
     """Writes an XML document with each tag in its original line, so that MuJoCo's errors name that line.
 
     Args:
-        root: the document. Text between tags is left out: neither URDF nor its extensions for MuJoCo have any.
+        root: Root element of the document. Text between tags is left out: neither URDF nor its extensions for MuJoCo
+            have any.
     """
     parts: list[str] = []
     line = 1

@@ -1,4 +1,4 @@
-"""`robot.yaml` as it is written: read and checked, with its errors."""
+"""Reader of `robot.yaml`: parses and checks the file, with error messages."""
 
 import re
 from collections.abc import Collection, Iterable
@@ -19,7 +19,7 @@ _SHOWN_NAMES = 12
 
 
 def invalid(where: object, message: str) -> LaunchError:
-    """Makes the error about a file of a robot, or a place in one."""
+    """Makes the error about a robot's file, or about a place in the file."""
     return LaunchError(f"{where}: {message}", INVALID_ROBOT)
 
 
@@ -44,7 +44,8 @@ def placed(error: LaunchError, path: Path) -> LaunchError:
     """Adds line and column to an error about a member of `robot.yaml`.
 
     Args:
-        error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
+        error: Error whose message begins with the file's name and the member, as `invalid` writes it; other errors are
+            returned unchanged.
         path: the YAML file.
     """
     said = str(error).removeprefix(f"{path.name}: ")
@@ -60,7 +61,7 @@ def read_mapping(path: Path) -> RobotModel:
     """Reads and checks a `robot.yaml` file.
 
     Args:
-        path: the YAML file.
+        path: Path of `robot.yaml`.
 
     Raises:
         LaunchError: with everything that is wrong: file, line, member, value and what would be right.

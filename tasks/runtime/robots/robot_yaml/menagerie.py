@@ -1,6 +1,6 @@
-"""Robots of MuJoCo Menagerie, by their names: from a checkout, or from what the package `mujoco-menagerie` has fetched.
+"""Robots of MuJoCo Menagerie by name: from a checkout, or from the cache of the package `mujoco-menagerie`.
 
-Nothing is fetched here: `mujoco-menagerie prefetch <name>` does that, once, when a person asks for it.
+Nothing is downloaded here: `mujoco-menagerie prefetch <name>` does that when a person asks for it.
 """
 
 from collections.abc import Mapping
@@ -28,14 +28,14 @@ class MenagerieFile:
 
     path: Path
     root: Path
-    """Folder that all files of the robot have to be in."""
+    """Folder that contains all files of the robot."""
 
 
 def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFile:
     """Finds the model file that `menagerie:<model>/<file>` means.
 
     Args:
-        reference: the text.
+        reference: Text of the form `menagerie:<model>/<file>`.
         variables: environment variables of the launch configurations, and of the process.
 
     Raises:
@@ -50,10 +50,10 @@ def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFil
 
 
 def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[MenagerieFile, RobotModel | None]:
-    """Finds the `robot.yaml` of `menagerie:<model>`, or derives it from the model where it has none.
+    """Finds the `robot.yaml` of `menagerie:<model>`, or derives it from the model if there is none.
 
     Args:
-        reference: the text.
+        reference: Text of the form `menagerie:<model>`.
         variables: environment variables of the launch configurations, and of the process.
 
     Returns:
@@ -82,7 +82,7 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
 
 
 def _folder(name: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """The folder of a model."""
+    """Finds the folder of a robot model in MuJoCo Menagerie."""
     return _in_checkout(name, variables[ROOT_VARIABLE]) if variables.get(ROOT_VARIABLE) else _fetched(name, variables)
 
 
@@ -124,6 +124,6 @@ def _fetched(name: str, variables: Mapping[str, str]) -> MenagerieFile:
 
 
 def _model_files(folder: Path) -> list[str]:
-    """The models in a folder of Menagerie; `scene….xml` puts one on a floor."""
+    """Lists the model files in a folder of Menagerie, without `scene….xml`, which put a model on a floor."""
     names = sorted(each.name for each in folder.glob("*.xml"))
     return [name for name in names if not name.startswith("scene")]

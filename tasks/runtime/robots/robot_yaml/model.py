@@ -1,4 +1,4 @@
-"""The model of a robot that has a `robot.yaml`: its MJCF, URDF or SDF, with what the file adds."""
+"""Model of a robot that has a `robot.yaml`: its MJCF, URDF or SDF, with the additions of `robot.yaml`."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -23,16 +23,16 @@ from .urdf import UrdfReading, check_expanded, read_urdf, refused
 _TEXTURE_TAGS = frozenset({"texture"})
 _MODEL_TAGS = frozenset({"include", "model"})
 _File = tuple[str, Path]
-"""A file as it is named, and where it is."""
+"""Name of a file as it is written, and its path."""
 
 
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
     """Loads a robot's MJCF, URDF or SDF model file.
 
     Args:
-        path: the MJCF, URDF or SDF.
-        root: folder that it and all files it names have to be in.
-        reading: how it is read if it is a URDF.
+        path: Path of the MJCF, URDF or SDF file.
+        root: Folder that has to contain all files of the robot.
+        reading: State of reading a URDF or SDF.
 
     Raises:
         LaunchError: the file is not a robot model, or names files outside the folder.
@@ -110,7 +110,7 @@ _SCOUT_RADIUS_M = 0.17
 """Radius of Scout, in metres; follow cameras of other robots are scaled from Scout's."""
 
 _MAX_FOLLOW_SCALE = 1.6
-"""Cameras farther back than a metre or so are behind the walls of rooms more often than not."""
+"""Maximum scale of follow cameras: from more than about a metre away they are mostly behind the walls of rooms."""
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,13 @@ class RobotFiles:
     """Files of a robot: its `robot.yaml` and its model."""
 
     mapping: Path
-    """The mapping file, or what else to name in messages."""
+    """Path of `robot.yaml`, or another name for messages."""
 
     model: Path
-    """Its MJCF, URDF or SDF."""
+    """Path of the MJCF, URDF or SDF model."""
 
     root: Path
-    """Folder that all its files have to be in."""
+    """Folder that has to contain all files of the robot."""
 
 
 class ModelBuilder:
@@ -194,7 +194,7 @@ class ModelBuilder:
         return by_name[name]
 
     def keyframe(self) -> dict[str, float]:
-        """Joint positions in the keyframe that `robot.yaml` names."""
+        """Returns the joint positions in the keyframe that `robot.yaml` names."""
         if self._mapping.spawn.keyframe is None:
             return {}
         spec = load_model(self._files.model, self._files.root, self.reading)
@@ -209,7 +209,7 @@ class ModelBuilder:
         }
 
     def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
-        """Removes floors, lights and everything else besides the robot from the model; returns its base."""
+        """Removes everything that does not belong to the robot (floors, lights) from the model; returns its base."""
         base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
         if base.parent.name != "world":
             root = base
@@ -276,7 +276,7 @@ def options_for_world(spec: mujoco.MjSpec, world: mujoco.MjSpec) -> list[str]:
     """Replaces a robot's physics options by those of its world.
 
     Returns:
-        The robot's own options that this takes away, as `name=its value (value of the world)`.
+        The robot's options that are lost, as `name=robot's value (value of the world)`.
     """
     untouched, dropped = mujoco.MjSpec().option, []
     for name in dir(spec.option):

@@ -1,4 +1,4 @@
-"""Files that a robot's model names: where they are, and which were meant when they are not there."""
+"""Files that a robot's model names: finds them, and suggests similar names for missing ones."""
 
 import unicodedata
 from collections.abc import Iterator
@@ -13,28 +13,28 @@ from .mapping import invalid
 _MOST_SHOWN = 1000  # characters of names in an error
 _PACKAGE = "package://"
 _MODEL = "model://"
-"""Gazebo's way to name a file of a model; in URDF it is `package://`."""
+"""Prefix of a model's files in Gazebo; in URDF it is `package://`."""
 
 _FILE = "file://"
 
 
 class _Place(NamedTuple):
-    """A place in which a file is looked for."""
+    """A folder in which a file is searched."""
 
     folder: Path
     inside: str
-    """Path of the file in the folder, as it is written."""
+    """Path of the file below the folder, as it is written."""
 
     prefix: str
-    """Text before a path in the folder in the form that a URDF has to give it."""
+    """Text that a URDF has to put before a path in the folder."""
 
 
 def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> None:
     """Raises an error if a file is outside the robot's folder, links followed.
 
     Args:
-        mentioned_in: the file that names it, with the line where that is known.
-        file: where it is.
+        mentioned_in: File that names the other file, with the line if known.
+        file: Path of the file.
         root: the robot's folder.
         name: the file's name as it is written.
 
@@ -48,13 +48,13 @@ def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> Non
 def find_file(name: str, where: str, folder: Path, root: Path) -> Path:
     """Finds a file that a URDF names, also by `package://<package>/…`.
 
-    `package://<package>/…` is in the folder of that name, or in the folder of the URDF or one above it.
+    `package://<package>/…` is searched in the folder of that name, or in the folder of the URDF or one above it.
 
     Args:
-        name: the file as it is written.
-        where: file and line that name it, for errors.
-        folder: folder of the URDF.
-        root: folder that all files have to be in.
+        name: Name of the file as it is written.
+        where: File and line that name it, for errors.
+        folder: Folder of the URDF.
+        root: Folder that has to contain all files.
 
     Raises:
         LaunchError: the file does not exist or is outside the folder; the message suggests a file of a similar name.
@@ -95,15 +95,15 @@ def folders_between(folder: Path, root: Path) -> list[Path]:
 
 
 def similar_file(folder: Path, inside: str, root: Path) -> str | None:
-    """Finds the file that a misspelt path was meant to name.
+    """Finds the file that a misspelt path probably means.
 
-    It may differ in case, in escapes such as `%20`, in the form of accents, in the direction of slashes, or in a letter
-    or two of the file's own name.
+    The names may differ in case, in escapes such as `%20`, in the form of accents, in the direction of slashes, or in a
+    letter or two of the last part.
 
     Args:
-        folder: folder that the path is in.
-        inside: the path.
-        root: folder outside of which nothing is suggested.
+        folder: Folder to which the path is relative.
+        inside: Misspelt path.
+        root: Folder outside of which nothing is suggested.
 
     Returns:
         The path as it would be right; `None` where nothing is similar.

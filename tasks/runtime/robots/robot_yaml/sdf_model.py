@@ -1,4 +1,4 @@
-"""Robots in SDF, Gazebo's format: links become bodies, read by the reader of worlds."""
+"""Robots in SDF, Gazebo's format: converts links to MuJoCo bodies, with the SDF reader for worlds."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -23,9 +23,9 @@ from .urdf import UrdfReading
 MENDED = "inertias that were mended"
 _MOST_NAMED = 8
 _USUAL_MASS_KG = 1.0
-"""Mass of a link that names none: Gazebo's own."""
+"""Mass in kg of a link without a mass, as in Gazebo."""
 _DRAWN_GROUP, _SOLID_GROUP = 2, 3
-"""Groups of geoms that are drawn, and of those that only collide."""
+"""Geom groups of visual geoms, and of geoms that only collide."""
 _KINDS = {
     "hinge": mujoco.mjtJoint.mjJNT_HINGE,
     "slide": mujoco.mjtJoint.mjJNT_SLIDE,
@@ -39,16 +39,16 @@ _SHAPES = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
 }
 _NO_HOME = {"HOME": "/nonexistent"}
-"""Environment without search paths: a robot's files lie in its own folder on every machine."""
+"""Environment variables without search paths, so that a robot's files are found in its own folder on every machine."""
 
 
 def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
     """Makes a MuJoCo model of a robot in SDF.
 
     Args:
-        path: the file, with a `<model>`.
-        root: folder that all files have to be in.
-        reading: how it is read.
+        path: Path of the file with a `<model>`.
+        root: Folder that has to contain all files.
+        reading: State of reading the file: options and problems.
 
     Raises:
         LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
@@ -77,7 +77,7 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
 
 
 def _check_is_one(path: Path, world: SdfWorld) -> None:
-    """Refuses a file that has the ground, several models, or two links of one name."""
+    """Raises an error for a file with a ground, several models, or two links of the same name."""
     for part in (each for link in world.links for each in link.collisions):
         if part.geometry.kind == "plane":
             raise invalid(path, f"{part.name} is a plane; leave the ground out of a robot, worlds have theirs")
@@ -90,7 +90,7 @@ def _check_is_one(path: Path, world: SdfWorld) -> None:
 
 
 class _Writer:
-    """Builds the model."""
+    """Builds a MuJoCo model from an SDF."""
 
     def __init__(self, path: Path, world: SdfWorld, meshes: Meshes, reading: UrdfReading) -> None:
         self._path, self._meshes, self._reading = path, meshes, reading
@@ -110,7 +110,7 @@ class _Writer:
             made[link.path] = self._body(link, joint, above, around)
 
     def _tree(self, joints: list[Joint]) -> Iterator[Joint]:
-        """Joints, each of which has a link of its own."""
+        """Yields the joints that move a link of their own, as a tree."""
         above: dict[str, str] = {}
         for joint in joints:
             for name in (joint.parent, joint.child):
@@ -129,7 +129,7 @@ class _Writer:
             yield joint
 
     def _check_root(self) -> None:
-        """Refuses links that hang on nothing of the robot: only one tree is put into a world."""
+        """Raises an error for links that are not connected to the robot: only one tree is put into a world."""
         hanging = {name for name, joint in self._joints.items() if joint.parent != "world"}
         roots = [_own(name) for name in self._links if name not in hanging]
         if len(roots) > 1:
@@ -140,7 +140,7 @@ class _Writer:
             )
 
     def _in_order(self) -> Iterator[Link]:
-        """Links, each after the one that it hangs on."""
+        """Yields the links of an SDF robot, each after its parent link."""
         done: set[str] = set()
         left = list(self._links.values())
         while left:
@@ -188,7 +188,7 @@ class _Writer:
             made.range = [-far if joint.lower is None else joint.lower, far if joint.upper is None else joint.upper]
 
     def _geom(self, body: Any, part: Collision | Visual, inside: Pose, link: Link) -> Any | None:
-        """A shape that collides, which has all of the mass, or one that is only drawn."""
+        """Adds a collision geom, which has all of the mass, or a visual geom."""
         collides, geometry, pose = isinstance(part, Collision), part.geometry, inside @ part.pose
         if geometry.kind != "mesh" and geometry.kind not in _SHAPES:
             if collides:
@@ -212,7 +212,7 @@ class _Writer:
         return geom
 
     def _mesh(self, geometry: Geometry, where: str, collides: bool) -> str | None:
-        """The name of a mesh; MuJoCo collides with its hull. None: it is only drawn and cannot be read."""
+        """Adds a mesh and returns its name; MuJoCo collides with its hull. None: it is visual and cannot be read."""
         if geometry in self._names:
             return self._names[geometry]
         try:
@@ -239,14 +239,14 @@ def _listed(names: list[str]) -> str:
 
 
 def _numbered(name: str, taken: set[str]) -> str:
-    """A name that no other shape or joint has: one that comes again gets a number."""
+    """Makes a name unique among shapes or joints by adding a number if it is taken."""
     names = (name if number == 1 else f"{name}_{number}" for number in count(1))
     taken.add(found := next(each for each in names if each not in taken))
     return found
 
 
 def _own(path: str) -> str:
-    """A name inside of the model: without that of the model itself."""
+    """Returns a name without the prefix of the model's own name."""
     return path.partition("::")[2] or path
 
 

@@ -1,6 +1,6 @@
-"""`robot.yaml`: what a robot's MJCF, URDF or SDF does not say and a simulation has to know.
+"""Schema of `robot.yaml`: properties of a robot that a simulation needs and its MJCF, URDF or SDF does not have.
 
-The document's form depends on `drive.kind`, so that a mistake in it is told once and about the right members.
+The schema depends on `drive.kind`, so that an error is reported once and about the right members.
 """
 
 from collections.abc import Iterable, Mapping
@@ -168,7 +168,7 @@ def check_kinds(kinds: Iterable[type[SensorKind]]) -> None:
     """Checks that sensor kinds have no conflicting names.
 
     Args:
-        kinds: All there are.
+        kinds: All kinds of sensors.
 
     Raises:
         ConfigurationError: Two kinds, or a kind and the simulation, use the same name.
@@ -198,7 +198,7 @@ else:
 
 
 class RobotModelHead(Model):
-    """Members that every `robot.yaml` has besides its drive."""
+    """Members that every `robot.yaml` has in addition to its drive."""
 
     version: Literal[1] = Field(description="Version of this document's form: 1.")
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = optional(
@@ -257,7 +257,7 @@ ROBOT_MODELS: dict[str, type[RobotModel]] = {
 
 
 def robot_model_type(document: Any) -> type[RobotModel]:
-    """Returns the model by which a `robot.yaml` document is checked, by its `drive.kind`."""
+    """Returns the pydantic model for a `robot.yaml` document, chosen by its `drive.kind`."""
     drive = document.get("drive") if is_object(document) else None
     kind = drive.get("kind") if is_object(drive) else None
     return ROBOT_MODELS.get(kind, DifferentialRobotModel) if isinstance(kind, str) else DifferentialRobotModel

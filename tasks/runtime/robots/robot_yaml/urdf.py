@@ -1,4 +1,4 @@
-"""Robots in URDF: checked, their meshes found, read by MuJoCo's importer with the lines of the file."""
+"""Robots in URDF: checks the document, finds its meshes, and reads it with MuJoCo's importer; errors name lines."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
@@ -24,24 +24,24 @@ _MESHES = frozenset({".stl", ".obj", ".msh"})
 _SETTINGS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
 _XACRO = re.compile(r"\$[{(]")
 _READ = frozenset({"link", "joint", "material", "mujoco"})
-"""Parts of a URDF that a simulation reads; `$(find …)` in another, such as `<gazebo>`, does no harm."""
+"""Elements of a URDF that a simulation reads; an unexpanded `$(find …)` in others, such as `<gazebo>`, does no harm."""
 
 _LINE = re.compile(r", line (\d+)")
 
 
 @dataclass
 class MeshUse:
-    """A mesh file at a scale, as a URDF uses it."""
+    """A mesh file with a scale, as a URDF uses it."""
 
     name: str
-    """Its name in MuJoCo's model."""
+    """Name of the mesh in the MuJoCo model."""
 
     file: Path
     scale: str
-    """Attribute of the URDF; empty: none."""
+    """Attribute `scale` in the URDF; empty if there is none."""
 
     written: str
-    """The file as the URDF writes it."""
+    """Path of the file as the URDF writes it."""
 
     line: int
     link: str
@@ -69,18 +69,18 @@ class UrdfReading:
     """State of reading a robot's URDF or SDF: options, and problems found, shared by all readings."""
 
     from_geometry: bool = False
-    """Whether impossible inertias are taken from the geometry."""
+    """Whether impossible inertias are replaced by those computed from the geometry."""
 
     undrawn: set[tuple[Path, str]] = field(default_factory=set)
-    """Files and scales of meshes that are left out."""
+    """Path and scale of each visual mesh that is left out."""
 
     meshes: list[MeshUse] = field(default_factory=list)
-    """The meshes of the last reading."""
+    """Meshes of the last reading."""
 
     _said: set[str] = field(default_factory=set)
 
     def warn(self, text: str) -> None:
-        """Logs a warning once, however often the file is read."""
+        """Logs a warning once, even if the file is read several times."""
         if text not in self._said:
             self._said.add(text)
             _logger.warning("%s", text)
@@ -89,13 +89,13 @@ class UrdfReading:
         """Finds meshes that MuJoCo cannot use, and leaves out those that are only visual.
 
         Args:
-            path: the URDF.
+            path: Path of the URDF.
 
         Returns:
-            Whether any is left out from now on.
+            Whether any mesh is newly left out.
 
         Raises:
-            LaunchError: a mesh that MuJoCo cannot use is a collision mesh.
+            LaunchError: MuJoCo cannot use a collision mesh.
         """
         found = [(mesh, problem) for mesh in self.meshes if (problem := mesh.problem()) is not None]
         for mesh, problem in found:
@@ -112,10 +112,10 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
     """Makes a MuJoCo model of a URDF.
 
     Args:
-        robot: the document; changed in place.
-        path: where it was read from.
-        root: folder that all files have to be in.
-        reading: how it is read.
+        robot: Document of the URDF; changed in place.
+        path: Path of the URDF.
+        root: Folder that has to contain all files.
+        reading: State of reading the file: options and problems.
 
     Raises:
         LaunchError: it is not expanded, a file is missing or of a form that MuJoCo does not read, an inertia is
@@ -151,10 +151,10 @@ def refused(path: Path, cause: ValueError, what: str, hint: str = "") -> LaunchE
     """Makes the error about a model that MuJoCo refuses, with the line of the URDF if known.
 
     Args:
-        path: the MJCF or URDF.
-        cause: MuJoCo's error.
-        what: what MuJoCo cannot do.
-        hint: end of the text.
+        path: Path of the MJCF or URDF.
+        cause: Error of MuJoCo.
+        what: Action that failed, as text.
+        hint: Text at the end of the message.
     """
     text = " ".join(str(cause).split())
     # In MJCF it may be a line of an included file.
@@ -166,8 +166,8 @@ def check_expanded(robot: Located, path: Path) -> None:
     """Raises an error for a URDF that still contains xacro macros.
 
     Args:
-        robot: its document.
-        path: where it was read from.
+        robot: Document of the URDF.
+        path: Path of the URDF.
 
     Raises:
         LaunchError: macros, properties or expressions have not been replaced; with the command that does it.
@@ -201,7 +201,7 @@ def check_expanded(robot: Located, path: Path) -> None:
 
 
 def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Located, str]]:
-    """Elements of xacro, and expressions that a simulation would read."""
+    """Yields xacro elements, and attributes with xacro expressions that a simulation would read."""
     read = {id(each) for child in robot if child.tag in _READ for each in child.iter()}
     for element in robot.iter():
         assert isinstance(element, Located)
@@ -216,10 +216,10 @@ def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Locat
 
 
 def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -> Iterator[MeshUse]:
-    """Gives each mesh file at each scale a name of its own, and leaves out meshes that are not drawn.
+    """Gives each mesh file at each scale a name of its own, and removes visual meshes that are left out.
 
-    MuJoCo's importer names meshes after their files without the folders, and takes `visual/base.stl` for
-    `collision/base.stl`.
+    MuJoCo's importer names meshes after their files without the folders, so that `visual/base.stl` and
+    `collision/base.stl` would be the same mesh.
     """
     found: dict[tuple[Path, str], MeshUse] = {}
     for link in robot.iter("link"):
@@ -243,7 +243,7 @@ def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -
 def _mesh_use(
     mesh: ET.Element, part: ET.Element, link: ET.Element, path: Path, root: Path, reading: UrdfReading
 ) -> MeshUse | None:
-    """A mesh as it is written; None: its `<visual>` is left out."""
+    """Returns the mesh of an element; None: its `<visual>` is left out."""
     written, line = mesh.get("filename", ""), mesh.line if isinstance(mesh, Located) else 1
     where = f"{path}:{line}"
     if Path(written).suffix.lower() not in _MESHES:
@@ -262,7 +262,7 @@ def _mesh_use(
 
 
 def _tell_lines(spec: mujoco.MjSpec, robot: Located) -> None:
-    """Gives parts of a model the lines of their links and joints, which errors of MuJoCo's compiler then have."""
+    """Stores the lines of links and joints in the model's parts, so that errors of MuJoCo's compiler have them."""
     lines = {(each.tag, each.get("name")): each.line for each in robot.iter() if isinstance(each, Located)}
     for body in spec.bodies:
         for part in (body, *body.geoms):
@@ -272,12 +272,12 @@ def _tell_lines(spec: mujoco.MjSpec, robot: Located) -> None:
 
 
 def _only_draw(mesh: mujoco.MjsMesh) -> None:
-    """Allows a mesh without volume, if it is only drawn and so has no mass."""
+    """Allows a mesh without volume if it is only visual, and so has no mass."""
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
 def _set_compiler(robot: ET.Element) -> None:
-    """Sets the options of MuJoCo's importer that the file does not set itself."""
+    """Sets the options of MuJoCo's URDF importer that the file does not set itself."""
     extension = robot.find("mujoco")
     extension = ET.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")

@@ -1,5 +1,5 @@
-"""Kinds of sensors, one module each: members in `robot.yaml`, MuJoCo's sensors, numbers of observations, topic.
+"""Kinds of sensors, one module each: members of `robot.yaml`, MuJoCo sensors, observations and ROS topic.
 
-A module is found by being here, or in a package that a distribution names with an entry point of the group
-`prefect_robomaker.sensors`. Lidar and cameras are not here: planners, proofs and videos know them too.
+A module is found if it is in this package, or in a package that a distribution names with an entry point of the group
+`prefect_robomaker.sensors`. Lidar and cameras are not here, because planners, checks and videos use them, too.
 """

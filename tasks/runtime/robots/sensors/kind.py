@@ -1,4 +1,4 @@
-"""Parts of a kind of sensor."""
+"""Base class of the kinds of sensors."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -25,7 +25,7 @@ OBSERVED = frozenset(
         "scan_time",
     ]
 )
-"""Names of what robots of the built-in simulation observe besides these sensors."""
+"""Names of the built-in simulation's observations besides those of these sensors."""
 PUBLISHED = frozenset(
     [
         "/clock",
@@ -46,30 +46,30 @@ PUBLISHED = frozenset(
         "/camera/camera_info",
     ]
 )
-"""Topics of its recordings besides those of these sensors."""
+"""Topics of the built-in simulation's recordings besides those of these sensors."""
 FRAMES = frozenset(Frames._fields) - {"imu"}
-"""Names of frames that are no sensor's."""
+"""Names of frames that do not belong to a sensor."""
 
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class SensorKind(Model):
-    """Base class of sensor kinds, which `robot.yaml` can have below `sensors`.
+    """Base class of the kinds of sensors that `robot.yaml` can have in `sensors`.
 
-    A kind is a subclass with a name. For each of `parts` it has a member that may be absent.
+    A kind is a subclass with a name. It has an optional member for each of `parts`.
     """
 
     name: ClassVar[str]
-    """Its name in `robot.yaml` and in observations, `imu`."""
+    """Name of the kind in `robot.yaml` and in observations, such as `imu`."""
     parts: ClassVar[Mapping[str, str]]
-    """MuJoCo's types of sensors by member, `{"gyro": "GYRO"}`: their numbers, one after the other, are the reading."""
+    """MuJoCo sensor type of each member, `{"gyro": "GYRO"}`; their numbers, one after the other, are a reading."""
     units: ClassVar[str]
-    """The numbers of a reading in words, for the specs of observations."""
+    """Description of a reading's numbers with their units, for the specs of observations."""
     topic: ClassVar[str] = ""
-    """Topic of its messages in recordings; empty: there is none."""
+    """ROS topic of the sensor's messages in recordings; empty: there is none."""
 
     columns: ClassVar[Callable[[str], Columns] | None] = None
-    """Columns of its messages by frame, which are encoded many at once: attitude x, y, z, w, then a reading."""
+    """Function that makes the message template of a frame; its numbers are an attitude x, y, z, w, then a reading."""
 
     at: PartName | None = optional("Site or body (link) that gets a new one.")
 
@@ -83,15 +83,15 @@ class SensorKind(Model):
         """Makes the ROS message of a reading.
 
         Args:
-            header: Simulated time, and a frame that is where the sensor is.
-            numbers: The reading.
+            header: Simulated time, and frame of the sensor.
+            numbers: Numbers of the reading.
         """
         raise NotImplementedError
 
 
 class Sensor(NamedTuple):
-    """A sensor of a robot."""
+    """A sensor of a robot, as MuJoCo sensors whose numbers form its reading."""
 
     kind: type[SensorKind]
     names: Sequence[str]
-    """Names of MuJoCo's sensors, one for each part."""
+    """Names of the MuJoCo sensors, one for each member."""

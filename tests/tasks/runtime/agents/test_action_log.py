@@ -112,7 +112,7 @@ def test_the_beginning_says_what_actions_are(tmp_path: Path) -> None:
 
 
 def test_the_form_is_the_one_that_is_documented(tmp_path: Path) -> None:
-    """Read as docs/replay.md says, by nothing of ours."""
+    """Read as docs/rerun.md says, by nothing of ours."""
     path, actions = tmp_path / "actions.bin", some_actions(CHUNK_ACTIONS + 3, 5)
     write(path, actions, ActionLogHeader(mode="lockstep", size=5, arrays=[]), close=False)
     rest, read, kinds = path.read_bytes().split(b"\n", 2)[2], [], []

@@ -1,4 +1,4 @@
-"""What docs/agents.md says of bytes is what goes over the socket."""
+"""What docs/robot-programs.md says of bytes is what goes over the socket."""
 
 import re
 import socket
@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.runtime.agents.agent_protocol import RobotHello
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
-PAGE = (REPOSITORY / "docs" / "agents.md").read_text()
+PAGE = (REPOSITORY / "docs" / "robot-programs.md").read_text()
 MakePlan = Callable[..., RunPlan]
 
 

@@ -43,7 +43,7 @@ with connect(mode="free", real_time_factor=20) as simulation:
         simulation.act([os.urandom(1)[0] / 400, os.urandom(1)[0] / 64 - 2])
 """
 
-PAGE = REPOSITORY / "docs" / "agents.md"
+PAGE = REPOSITORY / "docs" / "robot-programs.md"
 
 
 def recorded(plan: RunPlan) -> list[tuple[str, int, bytes]]:

@@ -1,0 +1,62 @@
+"""Known failures: which failures they explain, until when, and what is said of those that did not occur."""
+
+from datetime import date, timedelta
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
+
+DAY = date(2027, 1, 15)
+
+
+def known(requirement: str = "clearance", job: str = "*", until: date = DAY, owner: str = "anna") -> KnownFailure:
+    return KnownFailure(match=KnownMatch(job=job, requirement=requirement), owner=owner, until=until)
+
+
+def test_a_failure_is_known_if_each_missed_requirement_is() -> None:
+    ours, theirs = known("clearance"), known("rooms_*", owner="ben", until=DAY - timedelta(days=1))
+    before = DAY - timedelta(days=2)
+    assert known_failure("world-1 scout", ["clearance"], [ours, theirs], DAY) == ours
+    assert known_failure("world-1 scout", ["clearance", "rooms_visited"], [ours, theirs], before) == theirs
+    assert known_failure("world-1 scout", ["clearance", "rooms_visited"], [ours, theirs], DAY) is None, "one is over"
+    assert known_failure("world-1 scout", ["clearance", "time"], [ours, theirs], before) is None, "one is new"
+    assert known_failure("world-1 scout", [], [ours], DAY) is None, "it failed for no requirement"
+
+
+def test_it_is_about_the_jobs_that_it_names() -> None:
+    entry = known(job="world-3 *")
+    assert known_failure("world-3 scout", ["clearance"], [entry], DAY) == entry
+    assert known_failure("world-30 scout", ["clearance"], [entry], DAY) is None
+
+
+@given(
+    st.lists(st.sampled_from(["a", "b", "c"]), max_size=3),
+    st.lists(st.builds(known, st.sampled_from(["a", "b", "*"]), until=st.dates(DAY, DAY + timedelta(3))), max_size=3),
+    st.integers(0, 5),
+)
+def test_nothing_is_known_later_that_was_not_known_before(
+    missed: list[str], entries: list[KnownFailure], days: int
+) -> None:
+    later = known_failure("job", missed, entries, DAY + timedelta(days))
+    assert later is None or (later.until >= DAY + timedelta(days) and known_failure("job", missed, entries, DAY))
+
+
+@pytest.mark.parametrize(
+    ("missed", "day", "said"),
+    [
+        (["clearance"], DAY, []),
+        ([], DAY,
+         ["the known failure of clearance in * (anna) did not occur; if it is mended, remove it from `known`"]),
+        (["clearance"], DAY + timedelta(1),
+         ["the known failure of clearance in * (anna) was known until 2027-01-15; it counts again"]),
+    ],
+)  # fmt: skip
+def test_what_is_mended_or_over_is_told(missed: list[str], day: date, said: list[str]) -> None:
+    assert idle_failures([("world-1 scout", missed)], [known()], day) == said
+
+
+def test_who_mends_it_until_when_and_why_is_told() -> None:
+    assert str(known()) == "anna until 2027-01-15"
+    assert str(known().model_copy(update={"why": "ticket 512"})) == "anna until 2027-01-15: ticket 512"
