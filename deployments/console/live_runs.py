@@ -30,7 +30,7 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
         most_bytes: most bytes of it that are read.
 
     Returns:
-        Its first bytes; empty if it cannot be read.
+        First bytes of the file; empty if it cannot be read.
     """
     found: list[bytes] = []
 

@@ -159,7 +159,7 @@ class Arrivals:
             declared: the header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
-            How many seconds it may take.
+            Time limit for the body, in seconds.
 
         Raises:
             ThrottlingException: too many are on their way already.

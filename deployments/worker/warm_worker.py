@@ -126,7 +126,7 @@ class WarmWorker:
         """Releases every job; the process has to end right after.
 
         Returns:
-            How many jobs of each kind other workers can continue.
+            Number of jobs of each kind that other workers can continue.
         """
         logging.disable(logging.CRITICAL)  # jobs that lose their lease complain
         arns = HELD.give_back_all(self._service.catalog)

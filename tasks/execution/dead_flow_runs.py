@@ -88,7 +88,7 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
     """Creates or updates the Prefect automation that marks flow runs as crashed when they send no heartbeats.
 
     Returns:
-        Its id.
+        Id of the automation.
     """
     wanted = _automation()
     found = client.read_automations_by_name(AUTOMATION)

@@ -56,7 +56,7 @@ class BatchWorker:
         """Runs jobs of the batch until the batch has ended, or no process manages it any more.
 
         Returns:
-            How many were run here.
+            Number of jobs that were run here.
 
         Raises:
             ConfigurationError: the catalog of this machine does not have the batch.

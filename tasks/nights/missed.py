@@ -176,7 +176,7 @@ def judged(
         booted_at: start time of this machine; `None`: unknown.
 
     Returns:
-        What is known of it now.
+        Updated record of the schedule.
     """
     until = now - max_late
     if until <= schedule.checked_until:
@@ -257,7 +257,7 @@ def tell_of_missed(settings: Settings, message: Message) -> list[str]:
     """Sends the notification about missed nights to the configured channels; returns their errors.
 
     Returns:
-        What is wrong with channels that did not take it.
+        Errors of the channels that did not accept the message.
     """
     if settings.notify and settings.notify_when & _TOLD_IF:
         return send(settings.notify, message, {})

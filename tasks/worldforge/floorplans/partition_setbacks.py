@@ -124,7 +124,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
         sides: extents of the rooms: (axis, room, plan), in units.
 
     Returns:
-        Where rooms lie, and which plans have a yard without an open side.
+        Rectangles of the rooms, and a mask of the plans with a yard without an open side.
     """
     _, rooms, plans = sides.shape
     columns = np.arange(plans)

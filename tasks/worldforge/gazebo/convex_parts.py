@@ -95,7 +95,7 @@ def convex_parts(triangles: Triangles, *, is_loose: bool = False) -> Split:
         is_loose: whether its body moves, so that nothing may grow: small faces become prisms, too, in place of boxes.
 
     Returns:
-        Its parts; none where it is too small to be met.
+        Convex parts of the mesh; none if it is too small for a collision.
     """
     mesh = _welded(triangles)
     if not len(mesh.faces):
