@@ -166,7 +166,7 @@ def _seen(robot: RobotStanding, now: datetime) -> str:
 MOST_LINES = 20
 """Limit of lines for single robots at once; of more changes, only the numbers of robots by state are printed."""
 
-_OVER = {
+_WAIT_ENDED_TEXTS = {
     "PAUSED": "resumed",
     "APPROVAL": "approved",
     "MAINTENANCE_WINDOW": "its maintenance window is open",
@@ -242,7 +242,14 @@ def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
     now = {wait.cause for wait in standing.waits}
     was = {wait.cause for wait in old}
     begun = [in_words(wait, standing.job) for wait in standing.waits if wait.cause not in was]
-    return [*begun, *(_OVER[cause] for cause in _OVER if cause in was - now and standing.status == "InProgress")]
+    return [
+        *begun,
+        *(
+            _WAIT_ENDED_TEXTS[cause]
+            for cause in _WAIT_ENDED_TEXTS
+            if cause in was - now and standing.status == "InProgress"
+        ),
+    ]
 
 
 def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:

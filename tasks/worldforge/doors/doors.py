@@ -37,7 +37,7 @@ _MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
-_INTO: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
+_ROOM_COSTS: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
 """Cost of a door that opens into a room of this type."""
 _INTO_LARGER = 1.0
 _CORNER_SPAN_M = 2.0
@@ -207,7 +207,7 @@ def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[H
             hinge = tuple(jamb[axis] + along[axis] * GAP_M + into[axis] * half for axis in (0, 1))
             hinge = (round(hinge[0], 4), round(hinge[1], 4))
             hanging = Hanging(hinge, along, into, round(passage.width_m - 2 * GAP_M, 4), room, 0.0)
-            cost = _INTO.get(room.type, 0.0) + (_INTO_LARGER if room is larger else 0.0)
+            cost = _ROOM_COSTS.get(room.type, 0.0) + (_INTO_LARGER if room is larger else 0.0)
             made.append(hanging._replace(cost=cost + _corner_m(hanging, walls) / _CORNER_SPAN_M))
     return made
 
