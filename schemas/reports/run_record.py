@@ -10,7 +10,7 @@ from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
-from ..runs.known_failures import KnownFailure
+from ..known_failures import KnownFailure
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
-from ..runs.known_failures import idle_failures, known_failure
+from ..known_failures import idle_failures, known_failure
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words

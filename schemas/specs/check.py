@@ -9,8 +9,8 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from ..known_failures import KnownFailure
 from ..operations.registry import STEPS, operation_shape
-from ..runs.known_failures import KnownFailure
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some

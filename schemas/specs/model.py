@@ -23,8 +23,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from ..known_failures import KnownFailure
 from ..operations.registry import STEPS
-from ..runs.known_failures import KnownFailure
 from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text

@@ -5,6 +5,7 @@ from datetime import date
 import pytest
 from helpers.night_records import make_night
 
+from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch
 from prefect_robomaker.schemas.reports.run_states import (
     counts_in_words,
     in_words,
@@ -12,7 +13,6 @@ from prefect_robomaker.schemas.reports.run_states import (
     run_state,
     with_known,
 )
-from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch
 
 
 def test_outcomes_are_counted_the_most_frequent_first() -> None:

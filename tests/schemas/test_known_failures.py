@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.runs.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
+from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
 
 DAY = date(2027, 1, 15)
 
@@ -48,9 +48,9 @@ def test_nothing_is_known_later_that_was_not_known_before(
     [
         (["clearance"], DAY, []),
         ([], DAY,
-         ["the known failure of clearance in * (anna) did not occur; if it is mended, remove it from `known`"]),
+         ["the known failure of clearance in any job (anna) did not occur; if it is mended, remove it from `known`"]),
         (["clearance"], DAY + timedelta(1),
-         ["the known failure of clearance in * (anna) was known until 2027-01-15; it counts again"]),
+         ["the known failure of clearance in any job (anna) was known until 2027-01-15; it counts again"]),
     ],
 )  # fmt: skip
 def test_what_is_mended_or_over_is_told(missed: list[str], day: date, said: list[str]) -> None:

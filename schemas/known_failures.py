@@ -16,7 +16,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from ..wire.base import Model
+from .wire.base import Model
 
 
 def _read_day(value: object) -> object:
@@ -99,7 +99,8 @@ def idle_failures(missed: Sequence[tuple[str, Collection[str]]], known: Sequence
     """
     told: list[str] = []
     for each in known:
-        about = f"the known failure of {each.match.requirement} in {each.match.job} ({each.owner})"
+        jobs = "any job" if each.match.job == "*" else each.match.job
+        about = f"the known failure of {each.match.requirement} in {jobs} ({each.owner})"
         if day > each.until:
             told.append(f"{about} was known until {each.until}; it counts again")
         elif not any(each.covers(job, name) for job, names in missed for name in names):
