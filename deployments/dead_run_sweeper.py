@@ -97,7 +97,7 @@ class RecordedEnds:
         self._answers: dict[UUID, tuple[float, State[Any] | None]] = {}
 
     def end_of(self, run: FlowRun) -> State[Any] | None:
-        """Returns the state in which a flow run ended; `None` if unknown here."""
+        """Returns the state in which a flow run really ended; `None` if unknown in this data home."""
         now_s = time.monotonic()
         self._answers = {each: (at_s, end) for each, (at_s, end) in self._answers.items() if now_s - at_s < _FRESH_S}
         if run.id not in self._answers:
@@ -153,7 +153,7 @@ class RecordedEnds:
 
 
 SWEEP_S = 5.0
-"""Interval between two sweeps while a flow run is open, in seconds."""
+"""Interval between two sweeps for dead flow runs while a flow run is open, in seconds."""
 
 IDLE_SWEEP_S = 60.0
 """Interval between two sweeps after a minute without open flow runs, in seconds; they find only late reports."""

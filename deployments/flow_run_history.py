@@ -35,7 +35,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
         act: whether anything is changed.
 
     Returns:
-        How many flow runs, or why none were looked at; and how large the database is.
+        Number of flow runs, or the reason why none were examined; and the size of the database.
     """
     status = server_status(settings, _NO_PROFILE)
     told = _collect(settings, policy, now, status, act=act)
@@ -57,7 +57,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
         act: whether anything is changed.
 
     Returns:
-        Their names.
+        Names of the limits.
     """
     status = server_status(settings, _NO_PROFILE)
     if not status.running:

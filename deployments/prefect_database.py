@@ -26,7 +26,7 @@ _STEP_PAGES = 500
 """Number of database pages freed at once; the server waits for the lock meanwhile, some milliseconds."""
 _PATIENCE_S = 30.0
 WORTH_BYTES = 1_000_000
-"""Unused bytes below which the file is not shrunk, as the next run needs them."""
+"""Unused bytes below which a database file is not shrunk, as the next run needs them."""
 
 
 @dataclass(frozen=True)

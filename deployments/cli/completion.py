@@ -15,7 +15,7 @@ from .grammar import CommandParser
 
 Completer: TypeAlias = Callable[..., object]
 
-_PLENTY = 50
+_MAX_RUNS = 50
 """Limit of the runs that are offered as completions, the latest first."""
 
 
@@ -49,7 +49,7 @@ def _runs(**_: object) -> list[str]:
 
     folder = Settings.from_environment(os.environ).home / "runs"
     found = sorted(folder.glob("*/run.json"), key=lambda path: path.stat().st_mtime, reverse=True)
-    return ["latest", *(path.parent.name for path in found[:_PLENTY])]
+    return ["latest", *(path.parent.name for path in found[:_MAX_RUNS])]
 
 
 _COMPLETERS: dict[str, Completer] = {

@@ -42,7 +42,7 @@ physics.step(10)
 assert physics.data.qpos[2] < 0, f"a ball did not fall: {physics.data.qpos}"
 """
 _MOST_MISSED = 7
-"""Limit of the missed nights that are named: those of a week."""
+"""Limit of the missed nights that `robomaker doctor` names: those of a week."""
 _SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqlalchemy", "boto3")
 
 

@@ -39,7 +39,7 @@ class Command(NamedTuple):
 
     name: str
     path: Path
-    """Path of its module, or of the folder with its subcommands."""
+    """Path of a command's module, or of the folder with its subcommands."""
 
     module: str
     """Full name of a command's module or package."""
@@ -228,7 +228,7 @@ class _GroupedCommands(argparse._SubParsersAction):  # pyright: ignore[reportMis
         """The heading above a command, by the command's name."""
 
     def add_group(self, group: Group) -> None:
-        """Adds the commands of a group to the help, under its heading."""
+        """Adds the commands of a group to the command line's help, under the group's heading."""
         self.headings[group.commands[0].name] = group.heading
         _add_commands(self, group.commands)
 

@@ -95,7 +95,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
     """Submits a job, runs it to its end, prints its final description, and returns the exit code.
 
     Returns:
-        As `perform`.
+        Exit code, as of `perform`.
 
     Raises:
         ServiceError: the request is refused; nothing was stored.

@@ -32,20 +32,20 @@ class PlannedStep:
     operation: str
     needs: list[str]
     worlds: int | None = None
-    """Number of worlds that the step makes, if the file says it."""
+    """Number of worlds that a planned step makes, if the file says it."""
 
     jobs: int | None = None
-    """Limit of simulation jobs that the step creates, if the file says it."""
+    """Limit of simulation jobs that a planned step creates, if the file says it."""
 
     trials: int | None = None
     """Number of trials of all its jobs, if the file says it; a job without trials counts as one."""
 
     concurrency: int | None = None
     job_limit_s: int | None = None
-    """Longest `maxJobDurationInSeconds` of its jobs, if the file says it."""
+    """Longest `maxJobDurationInSeconds` of a planned step's jobs, if the file says it."""
 
     timeout_s: int | None = None
-    """Value of the batch's `timeoutInSeconds`, if the file says it."""
+    """Value of `timeoutInSeconds` of a planned step's batch, if the file says it."""
 
     detail: str = ""
     """Text with these numbers."""
@@ -137,13 +137,13 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
 
 
 def _written(requests: Node) -> list[Node]:
-    """Returns the requests for jobs that are written in the file."""
+    """Returns the requests for jobs that are written in a specification file."""
     construct = for_each_of(requests)
     return [construct.entries["value"]] if construct else list(requests.items) if isinstance(requests, ListNode) else []
 
 
 def _trials(request: Node) -> int:
-    """Returns the number of trials of a request; 1 without trials."""
+    """Returns the number of trials of a job's request; 1 without trials."""
     written = plain(request)
     return max(1, planned_trials(written)) if isinstance(written, Mapping) else 1
 
@@ -168,7 +168,7 @@ def _worlds(step: CheckedStep, jobs: int) -> set[str]:
 
 
 def _world(request: Node) -> str:
-    """Returns the world of a request, as written in the file; empty if there is none."""
+    """Returns the world of a job's request, as written in the file; empty if there is none."""
     found: Node | None = request
     for key in _WORLD:
         found = child(found, key) if found is not None else None
@@ -209,7 +209,7 @@ def _number(node: Node, *keys: str) -> int | None:
 
 
 def _limits(requests: Sequence[Node]) -> list[int]:
-    """Returns the time limits of jobs in seconds that are written as numbers."""
+    """Returns the time limits of jobs, in seconds, that are written as numbers in the file."""
     found = (_number(request, "maxJobDurationInSeconds") for request in requests)
     return [seconds for seconds in found if seconds is not None]
 
@@ -227,5 +227,5 @@ def counted(count: int, noun: str) -> str:
 
 
 def after(step: PlannedStep) -> str:
-    """Lists the steps that a step depends on, as text; empty if there are none."""
+    """Lists the steps that a specification's step depends on, as text; empty if there are none."""
     return f"after {', '.join(step.needs)}" if step.needs else ""

@@ -78,7 +78,7 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
         tell: tells the user at once that the server is away, and when it is back; called from any thread.
 
     Returns:
-        What knows whether the server is away.
+        Tracker of the server's outages.
     """
     patience = waiting_for_server(api_url, settings, tell)
     _FOR_EVER.append(patience)  # Prefect still empties its queues after all else has ended

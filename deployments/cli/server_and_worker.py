@@ -226,7 +226,7 @@ def _max_jobs(given: int | None, settings: Settings) -> int:
 
 
 def _check_port(host: str, port: int) -> None:
-    """Raises an error if the port is taken, before anything is started."""
+    """Raises an error if the server's port is taken, before anything is started."""
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"--port is {port}; it has to be a number from 1 to 65535, or 0 for any that is free")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET

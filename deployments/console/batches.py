@@ -89,12 +89,12 @@ class BatchView:
     tiles: Sequence[Tile]
     rate: Share | None
     left_s: float | None
-    """Remaining time at the pace so far; `None`: it has ended, or no job has."""
+    """Estimated remaining time of a batch, in seconds; `None`: it has ended, or no job has."""
     spec_run: str
     concurrency: int
     reason: str
     standing: JobStanding | None
-    """Process that runs the batch; `None`: no process has begun."""
+    """Process that runs a batch; `None`: no process has begun."""
 
     @property
     def grid(self) -> Markup:

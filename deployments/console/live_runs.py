@@ -30,7 +30,7 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
         most_bytes: most bytes of it that are read.
 
     Returns:
-        Its first bytes; empty if it cannot be read.
+        First bytes of the file; empty if it cannot be read.
     """
     found: list[bytes] = []
 
@@ -64,7 +64,7 @@ def live_view_of(run: Path | None) -> str:
 
 
 DRIVE = "drive"
-"""Element id of the part of the plan that shows the driven path."""
+"""HTML element id of the part of the plan that shows the robot's path."""
 
 _MOST_BYTES = 512 * 1024
 _MOST_POINTS = 500

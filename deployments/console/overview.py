@@ -25,7 +25,7 @@ _OPEN = {
     for kind in (BATCH, JOB, *_OTHER_KINDS)
 }
 _MOST_RUNNING = 12
-"""Limit on the unfinished resources that are shown of each kind."""
+"""Limit of the unfinished resources of each kind that the first page shows."""
 
 _LOOKED_AT = 200
 """Number of the newest jobs that are searched for failures."""

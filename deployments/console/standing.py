@@ -112,7 +112,7 @@ def _look_of_unfinished(status: str, *, draws: bool) -> Look:
 
 
 def rate_of(lines: Iterable[JobLine]) -> Share | None:
-    """Returns the pass rate of jobs; `None` while none is judged."""
+    """Returns the pass rate of jobs, with its interval; `None` while none is judged."""
     counts = Counter(line.look.key for line in lines)
     share = share_of("", counts["passed"], counts["failed"])
     return None if share.rate is None else share

@@ -187,7 +187,7 @@ class Visit:
         return self.key is None or SCOPES.index(self.key.scope) >= SCOPES.index(needed_scope(operation))
 
     def seen(self, resources: Iterable[Resource]) -> list[Resource]:
-        """Returns the resources that the visitor may see, of those given."""
+        """Returns those of the given resources that the visitor may see."""
         key = self.key
         if key is None or not key.is_confined:
             return list(resources)

@@ -107,7 +107,7 @@ class Deployable:
     """Default values of the specification's parameters in runs of a deployment."""
 
     missing: tuple[str, ...] = ()
-    """Names of parameters without a value, which each run must be given."""
+    """Names of a deployment's parameters without a value, which each run must be given."""
 
     @property
     def full_name(self) -> str:

@@ -89,7 +89,7 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
 # SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
 WORKERS = 8
 MAX_IN_PROGRESS = 128
-"""Limit of requests at once; clients above it are asked to try again later."""
+"""Limit of API requests at once; clients above it are asked to try again later."""
 
 RETRY_AFTER_S = 1
 
@@ -208,7 +208,7 @@ class Endpoint:
             self._in_progress -= 1
 
     def _answer_request(self, request: ServiceRequest) -> Response:
-        """Answers a request; in a thread of its own, since operations wait for the database."""
+        """Answers an API request; in a thread of its own, since operations wait for the database."""
         with span("request", traceparent=request.headers.get("traceparent"), request_id=request.id) as current:
             answer = self._answered(request, current)
             current.set_attribute("http.response.status_code", answer.status_code)

@@ -32,7 +32,7 @@ class ConnectionLimits:
     """Limits on a client's connections and times, against slow or greedy clients."""
 
     connections: int = field(default_factory=most_connections)
-    """Limit of connections; a new one replaces the one that has been idle longest."""
+    """Limit of client connections; a new one replaces the one that has been idle longest."""
 
     head_s: float = HEAD_S
     """Time limit for the head of a request, in seconds; for the first one from the connection's beginning."""
@@ -59,7 +59,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
 
 
 class _LimitedProtocol(H11Protocol):
-    """One connection. The methods are those that asyncio and uvicorn call."""
+    """HTTP connection of one client with limits; its methods are those that asyncio and uvicorn call."""
 
     limits: ConnectionLimits
     _asking: asyncio.TimerHandle | None = None
@@ -115,7 +115,7 @@ class _LimitedProtocol(H11Protocol):
         return self._quiet_since
 
     def _end(self) -> None:
-        """Closes the connection, at once if the client does not even read its response."""
+        """Closes the client's connection, at once if the client does not even read its response."""
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:
@@ -139,7 +139,7 @@ SMALL_BODY_BYTES = 64 * 1024
 
 SMALL_BODIES = 512
 LARGE_BODIES = 24
-"""Limit of large bodies that are received at once; together they fit into memory."""
+"""Limit of large request bodies that are received at once; together they fit into memory."""
 
 SMALL_BODY_TIMEOUT_S = 15.0
 LARGE_BODY_TIMEOUT_S = 60.0
@@ -159,7 +159,7 @@ class Arrivals:
             declared: the header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
-            How many seconds it may take.
+            Time limit for the body, in seconds.
 
         Raises:
             ThrottlingException: too many are on their way already.

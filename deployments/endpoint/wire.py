@@ -90,7 +90,7 @@ def _decoded(name: str, value: str) -> str:
 
 
 MAX_BODY_BYTES = 10 * 1024 * 1024
-"""Largest body in bytes; a batch of 1000 ordinary requests has some 2 MiB."""
+"""Largest request body in bytes; a batch of 1000 ordinary requests has some 2 MiB."""
 
 MAX_MESSAGE_CHARACTERS = 4096
 _MAX_QUERY_MEMBERS = 1000

@@ -121,7 +121,7 @@ def _chosen(robots: Sequence[RobotStanding]) -> Sequence[RobotStanding]:
 
 
 def _failures(robots: Sequence[RobotStanding]) -> Iterator[Text]:
-    """Yields the reasons why robots failed, one line each, below the table."""
+    """Yields the reasons why robots of a fleet failed, one line each, below the table."""
     failed = [robot for robot in robots if robot.failure_code is not None]
     for robot in failed[:_MOST_FAILURES]:
         reason = f": {robot.failure_reason}" if robot.failure_reason else ""
@@ -166,7 +166,7 @@ def _seen(robot: RobotStanding, now: datetime) -> str:
 MOST_LINES = 20
 """Limit of lines for single robots at once; of more changes, only the numbers of robots by state are printed."""
 
-_OVER = {
+_WAIT_ENDED_TEXTS = {
     "PAUSED": "resumed",
     "APPROVAL": "approved",
     "MAINTENANCE_WINDOW": "its maintenance window is open",
@@ -174,7 +174,7 @@ _OVER = {
 """Texts that say that a cause of waiting has ended."""
 
 HEARTBEAT_S = 60.0
-"""Time without a change after which a line of counts is printed, in seconds."""
+"""Time without a change of a deployment after which a line of counts is printed, in seconds."""
 
 
 class LineWatcher:
@@ -242,7 +242,14 @@ def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
     now = {wait.cause for wait in standing.waits}
     was = {wait.cause for wait in old}
     begun = [in_words(wait, standing.job) for wait in standing.waits if wait.cause not in was]
-    return [*begun, *(_OVER[cause] for cause in _OVER if cause in was - now and standing.status == "InProgress")]
+    return [
+        *begun,
+        *(
+            _WAIT_ENDED_TEXTS[cause]
+            for cause in _WAIT_ENDED_TEXTS
+            if cause in was - now and standing.status == "InProgress"
+        ),
+    ]
 
 
 def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:

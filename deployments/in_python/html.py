@@ -44,7 +44,7 @@ def card(title: str, outcome: str, *parts: Markup) -> Markup:
 
 
 def line(text: str) -> Markup:
-    """Makes a line of text, or several; nothing for an empty one."""
+    """Makes HTML of a line of text, or several; nothing for an empty one."""
     return Markup('<div style="white-space:pre-wrap">{}</div>').format(text) if text else Markup("")
 
 

@@ -50,7 +50,7 @@ class Job:
 
     @property
     def outcome(self) -> CaseOutcome:
-        """Outcome; only `passed` means that it was judged and met all its requirements."""
+        """Outcome of a simulation job; only `passed` means that it was judged and met all its requirements."""
         return case_outcome(self.record.status, self.record.verdict, self.record.failure_code)
 
     @property
@@ -60,7 +60,7 @@ class Job:
 
     @property
     def reason(self) -> str:
-        """Reason why it did not pass, in words; empty: unknown, or it passed."""
+        """Reason why the job did not pass, in words; empty: unknown, or it passed."""
         return self.record.failure_reason or self.record.verdict_reason or self.record.failure_code or ""
 
     @cached_property

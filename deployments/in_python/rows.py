@@ -23,15 +23,15 @@ class ResultRow:
     step: str
     """Name of the step that ordered the job of a result row; empty: unknown."""
     test: str
-    """Name of the job, the same in every run of the specification."""
+    """Name of a simulation job, the same in every run of the specification."""
     job: str
     """Id of the job, or `request 3` if the request has no job."""
     outcome: CaseOutcome
-    """Outcome; only `passed` means that it was judged and met all its requirements."""
+    """Outcome of a trial or job; only `passed` means that it was judged and met all its requirements."""
     verdict: Verdict
     """Verdict on a trial or job; `NONE` when nothing was judged."""
     reason: str
-    """Reason why the verdict is not PASS, or of the error; empty: unknown."""
+    """Reason why a trial's verdict is not PASS, or of its error; empty: unknown."""
     failure_code: str | None
     """Failure code of a job; `None`: it did not fail."""
     world: str | None
@@ -43,19 +43,19 @@ class ResultRow:
     seed: int | None
     """Random seed of the trial; `None`: it never began."""
     ended_by: str
-    """Cause of the end, such as `environment` or `duration limit`; empty: unknown."""
+    """Cause of a trial's end, such as `environment` or `duration limit`; empty: unknown."""
     sim_time_s: float | None
     """Simulated time at the end of a trial, in seconds; `None`: unknown."""
     wall_time_s: float
     """Duration of a trial or job, in seconds."""
     output: str | None
-    """Address of its outputs, `file:///…` or `s3://…`; `None`: it has none of its own."""
+    """Address of a trial's outputs, `file:///…` or `s3://…`; `None`: it has none of its own."""
     axes: Mapping[str, Value]
     """Values of a trial's varied parameters (axes), by name."""
     metrics: Mapping[str, float]
     """Metrics of a trial: numbers by name with unit, such as `distance_m`."""
     requirements: list[Requirement]
-    """Requirements that it was judged by, with limits, values and margins."""
+    """Requirements that a trial was judged by, with limits, values and margins."""
 
 
 def rows_of(table: "pa.Table") -> list[ResultRow]:

@@ -63,12 +63,12 @@ class Run:
 
     @property
     def passed(self) -> bool:
-        """Whether it succeeded and has jobs, each of which was judged and passed."""
+        """Whether the run succeeded and has jobs, each of which was judged and passed."""
         return self._standing.passed
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code that `robomaker run` would return; `None`: it has not ended."""
+        """Exit code that `robomaker run` would return for the run; `None`: it has not ended."""
         return self.record.exit_code if self.record else None
 
     @property
@@ -100,12 +100,12 @@ class Run:
 
     @property
     def folder(self) -> Path:
-        """Folder with its record, specification, report and table of results."""
+        """Folder of the run with its record, specification, report and table of results."""
         return self._standing.folder
 
     @property
     def report(self) -> Path | None:
-        """Path of the HTML report; `None`: there is none, or none yet."""
+        """Path of the run's HTML report; `None`: there is none, or none yet."""
         path = self.folder / "report.html"
         return path if path.is_file() else None
 
@@ -116,7 +116,7 @@ class Run:
 
     @cached_property
     def jobs(self) -> list[Job]:
-        """Simulation jobs, and requests without a job, in the order of the requests."""
+        """Simulation jobs of the run, and requests without a job, in the order of the requests."""
         return [Job(job, self._world_of(job), self._service) for job in self._standing.jobs]
 
     @cached_property

@@ -44,7 +44,7 @@ class World:
 
     @cached_property
     def picture(self) -> bytes:
-        """Picture from above, PNG; empty if it cannot be drawn. It raises as `folder` does."""
+        """Picture of a world from above as PNG; empty if it cannot be drawn. It raises errors as `folder` does."""
         return preview_of(self._resource, self._service)
 
     def drawing(self) -> Markup:

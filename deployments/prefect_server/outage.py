@@ -21,10 +21,10 @@ class Health(Enum):
 
     HEALTHY = auto()
     BUSY = auto()
-    """Something listens at the port, but does not answer in time."""
+    """The server is busy: something listens at its port, but does not answer in time."""
 
     AWAY = auto()
-    """Nothing listens at the port, or something that is no Prefect server."""
+    """The server is away: nothing listens at its port, or something that is no Prefect server."""
 
 
 def health_of(api_url: str) -> Health:
@@ -77,7 +77,7 @@ Other servers are restarted by their supervisor, such as systemd or a container 
 """
 
 SILENCE_S = 5.0
-"""Time without a response after which the server's health is checked, in seconds."""
+"""Time without a response after which the Prefect server's health is checked, in seconds."""
 
 _LOOK_S = 1.0
 
@@ -114,7 +114,7 @@ class Outage:
         self._since = 0.0
         self._has_told_end = False
         self.has_been = False
-        """Whether the server was ever away, so that it may not know how runs ended."""
+        """Whether the Prefect server was ever away, so that it may not know how runs ended."""
         self._open_requests: dict[object, float] = {}
         self._closed = threading.Event()
 
@@ -135,7 +135,7 @@ class Outage:
 
     @property
     def is_waited_for(self) -> bool:
-        """Whether the server is away and requests still wait for it."""
+        """Whether the Prefect server is away and requests still wait for it."""
         return self.is_on and self._clock() < self._since + self._patience_s()
 
     def wait(self) -> bool:
@@ -185,7 +185,7 @@ class Outage:
         return self.is_on
 
     def _tell_end(self) -> None:
-        """Reports once that the server did not answer within the waiting time."""
+        """Reports once that the Prefect server did not answer within the waiting time."""
         if self.is_on and not self.is_waited_for and not self._has_told_end:
             self._has_told_end = True
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")

@@ -128,7 +128,7 @@ class Shapes:
         return name
 
     def _typed(self, kind: Any, shape_name: ShapeName) -> Definition:
-        """Returns the type of a shape, and the shapes of its members."""
+        """Returns the definition of a shape's type, with the shapes of its members."""
         origin, arguments = get_origin(kind), get_args(kind)
         if origin is Literal:
             return {"type": "string", "enum": list(arguments)}

@@ -19,7 +19,7 @@ class Waiter:
     """API operation that an SDK waiter calls."""
 
     lifecycle: Lifecycle[Any]
-    """Lifecycle of the job: each of its final states ends the waiting."""
+    """Lifecycle of the job that an SDK waiter polls: each final state ends the waiting."""
 
     delay_s: int
     """Time between two calls of an SDK waiter, in seconds."""
@@ -31,7 +31,7 @@ class Waiter:
     """Job states that end an SDK waiter's waiting successfully."""
 
     also_failed: Collection[str] = ()
-    """Further states that end the waiting with a failure, although they are not final."""
+    """Job states that end an SDK waiter's waiting with a failure, although they are not final."""
 
     @property
     def failed(self) -> list[str]:

@@ -184,7 +184,7 @@ class SpecRuns:
             raise ThrottlingException(f"{MOST_AT_ONCE} runs that were ordered here go on; wait until one has ended")
 
     def standing(self, run_id: str) -> Standing | None:
-        """Returns the state of a run; `None` if it was not ordered here."""
+        """Returns the state of an ordered run; `None` if it was not ordered here."""
         return read_standing(self._runs / run_id)
 
     def going(self) -> list[str]:

@@ -20,7 +20,7 @@ class JobPool:
     """API operation that creates the jobs of a pool."""
 
     at_once: int
-    """Limit of such jobs that run at the same time; the others wait, oldest first."""
+    """Limit of jobs of a pool that run at the same time; the others wait, oldest first."""
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:

@@ -95,7 +95,7 @@ class Jobs:
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
     def look_again(self) -> None:
-        """Checks once a minute whether jobs that could not run here can run now."""
+        """Checks once a minute whether jobs that this process could not run can run now."""
         if time.monotonic() - self._left_since_s > _LOOK_AGAIN_S:
             self._left_since_s = time.monotonic()
             self.left.clear()
@@ -149,7 +149,7 @@ class Jobs:
             _logger.info("%s: %s after %.1f s", job.id, status, duration_s)
 
     def _note(self, pool: JobPool, job: Resource, error: BaseException) -> None:
-        """Decides whether a job whose flow run raised is retried or fails."""
+        """Decides whether a job whose flow run raised an error is retried or fails."""
         try:
             if is_terminal(job.kind, self.service.catalog.get(job.arn).status):
                 _logger.warning("%s has ended; Prefect may not show it so: %s", job.id, error)

@@ -84,7 +84,7 @@ class WarmWorker:
         return self._service.settings
 
     def look(self) -> None:
-        """Starts the jobs that can run; called several times a second."""
+        """Starts the stored jobs that can run; called several times a second."""
         try:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
@@ -126,7 +126,7 @@ class WarmWorker:
         """Releases every job; the process has to end right after.
 
         Returns:
-            How many jobs of each kind other workers can continue.
+            Number of jobs of each kind that other workers can continue.
         """
         logging.disable(logging.CRITICAL)  # jobs that lose their lease complain
         arns = HELD.give_back_all(self._service.catalog)

@@ -62,7 +62,7 @@ class WorkerProcess:
         """Stops the worker process.
 
         Returns:
-            How many jobs of each kind it had to leave unfinished.
+            Number of jobs of each kind that it left unfinished.
         """
         self._stopping.set()
         if (channel := self._channel) is not None:

@@ -32,7 +32,7 @@ class _Machine:
     """Whether the machine's last job worker could not use its settings."""
 
     reason: str = ""
-    """Reason why its last job worker ended, unless it ended well."""
+    """Reason why a machine's last job worker ended; empty if it ended well."""
 
     @property
     def runs(self) -> bool:

@@ -49,7 +49,7 @@ def run_job_worker(
         should_stop: called twice a second; once true, the worker releases its jobs and ends.
 
     Returns:
-        How it ended.
+        Report of how the job worker ended.
     """
     with tempfile.TemporaryFile() as messages:
         process = subprocess.Popen(

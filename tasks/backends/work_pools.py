@@ -111,7 +111,7 @@ class PoolWorkers:
         return self._standing
 
     def begin(self) -> None:
-        """Starts the thread that starts and watches the job workers."""
+        """Starts the thread that starts and watches a batch's job workers in the work pool."""
         self._keeper.start()
 
     def end(self, *, also_running: bool) -> None:

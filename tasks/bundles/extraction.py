@@ -145,7 +145,7 @@ class _Extraction:
         return parts
 
     def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """Describes the problem of a member's path; empty if it has none."""
+        """Describes what is wrong with a member's path in an archive; empty if nothing is."""
         if member.name.startswith("/"):
             return "an absolute path"
         if "\\" in path or "\0" in path:
@@ -161,7 +161,7 @@ class _Extraction:
         return f"a component of more than {_MAX_COMPONENT_BYTES} bytes" if too_long else ""
 
     def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
-        """Reserves a path; folders may be named again, everything else only once."""
+        """Reserves a path in the target folder; folders may be named again, everything else only once."""
         folded = name if self.limits.is_system_tree else unicodedata.normalize("NFC", name).casefold()
         other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
         if other != name:

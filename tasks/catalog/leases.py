@@ -184,7 +184,7 @@ class CatalogLeases(CatalogReader):
             owners: prefix of the names of the leases' owners.
 
         Returns:
-            How many leases it held.
+            Number of leases that the process held.
         """
         held = resources.c.lease_owner.startswith(owners, autoescape=True)
         with self._transaction(self._writer) as connection:

@@ -21,7 +21,7 @@ class NewResource:
     """Name of the new resource; empty if it has none."""
 
     status: str = ""
-    """State in its lifecycle; kinds without a lifecycle may have any text."""
+    """Status of the new resource in its lifecycle; kinds without a lifecycle may have any text."""
 
     parent: str | None = None
     """ARN of the generation job or batch that created the resource."""
@@ -29,7 +29,7 @@ class NewResource:
     tags: Mapping[str, str] = field(default_factory=dict[str, str])
 
     labels: Mapping[str, Sequence[str]] = field(default_factory=dict[str, Sequence[str]])
-    """Further values that lists filter by, such as the names of a job's applications."""
+    """Labels of the new resource: values that lists filter by, such as the names of a job's applications."""
 
     document: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Plain JSON: the request, and what is recorded later. It is read by its kind's type in `schemas.documents`."""
@@ -78,7 +78,7 @@ class FirstLease:
     """Lease (time-limited lock) of a new job that is held from the moment the job is stored."""
 
     owner: str
-    """Name of the process that ordered the job for itself, which no other has."""
+    """Name of the process that ordered a job for itself; no other process has that name."""
 
     lease_s: float
     """Time without renewal after which another process may take the lease, in seconds."""

@@ -180,7 +180,7 @@ class _Check:
                 return
 
     def _checked(self, resource: Resource) -> tuple[int, int, list[Finding]]:
-        """Checks one resource; returns the numbers of objects and bytes, and its findings."""
+        """Checks one resource's stored outputs; returns the numbers of objects and bytes, and the findings."""
         objects, size_bytes, findings = 0, 0, list[Finding]()
         for thing in stored_of(resource):
             bucket = thing.place.bucket if isinstance(thing, Folder) else thing.bucket

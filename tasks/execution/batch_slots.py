@@ -26,7 +26,7 @@ _RENEW_S = 20.0
 LOOK_S = 5.0
 """Interval between two checks whether the batch's limit was changed, in seconds."""
 _WAIT_S = 0.25
-_LATE_S = 5.0
+_TURN_TIMEOUT_S = 5.0
 """Time after which a waiting job loses its turn to later ones that have asked for a slot, in seconds."""
 
 _PREFIX = "robomaker-"
@@ -151,7 +151,7 @@ class Slots:
     def _await_turn(self, should_stop: Callable[[], bool], place: int | None) -> None:
         """Waits until all jobs before this one have had their turn, although more wait than there are slots."""
         with self._changed:
-            late_s = time.monotonic() + _LATE_S
+            late_s = time.monotonic() + _TURN_TIMEOUT_S
             if place is not None:
                 self._came.add(place)
             while place is not None and self._queue and self._queue[0] < place and not should_stop():

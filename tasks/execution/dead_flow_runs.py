@@ -68,7 +68,7 @@ _TOLD_FOR = timedelta(days=1)
 _LATE_S = 300.0
 """Longest delay of task runs' states at a server that is flooded with them, in seconds; 240 s were seen."""
 
-_DEPTH = 4
+_MAX_FLOW_DEPTH = 4
 """Limit of the depth of nested flows."""
 
 _ENDS = ("Completed", "Failed", "Crashed", "Cancelled", "TimedOut", "Paused", "Suspended")
@@ -88,7 +88,7 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
     """Creates or updates the Prefect automation that marks flow runs as crashed when they send no heartbeats.
 
     Returns:
-        Its id.
+        Id of the automation.
     """
     wanted = _automation()
     found = client.read_automations_by_name(AUTOMATION)
@@ -107,7 +107,7 @@ def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: d
         flow_names: names of the flows that are asked about.
         since: a run that has ended since then counts, too.
     """
-    open_states = _in([*_OPEN, StateType.CANCELLING])
+    open_states = _with_states([*_OPEN, StateType.CANCELLING])
     chosen = _flow_runs(operator=Operator.or_, state=open_states, end_time={"after_": since})
     return bool(client.read_flow_runs(flow_filter=_flows_named(flow_names), flow_run_filter=chosen, limit=1))
 
@@ -122,9 +122,9 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     """
     before = (now or datetime.now(UTC)) - timedelta(seconds=_SETTLE_S)
     ours = _flows_named(flow_names)
-    is_open = TaskRunFilter.model_validate({"state": _in(_OPEN)})
+    is_open = TaskRunFilter.model_validate({"state": _with_states(_OPEN)})
     flow_runs = task_runs = 0
-    for _ in range(_DEPTH):
+    for _ in range(_MAX_FLOW_DEPTH):
         tasks = client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=_dead(before))
         flows = [run.id for run in _parts_of(client, _open_parts(client, ours), _dead(before))]
         for task in tasks:
@@ -172,7 +172,7 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
     unheard = [part for part in open_parts if part.id not in told]
     for part in _parts_of(client, unheard, _ended_since(now - _TOLD_FOR, _ENDED_BY_ITSELF, before=late)):
         client.set_flow_run_state(part.id, Crashed(message=_PART_OF_ENDED))
-    is_open = TaskRunFilter.model_validate({"state": _in(_OPEN)})
+    is_open = TaskRunFilter.model_validate({"state": _with_states(_OPEN)})
     for end in _ENDED_BY_ITSELF:
         ended = _ended_since(now - _TOLD_FOR, [end], before=late)
         for task in client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=ended):
@@ -185,7 +185,7 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
 def _tell_end(client: SyncPrefectClient, run: UUID, end: State[Any]) -> None:
     """Sets the state in which a flow run really ended, and closes its task runs that are still open."""
     client.set_flow_run_state(run, end.model_copy(update={"data": None}), force=True)
-    unheard = TaskRunFilter.model_validate({"state": _in([*_OPEN, StateType.CRASHED])})
+    unheard = TaskRunFilter.model_validate({"state": _with_states([*_OPEN, StateType.CRASHED])})
     for task in client.read_task_runs(task_run_filter=unheard, flow_run_filter=_flow_runs(id={"any_": [run]})):
         if task.state and (not task.state.is_crashed() or task.state.message == _TASK_OF_DEAD):
             client.set_task_run_state(task.id, _end_of_task(end.type), force=True)
@@ -225,7 +225,7 @@ def close_unheard(
     until = now or datetime.now(UTC)
     since = until - timedelta(seconds=UNHEARD_S)
     chosen = _flow_runs(
-        state=_in([StateType.RUNNING]), start_time={"before_": since}, parent_task_run_id={"is_null_": True}
+        state=_with_states([StateType.RUNNING]), start_time={"before_": since}, parent_task_run_id={"is_null_": True}
     )
     ours = _flows_named(flow_names)
     found = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
@@ -256,7 +256,7 @@ def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UU
         client: the server's client.
         runs: ids of the flow runs.
     """
-    crashed = _flow_runs(id={"any_": list(runs)}, state=_in([StateType.CRASHED]))
+    crashed = _flow_runs(id={"any_": list(runs)}, state=_with_states([StateType.CRASHED]))
     found = client.read_flow_runs(flow_run_filter=crashed)
     return [run.id for run in found if run.state and run.state.message in (_NO_SIGN, _PART_OF_DEAD)]
 
@@ -271,7 +271,7 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
     again = Running(message="its process slept or was stopped, and goes on")
     for run in runs:
         client.set_flow_run_state(run, again, force=True)
-    crashed = TaskRunFilter.model_validate({"state": _in([StateType.CRASHED])})
+    crashed = TaskRunFilter.model_validate({"state": _with_states([StateType.CRASHED])})
     in_runs = _flow_runs(id={"any_": list(runs)})
     for task in client.read_task_runs(task_run_filter=crashed, flow_run_filter=in_runs):
         if task.state and task.state.message == _TASK_OF_DEAD:
@@ -329,7 +329,7 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
     return {resource_of[found.resource.id] for found in client.read_events(asked, limit=_EVENTS_PAGE).events}
 
 
-def _in(states: Collection[StateType]) -> dict[str, Any]:
+def _with_states(states: Collection[StateType]) -> dict[str, Any]:
     """Returns the part of a run filter that selects some states."""
     return {"type": {"any_": list(states)}}
 
@@ -344,16 +344,16 @@ def _flow_runs(**chosen: Any) -> FlowRunFilter:
 
 def _dead(before: datetime) -> FlowRunFilter:
     """Returns a filter for flow runs that crashed or were cancelled before a time."""
-    return _flow_runs(state=_in(_CLOSED), end_time={"before_": before})
+    return _flow_runs(state=_with_states(_CLOSED), end_time={"before_": before})
 
 
 def _ended_since(since: datetime, states: list[StateType], before: datetime | None = None) -> FlowRunFilter:
-    return _flow_runs(state=_in(states), end_time={"after_": since, "before_": before})
+    return _flow_runs(state=_with_states(states), end_time={"after_": since, "before_": before})
 
 
 def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
     """Returns the open subflow runs of this project's flows."""
-    chosen = _flow_runs(state=_in(_OPEN), parent_task_run_id={"is_null_": False})
+    chosen = _flow_runs(state=_with_states(_OPEN), parent_task_run_id={"is_null_": False})
     return client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
 
 

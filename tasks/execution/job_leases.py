@@ -21,7 +21,7 @@ from .held_leases import HELD, HeldLeases
 Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
 
-_MOST_REFUSALS = 3
+_MAX_REFUSALS = 3
 """Limit of consecutive failures of a catalog that answers, after which waiting for it is of no use."""
 
 
@@ -173,14 +173,14 @@ class CatalogWait:
                 _logger.debug("the catalog is still away: %s", still)
                 continue
             self._refusals = 0 if was_away else self._refusals + 1
-            if self._refusals < _MOST_REFUSALS:
+            if self._refusals < _MAX_REFUSALS:
                 return
             break
         raise failure
 
 
 MAX_LOST_WORKERS = 3
-_MOST_OF_BATCHES = 10
+_MAX_LOST_WORKERS_OF_BATCH = 10
 """Limit of lost job workers for a batch, higher than for a job: the job at fault reaches its own limit first."""
 
 _CODE = "InternalServiceError"
@@ -204,7 +204,7 @@ def _given_up(kind: str) -> GivenUp | None:
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
     """Returns the reason why a job has reached its retry limit; `None` if it may run."""
-    most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
+    most = _MAX_LOST_WORKERS_OF_BATCH if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_workers(lease.job.arn)
     if lost < most:
         return None

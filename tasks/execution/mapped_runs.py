@@ -50,7 +50,7 @@ class Item:
             sleep: waits before a retry, in seconds.
 
         Returns:
-            Its final state; `NotReady` where an input of it failed.
+            Final state of the item; `NotReady` if an input of it failed.
         """
         try:
             parameters = resolve_inputs_sync(dict(self.parameters))

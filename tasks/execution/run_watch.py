@@ -50,7 +50,7 @@ class _Watched:
     name: str
     cancel: Callable[[], None]
     goes_on: Callable[[], bool]
-    """Function that returns whether this process still does the run's work."""
+    """Function that returns whether this process still does the watched run's work."""
 
     parts: set[UUID] = field(default_factory=set[UUID])
     """Ids of subflow runs in a watched flow run that have not ended."""
@@ -72,7 +72,7 @@ class RunWatch:
     _is_running: bool = False
     _misses: int = 0
     tells_of_silence: bool = True
-    """Whether it logs that the server does not answer; false if another component does."""
+    """Whether the watcher logs that the server does not answer; false if another component does."""
 
     @contextmanager
     def watching(

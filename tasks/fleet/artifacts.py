@@ -107,7 +107,7 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
 
 
 FILE_NAME = "application.swu"
-"""Name of the file in orders; the object's key tells versions apart."""
+"""File name of installation files in orders to robots; the object's key tells versions apart."""
 
 _FOLDER = "robots"
 _FORM = 2  # of the files: another number makes all of them anew

@@ -259,7 +259,7 @@ class KnownRobots:
         return enrolled is not None and enrolled.has_agent
 
     def tags(self, robot: str) -> Mapping[str, str]:
-        """Returns the tags of the robot of that id; empty if it is not enrolled."""
+        """Returns the tags of the robot with that id; empty if the robot is not enrolled."""
         enrolled = self._by_id.get(robot)
         return enrolled.tags if enrolled is not None else {}
 
@@ -282,7 +282,7 @@ def enrollable(name: str, service: Service) -> Resource:
 
 
 def replace_enrolment(**members: str | float | None) -> RobotEnrolment:
-    """Makes a document update that clears a robot's earlier login data."""
+    """Makes a change of a robot's document that clears its earlier login data."""
     return RobotEnrolment.model_validate({**dict.fromkeys(RobotEnrolment.model_fields), **members})
 
 

@@ -306,7 +306,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
         known: rollouts that were read before, by job; unchanged ones are not read again.
 
     Returns:
-        Them, those of older jobs first.
+        The rollouts, those of older jobs first.
 
     Raises:
         ServiceUnavailableException: the catalog does not answer.

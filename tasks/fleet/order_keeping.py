@@ -51,7 +51,7 @@ class SaidBefore:
     """Last error texts of a robot about its order, oldest first."""
 
     withheld: ReportedCode | None = None
-    """Reason why the server could not send the file at the robot's last request."""
+    """Reason why the server could not send the installation file at the robot's last request."""
 
 
 def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
@@ -214,7 +214,7 @@ class OrderKeeper:
         return self._artifacts.get(order.sha256)
 
     def files(self) -> frozenset[str]:
-        """Returns the SHA-256 of each file that open rollouts install."""
+        """Returns the SHA-256 of each installation file of open rollouts."""
         return frozenset(self._artifacts)
 
     def _put(self, robot: str, wanted: list[_Wanted]) -> None:

@@ -75,7 +75,7 @@ A robot's place in the wave stays empty for as long.
 """
 
 IDLE_S = 2.0
-"""Interval between two polls of the catalog otherwise, in seconds."""
+"""Interval between two polls of the catalog while no rollout is open, in seconds."""
 
 AWAKE_S = 60.0
 """Time after a deployment was created here during which the catalog is polled often, in seconds.

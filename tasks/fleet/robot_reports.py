@@ -25,7 +25,7 @@ PROGRESS_EVERY_S = 2.0
 """Interval between two records of a robot's download progress, in seconds."""
 
 ReportEvent = Callable[[Service, str, Report, float], None]
-"""Function that stores an event of a rollout: `kept_rollouts.report`."""
+"""Function that stores an event of a rollout, such as a robot's report: `kept_rollouts.report`."""
 
 
 class RobotReports:

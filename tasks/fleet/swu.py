@@ -36,7 +36,7 @@ class SigningKey:
 
     @property
     def certificate_pem(self) -> bytes:
-        """The certificate in PEM, which robots need to verify signatures."""
+        """Certificate in PEM, with which robots verify signatures of installation files."""
         return self.certificate.public_bytes(Encoding.PEM)
 
     @property

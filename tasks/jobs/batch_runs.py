@@ -88,7 +88,7 @@ class BatchRun:
         self._order = mixed_order(self._requests) if document.mixed else range(len(self._requests))
         self._ask_again_at, self._cancelled = 0.0, False
         self._misses_catalog = False  # since the last look, which did not see all
-        self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
+        self._patient = self._service.patient(batch.id, lambda: self._stop_reason() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
         self._made = set(jobs_by_request(batch, service))
@@ -110,10 +110,10 @@ class BatchRun:
         if self._batch.status == "Pending":
             self._lease.transition("start")
         else:
-            self._note_taken_over()
+            self._reset_lost_workers()
         if self._service.reuses:
             self._reuse_results()
-        if not self._why_stop():
+        if not self._stop_reason():
             self._refuse_early()
         if unfinished := self._unfinished():
             try:
@@ -121,11 +121,11 @@ class BatchRun:
             except BackendError as error:
                 self._abandon(str(error))
                 return
-        while self._why_stop() and not self._lease.lost and not self._stop_remaining_jobs():
+        while self._stop_reason() and not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)  # somebody else performs one of its jobs, and has been told to end it
         self._settle()
 
-    def _note_taken_over(self) -> None:
+    def _reset_lost_workers(self) -> None:
         """Resets the count of dead job workers if any job has ended since the batch was last taken over."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         ended = sum(count for status, count in statuses.items() if is_terminal("simulation-job", status))
@@ -158,7 +158,7 @@ class BatchRun:
         Returns:
             Whether all jobs have ended.
         """
-        reason = self._why_stop() or StopReason.BATCH_CANCELED
+        reason = self._stop_reason() or StopReason.BATCH_CANCELED
         performed = [
             job for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
@@ -178,7 +178,7 @@ class BatchRun:
         Once the batch has to stop, only those that have become jobs are returned.
         """
         active = set(self._active())
-        unfinished = active if self._why_stop() else active.union(self._waiting())
+        unfinished = active if self._stop_reason() else active.union(self._waiting())
         return [index for index in self._order if index in unfinished]
 
     def _waiting(self) -> list[int]:
@@ -293,7 +293,7 @@ class BatchRun:
         The slots are released when the job's programs have ended, so drawing and storing delay no other job. At most as
         many jobs as there are slots finish at once; further ones keep their slots until they have ended.
         """
-        should_stop = lambda: self._why_stop() is not None  # noqa: E731
+        should_stop = lambda: self._stop_reason() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
 
         def take(stack: ExitStack) -> Turn | None:
@@ -308,7 +308,7 @@ class BatchRun:
                 self._is_news = True
                 self._outlasting(
                     lambda: perform_job(
-                        job.arn, self._service, self._why_jobs_stop, waited_s=turn.waited_s, place=place
+                        job.arn, self._service, self._jobs_stop_reason, waited_s=turn.waited_s, place=place
                     )
                 )
         self._is_news = True
@@ -326,9 +326,9 @@ class BatchRun:
 
     def _wants_more(self) -> bool:
         """Whether another request becomes a job once a running job has ended."""
-        return self._why_stop() is None and len(self._made) + len(self._failed) < len(self._requests)
+        return self._stop_reason() is None and len(self._made) + len(self._failed) < len(self._requests)
 
-    def _why_stop(self) -> StopReason | None:
+    def _stop_reason(self) -> StopReason | None:
         """Returns the first reason why the batch must stop its jobs (cancellation or timeout), or `None`."""
         if self._stop is None:
             if self._lease.lost or self._is_cancelled():
@@ -337,13 +337,13 @@ class BatchRun:
                 self._stop = StopReason.BATCH_TIMED_OUT
         return self._stop
 
-    def _why_jobs_stop(self) -> StopReason | None:
+    def _jobs_stop_reason(self) -> StopReason | None:
         """Reason why running jobs have to stop, or `None`.
 
         A batch that another process has taken over is no reason: each job has a lease of its own, and the other process
         waits for those that are held.
         """
-        reason = self._why_stop()
+        reason = self._stop_reason()
         if reason is not StopReason.BATCH_CANCELED or not self._lease.lost or self._is_cancelled():
             return reason
         return StopReason.BATCH_TIMED_OUT if self._service.clock() >= self._deadline else None
@@ -369,7 +369,7 @@ class BatchRun:
                 request, self._patient.with_blocks(read_credential_block), token=token, batch=(self._arn, index)
             )
         except StorageUnavailableError as error:
-            if not self._why_stop():
+            if not self._stop_reason():
                 self._fail_request(index, "InternalServiceError", str(error))
             return None
         except ServiceUnavailableException:
@@ -413,7 +413,7 @@ class BatchRun:
         """Creates finished jobs for the requests whose results exist already; the others remain to be run."""
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
-            if self._why_stop():
+            if self._stop_reason():
                 return
             request, token = self._request(index)
             with suppress(ServiceError, StorageError):  # what is wrong with it is said when it is to be run
@@ -479,18 +479,18 @@ class BatchRun:
             self._report()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
-        return self._why_stop() is not None
+        return self._stop_reason() is not None
 
     def _only_finishes(self) -> bool:
         """Whether no job waited or simulated any more at the batch's timeout, so that the timeout ends no job."""
-        reason = self._why_stop()
+        reason = self._stop_reason()
         if reason is not StopReason.BATCH_TIMED_OUT or self._waiting():
             return False
         return all(only_finishes(job, reason) for job in self._active().values())
 
     def _note_stop(self) -> None:
         """Sets the batch's status to the reason why its jobs have to stop, if they have to."""
-        event = STOP_EVENTS.get(self._why_stop() or "")
+        event = STOP_EVENTS.get(self._stop_reason() or "")
         if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)
 

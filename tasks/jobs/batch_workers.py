@@ -56,7 +56,7 @@ class BatchWorker:
         """Runs jobs of the batch until the batch has ended, or no process manages it any more.
 
         Returns:
-            How many were run here.
+            Number of jobs that were run here.
 
         Raises:
             ConfigurationError: the catalog of this machine does not have the batch.
@@ -81,7 +81,7 @@ class BatchWorker:
         self._ended.set()
 
     def _machine(self) -> MachineSlots:
-        """Returns the slots of this machine, as this batch may use them."""
+        """Returns the slots of this machine, with the batch's own priority and requirements."""
         try:
             batch = SimulationJobBatchDocument.of(self._service.catalog.get(self._batch, kind=_BATCH))
         except ResourceNotFoundException as error:
@@ -171,13 +171,13 @@ class BatchWorker:
             if slots:
                 stack.callback(machine.give_back, slots.pop())  # the one with which it was claimed
                 return Turn(waited_s)
-            return stack.enter_context(machine.hold(lambda: self._why_stop() is not None, name))
+            return stack.enter_context(machine.hold(lambda: self._stop_reason() is not None, name))
 
         slots = [slot]
         try:
             with Place(take, permit_of(machine)) as place:
                 place.simulate()
-                perform_job(arn, self._service, self._why_stop, waited_s=waited_s, place=place, waits=False)
+                perform_job(arn, self._service, self._stop_reason, waited_s=waited_s, place=place, waits=False)
         except (CatalogUnavailable, LeaseLostError, WorkerStopping) as error:
             _logger.warning("%s is left to another job worker: %s", arn, error)
         except Exception as error:
@@ -195,7 +195,7 @@ class BatchWorker:
         except RobomakerError as error:
             _logger.warning("%s could not be marked as failed: %s", arn, error)
 
-    def _why_stop(self) -> StopReason | None:
+    def _stop_reason(self) -> StopReason | None:
         """Returns the reason why the batch's jobs have to end, by its last known status; `None` if they do not."""
         return STOPPING.get(self._status)
 

@@ -136,7 +136,7 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
         service: the service, with its catalog and object store.
 
     Returns:
-        Its standing; `None`: no process has begun with it.
+        Owner and state of the job; `None`: no process has begun with it.
     """
     return standings_of([job], service).get(job.arn)
 

@@ -127,7 +127,7 @@ class _Next(Enum):
     """Next step of a job: start a new run, because a restart was requested."""
 
     GO_ON = auto()
-    """Continue a killed run from its last checkpoint, else from the start."""
+    """Next step of a job: continue a killed run from its last checkpoint, else from the start."""
 
 
 @cache
@@ -167,11 +167,11 @@ class JobRun:
         self._lease = lease
         self._service = service.with_blocks(read_credential_block)
         self._stop = stop
-        self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
+        self._earlier = EarlierRuns(lease, self._outputs, self._stop_reason)
         self._begin: Callable[[], None] | None = None
         """Function that sets the job's status to running; `None` once it has been called."""
         self._answers = False
-        """Whether applications listen on forwarded ports, or have had their time to."""
+        """Whether the job's applications listen on forwarded ports, or have had their time to."""
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
@@ -179,11 +179,11 @@ class JobRun:
         next_run = _Next.GO_ON  # with what a dead job worker may have left
         while next_run is not _Next.NONE:
             left, self._finishes = None, False
-            if next_run is _Next.GO_ON and not self._why_stop():
+            if next_run is _Next.GO_ON and not self._stop_reason():
                 left = self._left_by_a_dead_worker()
                 if left is None:
                     self._earlier.keep_dead(KILLED if self._kills else DIED)
-            reason = self._why_stop()  # perhaps by now
+            reason = self._stop_reason()  # perhaps by now
             if reason or (self._lease.job.status == "Terminating" and not self._earlier.note_lost()):
                 self.end(reason or StopReason.CANCELED)
                 return
@@ -237,7 +237,7 @@ class JobRun:
             if isinstance(error, LaunchInterruptedError) and self._may_try_again(run_id):
                 next_run = self._after_kill(str(error))
                 return next_run
-            reason = self._why_stop()  # a stop may be what made preparing fail
+            reason = self._stop_reason()  # a stop may be what made preparing fail
             outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
             self._terminate(outcome, of_run=run_id)
         except ServiceUnavailableException as error:
@@ -269,7 +269,7 @@ class JobRun:
         It is repeated only while each attempt reaches a later simulated time.
         """
         self._kills = 1 if reached_s(self._folder(run_id)) > self._document.reached_s else self._kills + 1
-        return self._kills < MAX_LOST_WORKERS and self._why_stop() is None
+        return self._kills < MAX_LOST_WORKERS and self._stop_reason() is None
 
     def _after_kill(self, why: str) -> "_Next":
         """Logs that a run was killed, and waits before the next attempt."""
@@ -325,7 +325,7 @@ class JobRun:
         if ended.was_killed:
             self._note_running()
             return self._after_kill(ended.failure_reason or "it was killed")
-        why_stop = self._why_stop()
+        why_stop = self._stop_reason()
         outcome = outcome_of(ended, why_stop)
         if outcome.status == "Canceled" and ended.status == "Completed":
             remove_verdict(plan.output_dir)
@@ -350,7 +350,7 @@ class JobRun:
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
-        """Runs the plan's processes until they have ended; returns the result."""
+        """Runs the processes of a simulation run's plan until they have ended; returns the result."""
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
@@ -407,9 +407,9 @@ class JobRun:
 
     def _is_stopped(self) -> bool:
         """Whether the running simulation job has to end."""
-        return self._why_stop() is not None
+        return self._stop_reason() is not None
 
-    def _why_stop(self) -> StopReason | None:
+    def _stop_reason(self) -> StopReason | None:
         """Returns the reason why the running simulation job has to end, or `None`."""
         return self._asked()[1]
 
@@ -426,7 +426,7 @@ class JobRun:
         return RunStop.CANCELED if self._is_interrupted() else None
 
     def _is_interrupted(self) -> bool:
-        """Whether the current run has to end, because the job ends or restarts."""
+        """Whether the current simulation run has to end, because the job ends or restarts."""
         status, reason = self._asked()
         return reason is not None or self._is_to_restart(status)
 
@@ -496,7 +496,7 @@ class JobRun:
                 stopped=self._is_stopped,
                 resumes=resumes,
                 outdated=lambda: self._is_overtaken(outcome),
-                ended=UploadEnd(self._lease.job.arn, self._lease.job.parent, self._service.catalog, self._why_stop),
+                ended=UploadEnd(self._lease.job.arn, self._lease.job.parent, self._service.catalog, self._stop_reason),
             )
         except TransferStoppedError:
             return self._concluded(outcome, outputs, finished=finished)
@@ -509,7 +509,7 @@ class JobRun:
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
         """Returns the outcome of a job that may have been cancelled while its outputs were being stored."""
         # A catalog that is away now cannot say why; only cancelling ends an upload.
-        if is_overtaken(outcome.status, self._why_stop() or StopReason.CANCELED, is_whole=False):
+        if is_overtaken(outcome.status, self._stop_reason() or StopReason.CANCELED, is_whole=False):
             outcome = self._overtaken(outcome, outputs)
         self._lease.update(SimulationJobProgress(outcome=outcome))  # raises if the lease is another's by now
         try:
@@ -521,14 +521,14 @@ class JobRun:
 
     def _is_overtaken(self, outcome: Outcome) -> bool:
         """Whether the job was cancelled while the outputs of its completed run were stored."""
-        return is_overtaken(outcome.status, self._why_stop())
+        return is_overtaken(outcome.status, self._stop_reason())
 
     def _overtaken(self, outcome: Outcome, outputs: RunOutputs) -> Outcome:
         """Returns the outcome of a job that was cancelled while its outputs were stored.
 
         Its result then has no verdict.
         """
-        outcome = overtaken(outcome, self._why_stop())
+        outcome = overtaken(outcome, self._stop_reason())
         self._lease.update(SimulationJobProgress(outcome=outcome, verdict=None, verdict_reason=None))
         remove_verdict(outputs.output_dir)
         return outcome

@@ -55,7 +55,7 @@ class Place(AbstractContextManager["Place"]):
         """Waits until the machine has a free slot, so that the job may simulate.
 
         Returns:
-            How long it waited for the machine; `None`: it has to stop.
+            Time that the job waited for the machine; `None`: the job has to stop.
         """
         if self._simulates:
             return Turn({})

@@ -30,5 +30,5 @@ def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def _drawn(place: int) -> str:
-    """Returns a pseudo-random sort key for an index, the same in every process."""
+    """Returns a pseudo-random sort key for a request's index, the same in every process."""
     return hashlib.sha256(str(place).encode()).hexdigest()

@@ -82,7 +82,7 @@ def failed(code: str, reason: str) -> Outcome:
 
 
 def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
-    """Returns an outcome changed to say that the outputs could not be stored."""
+    """Changes a job's outcome to say that the outputs could not be stored."""
     reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
     if outcome.status == "Completed":
         without = {"failure_code": None, "verdict": None, "verdict_reason": None}

@@ -17,7 +17,7 @@ class Wait:
 
     scarce: Scarce
     text: str
-    """Reason of the wait in words, without the name of the job that waits."""
+    """Reason why a job waits for the machine, in words, without the job's name."""
 
 
 @dataclass(frozen=True)

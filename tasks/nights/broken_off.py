@@ -26,7 +26,7 @@ Restarts of services are not so many, nor so soon.
 _SOON_S = 600.0
 _NEXT = "the next process that may run jobs finishes it"
 
-_SILENCE_S = 120.0
+_REMOTE_SILENCE_S = 120.0
 """Time without a sign of life after which a process on another machine counts as dead, in seconds.
 
 A network file system may not show its lock.
@@ -42,7 +42,7 @@ class BrokenOff:
     died_at: datetime
     """Time of the last sign of life of an interrupted run's process."""
     limits: tuple[str, ...]
-    """Reason why no process resumes it automatically, in words; empty: one does."""
+    """Reason why no process resumes the interrupted run automatically, in words; empty: one does."""
     differences: tuple[str, ...]
     """Differences between this process's environment and the one that the run needs; empty: none."""
     command: str
@@ -113,7 +113,7 @@ def broken_off(folder: Path, settings: Settings, now: datetime | None = None) ->
         return None  # it was taken up and has ended meanwhile
     now = now or datetime.now(UTC)
     is_elsewhere = order.owner is not None and order.owner.machine != socket.gethostname()
-    if is_elsewhere and (now - died_at).total_seconds() < _SILENCE_S:
+    if is_elsewhere and (now - died_at).total_seconds() < _REMOTE_SILENCE_S:
         return None
     here = environment_here(order.needed, settings, os.environ) if order.needed else None
     return BrokenOff(

@@ -57,7 +57,7 @@ class EarlyEnd:
 
     @property
     def is_decided(self) -> bool:
-        """Whether the question is decided, so that no more jobs are needed."""
+        """Whether the comparison with the earlier run is decided, so that no more jobs are needed."""
         return self._decided is not None
 
     @contextmanager

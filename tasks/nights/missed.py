@@ -48,7 +48,7 @@ class DueRun:
     state_name: str
     message: str
     has_begun: bool
-    """Whether the run left anything; one that crashed in its first moments has not."""
+    """Whether the scheduled run left anything; one that crashed in its first moments has not."""
 
 
 def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
@@ -144,7 +144,7 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Yields whether this process is the one that may check for missed nights now."""
+    """Yields whether this process is the only one that may check for missed nights now."""
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:
@@ -176,7 +176,7 @@ def judged(
         booted_at: start time of this machine; `None`: unknown.
 
     Returns:
-        What is known of it now.
+        Updated record of the schedule.
     """
     until = now - max_late
     if until <= schedule.checked_until:
@@ -257,7 +257,7 @@ def tell_of_missed(settings: Settings, message: Message) -> list[str]:
     """Sends the notification about missed nights to the configured channels; returns their errors.
 
     Returns:
-        What is wrong with channels that did not take it.
+        Errors of the channels that did not accept the message.
     """
     if settings.notify and settings.notify_when & _TOLD_IF:
         return send(settings.notify, message, {})

@@ -14,7 +14,7 @@ from urllib.parse import quote, urlsplit, urlunsplit
 from ...schemas.reports.run_record import RunRecord
 
 NAME = "{name}"
-"""Placeholder in the address for the name of the specification."""
+"""Placeholder in a monitoring URL for the name of the specification."""
 
 _TIMEOUT_S = 10.0
 """Time limit of a call, in seconds; a night does not wait longer for a monitoring service."""

@@ -33,7 +33,7 @@ class StandingRun:
     steps: Sequence[StepRecord]
     """Steps of a run that were ordered so far, in order."""
     jobs: Sequence[JobRecord]
-    """Simulation jobs known so far, and requests that have no job (yet)."""
+    """Simulation jobs of a run known so far, and requests that have no job (yet)."""
     record: RunRecord | None = None
     order: Order | None = None
 

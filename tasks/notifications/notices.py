@@ -77,7 +77,7 @@ def is_due(
 
 
 def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, bytes]:
-    """Returns a picture of each failure: of its video, else of its world."""
+    """Returns a picture (PNG) of each failed job: of its video, else of its world."""
     stored = service.catalog.get_many(job.arn for job in failures if job.arn)
     pictures: dict[str, bytes] = {}
     for number, job in enumerate(failures, start=1):

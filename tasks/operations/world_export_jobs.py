@@ -22,7 +22,7 @@ from .registry import Answer, operation, page_of
 
 KIND = "world-export-job"
 _ORIGINS = ("generationJobId", "templateId")
-"""Labels of worlds that an export of these worlds gets, too."""
+"""Names of catalog labels that an export job takes over from its worlds."""
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:

@@ -43,7 +43,7 @@ from .removal import (
 
 @dataclass(frozen=True)
 class _Chosen:
-    """Result of selecting what to delete: runs and jobs, and reasons why some are kept."""
+    """Selection of a garbage collection: runs and jobs to delete, and reasons for keeping others."""
 
     units: list[Unit]
     reasons: Mapping[str, str]

@@ -40,7 +40,7 @@ class Unit:
     """Folder of the run that may be deleted; `None`: there is none."""
     record: RunRecord | None = None
     orders: tuple[str, ...] = ()
-    """ARNs of the jobs and batches that the unit created or refers to."""
+    """ARNs of the jobs and batches that the run created or refers to."""
     jobs: Mapping[str, Resource] = field(default_factory=dict[str, Resource])
     """Existing jobs of the unit, including those in batches, by ARN; a batch comes after its jobs."""
 

@@ -245,5 +245,5 @@ def on_disk(folder: Path) -> Amount:
 
 
 def spared_jobs(unit: Unit, holders: Mapping[str, str]) -> dict[str, str]:
-    """Returns the jobs of a unit that a kept item refers to, each with that item."""
+    """Returns the jobs of a run to delete that must be kept, each with the kept item that refers to it."""
     return {arn: holders[arn] for arn in unit.jobs if arn in holders}

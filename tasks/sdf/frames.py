@@ -66,7 +66,7 @@ class Scope:
     relative_to: str | None = None
     """Frame that `pose_of_model` is relative to."""
     merged: tuple["Scope", ...] = ()
-    """Scopes of included models that are merged into this one (`<include merge>`)."""
+    """Frame scopes of included models that are merged into this one (`<include merge>`)."""
     _frames: dict[str, ET.Element] | None = None
     _known: dict[str, Pose] = field(default_factory=dict)
     _resolving: set[str] = field(default_factory=set)
@@ -160,7 +160,7 @@ class Scope:
         return self.pose_of(self.nested[name])
 
     def pose_of(self, model: "Scope") -> Pose:
-        """Returns the pose of a model's frame in this scope's frame."""
+        """Returns the pose of a nested model's frame in this scope's frame."""
         stated = model.pose_of_model if model.pose_of_model is not None else own_pose(model.element)
         base = model.relative_to if model.relative_to is not None else relative_to(model.element)
         placed = model.resolve(model.placement_frame)

@@ -38,7 +38,7 @@ class MeshError(SdfError):
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path}: {reason}")
         self.short = f"{path.name}: {reason}"
-        """Error text without the folder, which differs from machine to machine."""
+        """Error text without the mesh file's folder, which differs from machine to machine."""
 
 
 @dataclass(frozen=True, slots=True)

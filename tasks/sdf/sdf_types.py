@@ -73,7 +73,7 @@ class Geometry:
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     submesh: str | None = None
     is_centred: bool = False
-    """Whether a submesh is moved so that its centre is at the origin."""
+    """Whether a mesh's submesh is moved so that its centre is at the origin."""
     outlines: tuple[tuple[tuple[float, float], ...], ...] = ()
     """Corners of each part of a prism; a hole is joined to the outline around it by an edge in both directions."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -92,7 +92,7 @@ class Material:
     color: Rgba = GRAY
     texture: Path | None = None
     is_stated: bool = False
-    """Whether the file names the material; otherwise that of the mesh is used."""
+    """Whether the SDF file names the material; otherwise that of the mesh is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Inertia:
     mass_kg: float
     pose: Pose
     moments: Matrix | None
-    """Moments of inertia; `None`: those of a box as large as the body's shapes."""
+    """Moments of inertia of a link; `None`: those of a box as large as its shapes."""
 
 
 @dataclass(slots=True)
@@ -154,7 +154,7 @@ class Joint:
     axis: Vector
     """Direction of a joint's axis in the world's frame."""
     lower: float | None
-    """Lower limit of the position, in radians or metres; `None`: unlimited."""
+    """Lower limit of a joint's position, in radians or metres; `None`: unlimited."""
     upper: float | None
     damping: float
     friction: float

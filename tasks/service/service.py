@@ -51,19 +51,19 @@ class Timing:
     """Seconds until the first retry after a store did not answer; later retries wait longer, see `patience.py`."""
 
     store_patience_s: float = 60.0 * DEFAULT_STORE_PATIENCE_MIN
-    """Seconds for which a job waits for a store that does not answer."""
+    """Time for which a job waits for an object store that does not answer, in seconds."""
 
     store_grace_s: float = 15.0
-    """Seconds for which a job that has to stop waits for the store with its outputs."""
+    """Time for which a job that has to stop waits for the object store with its outputs, in seconds."""
 
     after_kill_s: float = 1.0
     """Seconds until a run that was killed from outside is tried again: memory may be short just now."""
 
     after_outage_s: float = 1.0
-    """Seconds until the next try after the catalog did not answer."""
+    """Time until the next attempt after the catalog did not answer, in seconds."""
 
     longest_retry_pause_s: float = 60.0
-    """The longest pause before a job is tried again whose flow run raised."""
+    """Longest pause before a job is retried whose flow run raised an error, in seconds."""
 
 
 PACKAGE = "prefect_robomaker.tasks.runtime.applications"
@@ -139,7 +139,7 @@ class Progress:
     counts: Mapping[str, int]
     total: int
     waits_for: Wait | None = None
-    """The resource that the next part waits for; `None`: it waits for none."""
+    """Scarce machine resource that the next part of a job waits for; `None`: it waits for none."""
 
     trials: TrialCounts | None = None
     """Counts of the trials of a job's parts; `None`: there are none."""
@@ -163,10 +163,10 @@ class SpecRun:
 
     run_id: str
     reuse: bool = False
-    """Whether existing worlds and results are reused if they have the same inputs."""
+    """Whether a run reuses existing worlds and results that have the same inputs."""
 
     in_campaign: bool = False
-    """Whether ordered batches are some of several batches of the same step."""
+    """Whether the run orders several batches for the same step."""
 
     mixed: bool = False
     """Whether requests of batches become jobs in a mixed order."""

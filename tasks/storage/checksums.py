@@ -24,7 +24,7 @@ class Piece(NamedTuple):
 
     data: memoryview
     is_hole: bool
-    """Whether the file has no disk block for the data, which are zeros then."""
+    """Whether a piece of a sparse file is a hole, without a disk block; its data are zeros then."""
 
 
 def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") -> Iterator[Piece]:

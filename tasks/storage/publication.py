@@ -255,7 +255,7 @@ def _verify(path: Path, file: ManifestFile, uri: str) -> None:
 
 
 NEXT_NAME = "manifest.next.json"
-"""Name of the prepared new manifest while files of a set are deleted."""
+"""Name of the prepared new manifest while some published files are deleted."""
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
@@ -309,7 +309,7 @@ def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) 
 
 
 def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
-    """Returns the manifest of the remaining files, with a count of those deleted."""
+    """Returns a manifest without the deleted files, with a count of them."""
     stay = [file for file in manifest.files if keep(file.path)]
     count, size = removed_before(manifest)
     gone = [file for file in manifest.files if not keep(file.path)]

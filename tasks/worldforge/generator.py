@@ -157,19 +157,19 @@ class Move(NamedTuple):
     east_m: float
     north_m: float
     turn_deg: float = 0.0
-    """Turn counter-clockwise about the piece's middle, in degrees."""
+    """Turn of a moved piece of furniture counter-clockwise about its middle, in degrees."""
 
 
 class Wanted(NamedTuple):
     """Requested changes for a variation of a world: doors, furniture, light and friction."""
 
     doors: Mapping[str, float] = {}
-    """Opening of doors in percent, by door id or by the door's two rooms: `Hall/Bedroom`."""
+    """Requested opening of doors in percent, by door id or by the door's two rooms: `Hall/Bedroom`."""
     moved: Mapping[str, Move] = {}
     removed: Sequence[str] = ()
     light: Light | None = None
     friction: Mapping[str, float] = {}
-    """Sliding friction of pieces of imported worlds, by name; `*`: of all pieces."""
+    """Requested sliding friction of pieces of imported worlds, by name; `*`: of all pieces."""
 
 
 def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> World:

@@ -25,7 +25,7 @@ class GazeboImport:
     path: Path
     model_paths: Sequence[Path] = ()
     start: tuple[float, float, float, float | None] | None = None
-    """Start position: x, y, yaw, and approximate height of the floor (`None`: unknown)."""
+    """Start position in a Gazebo world: x, y, yaw, and approximate height of the floor (`None`: unknown)."""
     start_from: str | None = None
     """Launch file from which a Gazebo world's start position is read; `None`: there is none."""
     loose: Literal["hold", "free"] = "free"

@@ -37,7 +37,7 @@ class LaunchFile:
     path: Path
     text: str
     arguments: Sequence[Mapping[str, float]]
-    """Arguments of the file itself, then those of each file that it includes."""
+    """Arguments of a launch file itself, then those of each file that it includes."""
     package: str = ""
     """Name of the ROS package that a launch file is in; empty: none."""
     origin: str = ""
@@ -60,7 +60,7 @@ class LaunchStart:
     z_m: float | None
     yaw_rad: float
     launch_file: str
-    """Path of the launch file that sets it, relative to the folder of its package."""
+    """Path of the launch file that sets the start pose, relative to the folder of its package."""
 
 
 def is_read(path: Path) -> bool:

@@ -52,7 +52,7 @@ class WorkspaceWorld:
     """Name of a world file's ROS package, and the file's path in it."""
     path: Path
     start: LaunchStart | None
-    """Start position from a launch file; `None`: no launch file has one."""
+    """Start pose in a world from a launch file; `None`: no launch file has one."""
 
     def is_called(self, name: str) -> bool:
         """Whether a name means this world.

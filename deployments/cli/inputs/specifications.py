@@ -102,7 +102,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
 
 
 def _text(given: str) -> tuple[str, str]:
-    """Returns the request's text, and its name for error messages."""
+    """Returns the text of an operation's request, and its name for error messages."""
     if given == "-":
         return sys.stdin.read(), "standard input"
     if given.lstrip().startswith("{"):

@@ -47,7 +47,7 @@ class FoundWorld:
     job_arn: str | None = None
     job_seed: int | None = None
     stored_at: str | None = None
-    """Address of the bundle in the object store; `None`: it is not stored."""
+    """Address of a world's bundle in the object store; `None`: it is not stored."""
     stored_content: str | None = None
     """Content hash under which the bundle was stored."""
     stored: StoredPlace | None = None

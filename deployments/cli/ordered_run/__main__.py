@@ -25,7 +25,7 @@ from ..prefect_server import use_server, wait_for_server_once
 from ..signals import interrupted_by_signals
 
 NICENESS = 5
-"""Niceness of the process, as of job workers, so that the server has priority."""
+"""Niceness of an ordered run's process, as of job workers, so that the server has priority."""
 
 _LOOK_S = 0.5
 

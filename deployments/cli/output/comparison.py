@@ -180,7 +180,7 @@ def _more(count: int) -> list[str]:
 
 
 def _changes(kind: str, changes: Sequence[MetricChange]) -> list[str]:
-    """Lists the metrics or margins that changed; unchanged ones are only counted."""
+    """Lists the metrics or margins that changed between two runs; unchanged ones are only counted."""
     changed = [each for each in changes if each.changed]
     others = len(changes) - len(changed)
     lines = [f"  {kind:<13} {len(changed)} changed, {others} show no change"] if changes else []

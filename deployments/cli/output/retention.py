@@ -32,12 +32,12 @@ def _row(item: GcItem) -> Sequence[str]:
 
 
 def _name(item: GcItem) -> str:
-    """Returns the short name of an item: a run's id, or the distinctive part of an ARN."""
+    """Returns the short name of an item to delete: a run's id, or the distinctive part of an ARN."""
     return item.id if item.kind == "run" else item.id.split(":", 5)[-1]
 
 
 def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
-    """Counts the reasons why items are kept, the most frequent first."""
+    """Counts the reasons why `robomaker gc` keeps items, the most frequent first."""
     return Counter(item.reason for item in items if item.action == "keep").most_common()
 
 

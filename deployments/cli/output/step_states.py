@@ -44,20 +44,20 @@ class StepState:
 
     @property
     def done(self) -> int:
-        """Number of the step's parts (worlds or jobs) that are done."""
+        """Number of a step's parts (worlds or jobs) that are done."""
         return sum(count for state, count in self.counts.items() if state.lower() in FINISHED)
 
     def counts_text(self) -> str:
-        """Returns the parts' counts by state: `2 running, 1 completed`."""
+        """Returns the counts of a step's parts by state: `2 running, 1 completed`."""
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
 
     def trials_text(self) -> str:
-        """Returns the trial counts: `3,100 of 10,000 trials`; empty if there are none."""
+        """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none."""
         return f"{self.trials.finished:,} of {self.trials.total:,} trials" if self.trials else ""
 
     @property
     def work(self) -> tuple[int, int]:
-        """Returns finished and total work: trials if there are any, else parts."""
+        """Returns finished and total work of a step: trials if there are any, else parts."""
         return (self.trials.finished, self.trials.total) if self.trials else (self.done, self.total)
 
     def wait_text(self) -> str:

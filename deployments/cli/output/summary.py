@@ -16,7 +16,7 @@ _ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "b
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
 _MAX_REASON = 240
-"""Limit of the characters of a reason; the report has all of it."""
+"""Limit of the characters of a failure reason in the summary; the report has all of it."""
 _END_OF_REASON = 100
 """Characters kept of a reason's end, which says where it happened: the joint, the line, the end of a log."""
 

@@ -35,7 +35,7 @@ _FIELD = "parameter."
 """Prefix of the names of form fields with the values of the specification's parameters."""
 
 _AROUND = 2
-"""Number of lines that are shown before and after one with a problem."""
+"""Number of lines that are shown before and after a specification's line with a problem."""
 
 _MOST_PROBLEMS = 50
 _PATIENCE_S = 10.0
@@ -61,7 +61,7 @@ class Draft:
     text: str
     filename: str
     shipped: str = ""
-    """Name of the package's specification that it is; empty: none."""
+    """Name of the package's specification that the draft equals; empty: none."""
 
     values: Mapping[str, str] = field(default_factory=dict[str, str])
     """Values of its parameters as text; parameters that are left empty have their defaults."""
@@ -73,7 +73,7 @@ class Draft:
     problems: list[ShownProblem] = field(default_factory=list)
     more_problems: int = 0
     is_refused: bool = False
-    """Whether the only problems are missing rights of the visitor's key."""
+    """Whether a draft's only problems are missing rights of the visitor's key."""
 
 
 def show(visit: Visit) -> Response:

@@ -83,7 +83,7 @@ class WorldsDraft:
 
     @property
     def total(self) -> str:
-        """Number of worlds that the form asks for; empty for invalid input."""
+        """Number of worlds that the order form asks for; empty for invalid input."""
         is_known = self.plans.isdecimal() and self.interiors.isdecimal()
         return str(int(self.plans) * int(self.interiors)) if is_known and len(self.plans + self.interiors) < 8 else ""
 
@@ -316,7 +316,7 @@ def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
 
 
 def _in_words(error: Exception) -> tuple[str, ...]:
-    """Returns the lines of an error, with the form's names of the fields."""
+    """Returns the lines of an error, with the order form's names of the fields."""
     text = str(error).replace("templateBody: ", "")
     for place in ("Floorplan", "Interior"):
         text = text.replace(f"Buildings[0].Floors[0].{place}.", "")

@@ -38,10 +38,10 @@ class AccessKey:
 
     scope: Scope = "administer"
     names: tuple[str, ...] = ()
-    """Prefixes of the names of resources that the key may access."""
+    """Prefixes of the names of resources that an access key may access."""
 
     tags: tuple[str, ...] = ()
-    """Prefixes of the tags of resources that the key may access, written `key=value`."""
+    """Prefixes of the tags of resources that an access key may access, written `key=value`."""
 
     @property
     def is_confined(self) -> bool:
@@ -49,7 +49,7 @@ class AccessKey:
         return bool(self.names or self.tags)
 
     def permits(self, name: str | None, tags: Mapping[str, str]) -> bool:
-        """Whether the key permits access to a resource of a name and tags."""
+        """Whether an access key permits access to a resource with a given name and tags."""
         written = [f"{key}={value}" for key, value in tags.items()]
         named = name is not None and name.startswith(self.names)
         return not self.is_confined or named or any(each.startswith(self.tags) for each in written)
@@ -130,7 +130,7 @@ class Call:
     """Result of an API call in the audit log: `ok`, or the error's name."""
 
     job: str | None = None
-    """ARN of the simulation job whose process sent it; `None`: another program did."""
+    """ARN of the simulation job whose process sent the API call; `None`: another program did."""
 
 
 class AuditLog:

@@ -120,7 +120,7 @@ class Authenticator:
         self._replays = Replays(MAX_CLOCK_SKEW)
 
     def use(self, signer: Signer, *, repeatable: bool) -> None:
-        """Records a signature as used; raises an error if it was used before."""
+        """Records a request's signature as used; raises an error if it was used before."""
         self._replays.check(signer.signature, signer.signed_at, self._clock(), repeatable=repeatable)
 
     def check(self, request: ServiceRequest) -> Signer:
@@ -187,7 +187,7 @@ def _parsed(request: ServiceRequest) -> Signature:
 
 
 def _signed_at(request: ServiceRequest) -> datetime:
-    """Returns the time of signing, from `X-Amz-Date` or else `Date`."""
+    """Returns the time at which a request was signed, from `X-Amz-Date` or else `Date`."""
     amazon, plain = request.headers.get("x-amz-date"), request.headers.get("date")
     try:
         if amazon is not None:

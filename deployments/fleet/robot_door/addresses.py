@@ -56,7 +56,7 @@ class Address:
     resource: Resource
     action_id: int = 0
     file: str = ""
-    """Name of the installation file, or of the file in the repository."""
+    """Name of the installation file, or of the file in the TUF repository, in a URL path."""
 
 
 class Addresses:

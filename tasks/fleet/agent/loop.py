@@ -50,7 +50,7 @@ class Notifier:
                 sender.sendto(message, self._address)
 
 
-_HELD_S = 5.0
+_SAVE_RETRY_S = 5.0
 """Pause between two attempts to write the journal on a full disk, in seconds."""
 
 
@@ -143,7 +143,7 @@ class Agent:
         self._application.stop()
 
     def _settle(self, *, begin: bool = True) -> None:
-        """Applies all events; each new state is saved to disk before it has any effect."""
+        """Applies all events to the agent's state; each new state is saved to disk before it has any effect."""
         while True:
             if self._events and self._monotonic() >= self._held_until_s:
                 self._take()
@@ -167,7 +167,7 @@ class Agent:
         except OSError as error:
             if not self._is_held:
                 self._say(f"the journal cannot be written, nothing is done until it can: {error}")
-            self._is_held, self._held_until_s = True, self._monotonic() + _HELD_S
+            self._is_held, self._held_until_s = True, self._monotonic() + _SAVE_RETRY_S
             return False
         self._is_held = False
         return True

@@ -13,7 +13,7 @@ from .errors import TryLater
 from .server import Poll, Refused
 from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
 
-_MISSED = 3
+_MAX_MISSED_POLLS = 3
 """Number of polls without the open order after which it counts as withdrawn.
 
 A server that has just started may not know the order yet.
@@ -156,7 +156,7 @@ class Polls:
                 self._server.refuse_cancellation(found.cancel)
                 return []
             return [Cancelled(found.cancel)]
-        if self._missed >= _MISSED:
+        if self._missed >= _MAX_MISSED_POLLS:
             return [Withdrawn()]
         if found.order is None or found.order == open_id:
             return []

@@ -117,7 +117,7 @@ class Server:
         )
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order; `None` if it is gone.
+        """Reads a robot's order from the update server; `None` if the order no longer exists.
 
         Raises:
             TryLater: there is no answer.

@@ -69,7 +69,7 @@ TRIED = (Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING)
 
 @dataclass(frozen=True)
 class End:
-    """Result of an order, stored until the server has received it."""
+    """Result of an order to a robot, stored until the update server has received it."""
 
     order: Order
     execution: str
@@ -108,7 +108,7 @@ class State:
     """Open order of the robot; `None` when idle."""
 
     deployment: Deployment | None = None
-    """Deployment of the open order, once its document was verified."""
+    """Deployment of the robot's open order, once its deployment document was verified."""
 
     good: Version | None = None
     """Last application version that proved healthy on the robot."""
@@ -241,7 +241,7 @@ def kept(state: State) -> set[str]:
 
 
 def advance(state: State, event: Event) -> State:
-    """Returns the agent's state after an event; late events change nothing."""
+    """Returns the robot agent's state after an event; late events change nothing."""
     if isinstance(event, Trusted):
         return _trusted(state, event)
     if isinstance(event, Ordered):
@@ -283,7 +283,7 @@ def _on_probation(state: State, event: Ended | Steady) -> State:
 
 
 def _carried_on(state: State, order: Order, event: Event) -> State:
-    """Returns the state after an event while there is an open order."""
+    """Returns the robot agent's state after an event while there is an open order."""
     if isinstance(event, Restarted):
         return _restarted(state)
     if isinstance(event, Checked):

@@ -48,7 +48,7 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
         service: the service, with its catalog and object store.
 
     Returns:
-        What is still to be waited for; `None`: nothing, the envelope is stored.
+        The batch that is still running; `None`: it has passed, and the attestation is stored.
 
     Raises:
         DeploymentError: the batch has not passed with this version and cannot any more, it was waited for too long,

@@ -39,7 +39,7 @@ class PlannedChange:
     """Application and version that the robot would get; `None`: none."""
 
     notes: tuple[str, ...]
-    """Notes for people about this robot, such as a missing architecture, in words."""
+    """Notes for people about this robot in a deployment's forecast, such as a missing architecture."""
 
 
 @dataclass(frozen=True)

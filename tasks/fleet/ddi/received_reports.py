@@ -12,10 +12,10 @@ from typing import Any, Literal, TypeVar
 from ....schemas.wire.errors import InvalidParameterException
 
 MAX_DETAILS = 50
-"""Limit of the details (text lines) of one feedback message."""
+"""Limit of the details (text lines) of one feedback message of a robot."""
 
 MAX_DETAIL_CHARACTERS = 512
-"""Limit of the characters of a detail; of a longer one, the beginning is kept."""
+"""Limit of the characters of a detail in a robot's feedback; of a longer one, the beginning is kept."""
 
 MAX_ATTRIBUTES = 100
 MAX_ATTRIBUTE_CHARACTERS = 128
@@ -68,7 +68,7 @@ class Feedback:
     """Number of all steps of an installation, as the robot reports it."""
 
     code: int | None = None
-    """Failure code of the project's own agent; third-party updaters send none."""
+    """Failure code that the project's own agent reports; `None` for third-party updaters, which send none."""
 
     details: tuple[str, ...] = ()
 

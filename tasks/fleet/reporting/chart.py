@@ -69,7 +69,7 @@ class Block:
     column: int
     columns: int
     below: float
-    """Share of the wave's robots that are drawn below the rectangle."""
+    """Share of the wave's robots that are drawn below the chart's rectangle."""
 
     share: float
     """Share of the wave's robots that are in this phase."""
@@ -98,7 +98,7 @@ def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
 
 
 def _columns(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Counter[Phase]]:
-    """Counts the robots in each phase in the middle of each column."""
+    """Counts the robots of a wave in each phase, in the middle of each column of the chart."""
     columns: list[Counter[Phase]] = [Counter() for _ in range(COLUMNS)]
     for spans in robots:
         for span in spans:

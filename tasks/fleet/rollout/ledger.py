@@ -113,7 +113,7 @@ class Ledger:
 
     @property
     def waits_for_approval(self) -> bool:
-        """Whether robots wait until a person has approved the deployment."""
+        """Whether robots of the rollout wait until a person has approved the deployment."""
         is_asked = self._plan.requires_approval and self._rollout.approved_s is None
         return is_asked and self._is_active and self._tally.canaries.has_ended
 
@@ -187,7 +187,7 @@ class Ledger:
         self._judge()
 
     def pass_time(self, now_s: float) -> None:
-        """Applies all time-outs and maintenance windows up to a time."""
+        """Applies all time-outs and maintenance windows of a rollout up to a time."""
         self._judge()
         now_s = max(now_s, self._now_s)
         while (wake_s := self._wake_s()) is not None and wake_s <= now_s:
@@ -301,7 +301,7 @@ class Ledger:
         self._set(status=verdict.status, failure_code=verdict.code, failure_reason=verdict.reason, ended_s=self._now_s)
 
     def _revoke(self, code: DeploymentJobErrorCode, reason: str, *, begun: bool) -> None:
-        """Cancels open orders: all, or only those that robots have not fetched."""
+        """Cancels open orders of a rollout: all, or only those that robots have not fetched."""
         for robot, state in list(self._robots.items()):
             if state.is_open and (begun or state.order == "offered"):
                 self._put(robot, revoked(state, self._now_s, code, reason))

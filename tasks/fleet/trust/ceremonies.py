@@ -192,7 +192,7 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
         key_files: files of root keys; empty: those in the data home.
 
     Returns:
-        How many signatures it still needs; 0: it is published.
+        Number of signatures that the root still needs; 0: it is published.
 
     Raises:
         ConfigurationError: a file is no key, or none of a root key.

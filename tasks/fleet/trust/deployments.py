@@ -48,7 +48,7 @@ class TargetStep:
             hashes: length and hashes of the file.
 
         Returns:
-            Its key.
+            Object-store key of the file.
         """
         files = self.publisher.files
         key = target_key(target, hashes.sha256)
@@ -168,7 +168,7 @@ def publish(
         attestations: attestations of the version, each a signed envelope as JSON.
 
     Returns:
-        What orders say, by architecture; architectures that the application has no archive for are absent.
+        Files for orders to robots, by architecture; architectures without an archive are absent.
 
     Raises:
         DeploymentError: an archive or the condition is gone, may not be read, or has changed; the application has no

@@ -100,7 +100,7 @@ def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
 
 
 def signed(content: Content, signers: Sequence[Signer]) -> Metadata[Content]:
-    """Makes TUF metadata of a content, signed with the given keys."""
+    """Makes TUF metadata of a role's content, signed with the given keys."""
     metadata = Metadata(content)
     for signer in signers:
         metadata.sign(signer, append=True)
@@ -142,7 +142,7 @@ def next_repository(
 
 
 class _Step:
-    """Builds the metadata of one step, and collects the files to write."""
+    """Builds the TUF metadata of one publishing step, and collects the files to write."""
 
     def __init__(self, signers_of: SignersOf, now: datetime, taken: Taken) -> None:
         self._signers_of = signers_of

@@ -132,7 +132,7 @@ class Publisher:
             coming: keys that are about to count.
 
         Returns:
-            What the repository says then.
+            Metadata of the repository after the changes.
 
         Raises:
             ConfigurationError: a key is missing, or the store has what they have not signed.
@@ -160,7 +160,7 @@ class Publisher:
         """Renews signatures that would expire: the timestamp every six hours, others long before their time.
 
         Returns:
-            What the repository says then; `None`: there is none, or this machine has no keys.
+            Metadata of the repository after renewal; `None`: there is none, or this machine has no keys.
 
         Raises:
             ConfigurationError: a key is missing, or the store has what they have not signed.

@@ -35,10 +35,10 @@ class Lifetime:
     """Validity of a TUF role's signature, counted from the time of signing."""
 
     renew_before: timedelta
-    """Remaining validity below which it is signed again; for the root, people are warned."""
+    """Remaining validity below which a role's metadata is signed again; for the root, people are warned."""
 
     def is_due(self, expires: datetime, now: datetime) -> bool:
-        """Whether metadata that expires then should be signed again now."""
+        """Whether TUF metadata with a given expiry should be signed again now."""
         return expires - now < self.renew_before
 
 

@@ -31,7 +31,7 @@ class RoleStanding(NamedTuple):
     keyids: list[str]
     threshold: int
     warning: str
-    """Advice on renewing the role's signature, in words; empty: none is needed."""
+    """Advice on renewing a TUF role's signature, in words; empty: none is needed."""
 
 
 def standing_of(service: Service) -> list[RoleStanding]:
@@ -207,7 +207,7 @@ def _old_metadata(files: RepositoryFiles, now: Repository, publisher: Publisher)
 
 
 def _led_to(files: RepositoryFiles, version: int) -> set[tuple[str, int]]:
-    """Returns the role versions that a snapshot refers to, and the snapshot itself."""
+    """Returns the TUF role versions that a snapshot refers to, and the snapshot itself."""
     try:
         snapshot = to_metadata(files.metadata("snapshot", version), Snapshot)
     except (ObjectNotFoundError, DeserializationError):

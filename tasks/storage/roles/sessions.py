@@ -26,7 +26,7 @@ class _Sts(Protocol):
 
 
 class _Clients(Protocol):
-    """Methods of a session that are used here, as its type stubs are not installed."""
+    """Methods of a boto3 session that are used here, as the type stubs of STS are not installed."""
 
     def client(self, service_name: str, *, region_name: str, endpoint_url: str | None) -> Any: ...
 

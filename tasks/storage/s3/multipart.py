@@ -37,14 +37,14 @@ class _Upload:
     key: str
     id: str
     over: threading.Event
-    """Set when the upload is no longer wanted, or a part could not be stored."""
+    """Event that is set when the upload is no longer wanted, or a part could not be stored."""
 
 
 class _Sent(NamedTuple):
     """Part of a multipart upload that the server has stored."""
 
     part: "CompletedPartTypeDef"
-    """Entry of the part in the request that completes the upload."""
+    """Entry of a stored part in the request that completes a multipart upload."""
     crc: int
     size: int
 

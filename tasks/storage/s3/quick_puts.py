@@ -109,7 +109,7 @@ class QuickPuts:
             stopped: called between two pieces; true stops the transfer.
 
         Returns:
-            What is said of it; `None`: it may not be stored, for a reason that the client will find.
+            ETag and checksum of the stored object; `None`: it may not be stored; boto3's client will find out why.
 
         Raises:
             StorageError: the credentials of a role could not be had again.

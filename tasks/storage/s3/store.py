@@ -206,7 +206,7 @@ class S3Store:
                 return self._put_large(bucket, key, path, stopped)
 
     def probe(self, bucket: str) -> None:
-        """Checks quickly, with one request, whether the server answers at all."""
+        """Checks quickly, with one request, whether the S3 server answers at all."""
         check_bucket(bucket)
         try:
             with self._failures(f"look for the bucket {bucket}"):

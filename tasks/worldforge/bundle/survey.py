@@ -45,7 +45,7 @@ _SKIN_M = 1e-3
 _DEEPEST_M = 3.0
 _FLOOR_BAND_M = (-0.05, LOW_M)
 """Range of heights around the floor, in metres, in which a surface counts as floor that a robot can drive on."""
-_STANDING = 0.1
+_LEAST_FLOOR_NORMAL = 0.1
 """Upward part of a plane's normal below which the plane is a wall and no floor."""
 _MARGIN_M = 1.0
 _MOST_SIDE_M = 200.0
@@ -53,7 +53,7 @@ _MOST_SIDE_M = 200.0
 _BARE_SIDE_M = 20.0
 """Side of the map of a world that consists of an infinite plane only, in metres."""
 _SEEN_DEPTH_M = 1.5
-"""Depth to which things are known behind their faces: walls behind beds are."""
+"""Depth in metres to which objects behind a visible face are drawn on the map; walls behind beds then are, too."""
 _HOLLOW = 3
 """Half of the width of hollow walls that are filled on the map, in cells: 30 cm are closed."""
 _BOX = np.ones((3, 3), np.bool_)
@@ -149,7 +149,7 @@ def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 
 def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of all finite solid geometry."""
+    """Returns the lowest and highest corner of all finite solid geometry of a world."""
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
     half = _BARE_SIDE_M / 2
@@ -247,7 +247,7 @@ def _fill_plane(
     lowest = floor_m + (LOW_M if normal[2] >= 0 else high_m) - place[2]
     behind = (x - place[0]) * normal[0] + (y - place[1]) * normal[1] + lowest * normal[2] < 0
     grid.occupied[:] |= np.broadcast_to(behind, supported.shape)
-    if normal[2] < _STANDING:
+    if normal[2] < _LEAST_FLOOR_NORMAL:
         return  # a wall without an end, or a ceiling
     height = place[2] - ((x - place[0]) * normal[0] + (y - place[1]) * normal[1]) / normal[2] - floor_m
     supported |= np.broadcast_to((height >= _FLOOR_BAND_M[0]) & (height <= _FLOOR_BAND_M[1]), supported.shape)

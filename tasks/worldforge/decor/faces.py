@@ -28,14 +28,14 @@ class Face:
     at: float
     """Coordinate of a wall's face across the wall, in metres."""
     inward: float
-    """Direction from the wall into the room along the axis across the wall: 1 or -1."""
+    """Direction from a wall's face into the room, along the axis across the wall: 1 or -1."""
     span: Span
-    """Coordinates of the wall's two ends along the wall, in metres."""
+    """Coordinates of a wall's two ends along the wall, in metres."""
     windows: list[tuple[int, Span]]
     """Number and two ends of each window in the wall, in order along the wall."""
 
     def box(self, along: Span, off: Span, up: Span) -> tuple[Vector, Vector]:
-        """Returns centre and half sizes of a box, from distances along, off and up the wall."""
+        """Returns centre and half sizes of a box on a wall, from distances along, off and up the wall."""
         middle, across = (along[0] + along[1]) / 2, self.at + self.inward * (off[0] + off[1]) / 2
         half, deep, high = (along[1] - along[0]) / 2, (off[1] - off[0]) / 2, (up[1] - up[0]) / 2
         z = (up[0] + up[1]) / 2
@@ -44,7 +44,7 @@ class Face:
         return (across, middle, z), (deep, half, high)
 
     def bar(self, name: str, along: Span, off: Span, up: Span, color: Color) -> Ornament:
-        """Makes a decorative box, from distances along, off and up the wall."""
+        """Makes a decorative box on a wall, from distances along, off and up the wall."""
         return Ornament(name, "box", *self.box(along, off, up), color_look(color))
 
     def rod(self, name: str, along: Span, off: float, up: float, radius: float, color: Color) -> Ornament:
@@ -54,7 +54,7 @@ class Face:
         return Ornament(name, "cylinder", center, (radius, max(half)), color_look(color), quat)
 
     def strip(self, along: Span, near: float, far: float) -> Box:
-        """Returns the floor area between two distances off the wall."""
+        """Returns the floor area between two distances off a wall."""
         one, other = sorted((self.at + self.inward * near, self.at + self.inward * far))
         return (along[0], one, along[1], other) if self.along_x else (one, along[0], other, along[1])
 
@@ -96,7 +96,7 @@ def faces(world: World) -> Iterator[Face]:
 
 
 def window_heights(world: World) -> Span:
-    """Returns the heights of sill and head of all windows, in metres."""
+    """Returns the heights of sill and head of all windows of a world, in metres."""
     return WINDOW_SILL_M, min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
 
 

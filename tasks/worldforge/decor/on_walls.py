@@ -72,7 +72,7 @@ class _Wall:
         return self.face.inward * pi / 2 if self.face.along_x else (0.0 if self.face.inward > 0 else pi)
 
     def spot(self, along: float, off: float, up: float) -> Vector:
-        """Returns a point by its distances along, off and up the wall."""
+        """Returns a 3D point by its distances along, off and up a wall."""
         return self.face.box((along, along), (off, off), (up, up))[0]
 
 

@@ -81,7 +81,7 @@ def pierced_wall(
 
 
 def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: Span) -> list[Rectangle]:
-    """Returns the rectangles that remain of a wall around its windows."""
+    """Returns the rectangles of a wall's face that remain around its windows."""
     ends = [span[0], *(end for _, sides in windows for end in sides), span[1]]
     pieces = [(low, 0.0, high, height) for low, high in list(pairwise(ends))[::2] if high > low]
     for _, (low, high) in windows:

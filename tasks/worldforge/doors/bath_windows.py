@@ -33,7 +33,7 @@ def with_bath_windows(plan: Floorplan) -> Floorplan:
 
 
 def _in_the_middle(wall: Wall, room: str) -> Window | None:
-    """Returns the widest window that fits in a wall, in its middle; None if none fits."""
+    """Returns the widest small window that fits in a wall, in its middle; `None` if none fits."""
     across = 0 if wall.start[0] == wall.end[0] else 1
     low, high = sorted(round(end[1 - across] * _GRID) for end in (wall.start, wall.end))
     for width in _WIDTHS_STEPS:

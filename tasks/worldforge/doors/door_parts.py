@@ -13,7 +13,7 @@ from ..geometry.parts import CHROME, WHITE, Color, Part, Span, box, rgb
 
 FORMS = ("flush", "panelled", "glazed", "boarded")
 MASS_KG = {"flush": 16.0, "panelled": 20.0, "glazed": 24.0, "boarded": 22.0}
-"""Mass of the leaf without its handles, by form, in kilograms."""
+"""Mass of a door's leaf without its handles, by the leaf's form, in kilograms."""
 HANDLE_KG = 0.2
 
 _FINISHES: dict[str, tuple[Color, Color]] = {
@@ -179,7 +179,7 @@ def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Poi
 
 
 def swept_box(door: Door) -> Box:
-    """Returns the bounding box of everything a door passes while it opens."""
+    """Returns the bounding box of the area that a door sweeps while it opens."""
     return _local_box(door, (-HANDLE_M, 0.0), (door.leaf_width_m, door.leaf_width_m))
 
 

@@ -37,7 +37,7 @@ _MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
-_INTO: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
+_ROOM_COSTS: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
 """Cost of a door that opens into a room of this type."""
 _INTO_LARGER = 1.0
 _CORNER_SPAN_M = 2.0
@@ -68,7 +68,7 @@ class Hanging(NamedTuple):
         )
 
     def local(self, box: Box) -> Box:
-        """Converts a box to the hinge's frame: along the wall, into the room."""
+        """Converts a box to the frame of a door's hinge: along the wall, into the room."""
         (x, y), (u, v), (p, q) = self.hinge, self.along, self.into
         west, south, east, north = box[0] - x, box[1] - y, box[2] - x, box[3] - y
         # All directions are along axes: two opposite corners say everything.
@@ -84,7 +84,7 @@ class Hanging(NamedTuple):
 
     @property
     def outline(self) -> list[Point]:
-        """Convex polygon around the area that the moving door sweeps."""
+        """Returns the convex polygon around the area that a moving door sweeps."""
         # Tangents to the arc: the polygon lies outside it.
         radius = self.leaf_m / cos(pi / 4 / _ARC_STEPS)
         angles = [(step + 0.5) * pi / 2 / _ARC_STEPS for step in range(_ARC_STEPS)]
@@ -207,7 +207,7 @@ def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[H
             hinge = tuple(jamb[axis] + along[axis] * GAP_M + into[axis] * half for axis in (0, 1))
             hinge = (round(hinge[0], 4), round(hinge[1], 4))
             hanging = Hanging(hinge, along, into, round(passage.width_m - 2 * GAP_M, 4), room, 0.0)
-            cost = _INTO.get(room.type, 0.0) + (_INTO_LARGER if room is larger else 0.0)
+            cost = _ROOM_COSTS.get(room.type, 0.0) + (_INTO_LARGER if room is larger else 0.0)
             made.append(hanging._replace(cost=cost + _corner_m(hanging, walls) / _CORNER_SPAN_M))
     return made
 

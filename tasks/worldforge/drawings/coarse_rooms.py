@@ -19,13 +19,13 @@ _WALL_M = 0.2
 It is half the thickest wall, and bumps of a lidar.
 """
 _APART_M = 0.45
-"""Smallest distance between two lines, in metres: less is a niche, a pillar or noise."""
+"""Smallest distance between two lines of room borders, in metres: less is a niche, a pillar or noise."""
 _LEAST_LINE_M = 0.8
-"""Smallest length of border that makes a line, in metres: furniture has less of it."""
+"""Smallest length of room border that makes a line, in metres: furniture has less of it."""
 _OUTER_SHARE = 0.8
 """Share of a line's border that has the room on the same side, above which the line is an outer wall."""
 _HALF = 0.5
-"""Share of the cells of a field between lines that a room needs to get the field."""
+"""Share of the cells of a field between border lines that a room needs to get the field."""
 
 Regions = NDArray[np.int64]
 
@@ -99,7 +99,7 @@ def _outer(at: int, begins: float, ends: float, last: int, resolution_m: float) 
 
 
 def _fields(cells: NDArray[np.bool_], upright: Sequence[int], level: Sequence[int]) -> NDArray[np.float64]:
-    """Returns the share of each field between the lines that belongs to a room."""
+    """Returns the share of each field between the border lines that belongs to a room."""
     total = np.pad(cells.cumsum(0, dtype=np.int64).cumsum(1), ((1, 0), (1, 0)))
     corners = total[np.ix_(level, upright)]
     count = corners[1:, 1:] - corners[:-1, 1:] - corners[1:, :-1] + corners[:-1, :-1]

@@ -46,7 +46,7 @@ class Swing(NamedTuple):
         return dist(one, other) <= _NEAR * dist(self.hinge, self.ends[0])
 
     def joins(self, points: Iterable[Point], end: Point) -> bool:
-        """Whether a drawn line connects the door's hinge to a point."""
+        """Whether a drawn line connects a door's hinge to a given point."""
         drawn = list(points)
         return all(any(self.near(point, each) for each in drawn) for point in (self.hinge, end))
 

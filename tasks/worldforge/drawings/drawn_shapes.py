@@ -99,11 +99,11 @@ class Drawing(NamedTuple):
     shapes: list[Shape]
     labels: list[Label]
     metres_per_unit: float | None
-    """Metres in the world for one drawing unit; `None`: the file does not say."""
+    """Metres in the world for one unit of the drawing; `None`: the file does not say."""
     paper_m: float | None = None
     """Metres on paper for one drawing unit, if the file says so; a scale such as 1:50 converts them to the world."""
     left_out: Sequence[str] = ()
-    """Descriptions of the elements that could not be read as shapes."""
+    """Descriptions of the drawing's elements that could not be read as shapes."""
     is_exact: bool = True
     """Whether a person drew it, in contrast to a robot's map: only then is a door outside all walls an error."""
 

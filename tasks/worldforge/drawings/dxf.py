@@ -90,7 +90,7 @@ def _document(content: bytes) -> "documents.Drawing":
 
 
 class _Reader:
-    """Walks through the entities of a drawing and of its blocks."""
+    """Walks through the entities of a DXF drawing and of its blocks."""
 
     def __init__(self, document: "documents.Drawing", name: str) -> None:
         self._layers = document.layers

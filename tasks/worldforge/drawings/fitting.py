@@ -48,7 +48,7 @@ class DrawnWay(NamedTuple):
     `None`: the line nearest to a wall is taken.
     """
     required: bool = True
-    """Whether it is an error if it fits in no wall; doors of a robot's map may be noise."""
+    """Whether it is an error if a drawn door fits in no wall; doors of a robot's map may be noise."""
 
 
 class FittedWay(NamedTuple):
@@ -59,7 +59,7 @@ class FittedWay(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Position of a drawn way or window on a line of walls, in units."""
+    """Position of a drawn door or window on a line of walls, in grid units."""
 
     horizontal: bool
     at: float
@@ -67,7 +67,10 @@ class _Place(NamedTuple):
     end: float
 
     def off(self, horizontal: bool, at: int, start: int, end: int) -> float | None:
-        """Returns the distance from a wall in metres; `None` if it is not beside the wall."""
+        """Returns the distance of a drawn door or window from a wall, in grid units.
+
+        `None` if it is not beside the wall.
+        """
         shared = min(end, self.end) - max(start, self.start)
         if horizontal != self.horizontal or shared < (self.end - self.start) / 2 or abs(at - self.at) > _REACH:
             return None
@@ -132,7 +135,7 @@ def fit_way(
 
 
 _Near = tuple[_Place, float, Wall]
-"""Place of a drawn element, its distance from a wall in grid units, and the wall."""
+"""Position of a drawn door or window, its distance from a wall in grid units, and the wall."""
 
 
 def _choose(

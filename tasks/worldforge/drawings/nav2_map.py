@@ -38,7 +38,7 @@ _LEAST_ROOM_M2 = 1.5
 _STRAIGHT_M = 0.2
 """Distance in metres below which a short edge of a room is moved onto the line of a longer one."""
 _DOOR_M = 1.3
-"""Largest width of a door, in metres; a wider gap is an opening."""
+"""Largest width of a door on a Nav2 map, in metres; a wider gap is an opening."""
 _NARROWEST_M = 0.5
 """Smallest width of a door, in metres; what is narrower is noise, or a gap that no robot passes."""
 _LEAST_JOINED = 0.8
@@ -215,7 +215,7 @@ def _without_specks(free: Cells, resolution_m: float) -> Cells:
 
 
 def _regions(read: _Map, name: str) -> NDArray[np.int64]:
-    """Labels each free cell with the number of its room, from 1; 0: in no room."""
+    """Labels each free cell of a map with the number of its room, from 1; 0: in no room."""
     size = read.resolution_m
     depth = np.asarray(ndimage.distance_transform_edt(read.free)) * size
     found = ndimage.label(depth > _NARROW_M)[0]  # pyright: ignore[reportIndexIssue]
@@ -257,7 +257,7 @@ def _steps_outline(cells: Cells) -> Corners:
 
 
 def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Returns the border edges of cells, each with its cell to the left."""
+    """Returns the border edges of a room's map cells, each with its cell to the left."""
     level = np.diff(np.pad(cells, ((1, 1), (0, 0))).astype(np.int8), axis=0)
     upright = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     east, west, south, north = (np.argwhere(at).tolist() for at in (level > 0, level < 0, upright > 0, upright < 0))

@@ -22,7 +22,7 @@ THICKEST_M = 0.5
 _SQUARE_M = 0.05
 """Largest deviation of a room's edge from an axis, in metres between its ends."""
 _SAME_M = 0.04
-"""Distance in metres up to which parallel edges are moved onto one line."""
+"""Distance up to which parallel edges of rooms are moved onto one line, in metres."""
 _BESIDE_M = 0.05
 _OVERLAP_M = 0.06
 
@@ -39,7 +39,7 @@ class Edge(NamedTuple):
     low: float
     high: float
     side: int
-    """Side of the edge on which the room is: 1 for larger coordinates, else -1."""
+    """Side of a room's edge on which the room is: 1 for larger coordinates, else -1."""
 
 
 class Squared(NamedTuple):
@@ -48,7 +48,7 @@ class Squared(NamedTuple):
     rooms: list[Corners]
     """Corners, counter-clockwise, in units; the south-west corner of all of them together is at 0, 0."""
     moved: tuple["Lines", "Lines"]
-    """Drawn coordinates and the grid units they were moved to, along x and along y."""
+    """Coordinates of the drawing and the grid units they were moved to, along x and along y."""
     on_faces: bool
     """Whether outlines of rooms were drawn along the faces of walls."""
 
@@ -199,7 +199,7 @@ def outline_area(corners: Sequence[Point]) -> float:
 
 
 def units_area(corners: Corners) -> float:
-    """Returns the area of a room given in grid units, in square metres."""
+    """Returns the area in square metres of a room given in grid units."""
     return area(corners) / UNITS_PER_M**2
 
 

@@ -93,10 +93,10 @@ class _Around:
 
     matrix: Matrix = SAME
     words: tuple[str, ...] = ()
-    """Classes, names and layers, those of the innermost group first."""
+    """Classes, names and layers of the groups around an SVG element, those of the innermost group first."""
     facts: dict[str, str] = field(default_factory=dict[str, str])
     size: Size = (0.0, 0.0)
-    """Width and height of the viewport that percentages refer to."""
+    """Width and height of the SVG viewport that percentages refer to."""
     is_visible: bool = True
     """Whether `visibility`, which is inherited from groups, shows the element."""
     depth: int = 0
@@ -114,18 +114,18 @@ class _Symbol(NamedTuple):
 
 
 class _Element(NamedTuple):
-    """Properties of one element itself, read once however often it is shown."""
+    """Properties of one SVG element itself, read once however often `<use>` shows it."""
 
     tag: str
     matrix: Matrix
     words: tuple[str, ...]
     facts: dict[str, str]
     kind: Kind | None
-    """Kind of shape (door, window, ...) that the element's own names mean."""
+    """Kind of shape (door, window, ...) that an SVG element's own names mean."""
     is_hidden: bool
-    """Whether the element and all its children are not drawn at all."""
+    """Whether an SVG element and all its children are not drawn at all."""
     is_visible: bool | None
-    """Value of the element's own `visibility`; `None`: it has none."""
+    """Value of an SVG element's own `visibility`; `None`: it has none."""
 
 
 class _Reader:
@@ -295,7 +295,7 @@ class _Reader:
         return _Element(_tag(element), matrix, words, facts, kind if kind in _WAYS else None, is_hidden, seen)
 
     def _outlines_of(self, element: ET.Element) -> list[Outline] | None:
-        """Outlines of a shape; None if it is too large to be a part of a plan."""
+        """Returns the outlines of an SVG shape; `None` if it is too large to be a part of a plan."""
         try:
             return self._of(element, lambda: outlines(element, _tag(element)))
         except TooManyCornersError:

@@ -39,7 +39,7 @@ class TooManyCornersError(Exception):
 
 
 class Outline(NamedTuple):
-    """Geometry of a shape, or of one part of a path, in its own coordinates."""
+    """Geometry of an SVG shape, or of one part of a path, in its own coordinates."""
 
     points: tuple[Point, ...]
     """Corners of an SVG shape; of curves, the ends."""
@@ -185,7 +185,7 @@ def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> 
 
 
 def _centre(numbers: Sequence[float], start: Point, end: Point) -> Point | None:
-    """Returns the centre of a circular arc of `A`; None for an ellipse."""
+    """Returns the centre of a circular arc given by an SVG `A` command; `None` for an ellipse."""
     radius, other, _, large, sweep = (abs(numbers[0]), abs(numbers[1]), *numbers[2:5])
     chord = hypot(end[0] - start[0], end[1] - start[1])
     if not chord or abs(radius - other) > _ROUND * radius:

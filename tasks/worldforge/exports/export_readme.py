@@ -129,6 +129,6 @@ Ceilings are drawn from below only, so that one can look into the rooms from abo
 
 
 def readme(names: list[str]) -> str:
-    """Returns the README text of an export archive with these worlds."""
+    """Returns the README text of an export archive with the given worlds."""
     count = "one world" if len(names) == 1 else f"{len(names)} worlds"
     return _README.format(count=count, worlds=WORLDS, models=SHARED_MODELS, example=names[0])

@@ -70,7 +70,7 @@ class Shape:
     position: Vector
     rotation: Matrix
     color: tuple[float, float, float, float]
-    """Mean colour, texture included; red, green, blue and opacity, 0 to 1."""
+    """Mean colour of a shape, texture included: red, green, blue and opacity, 0 to 1."""
     material: int
     """Material index of a shape in the compiled MuJoCo model, or -1."""
     mesh: int
@@ -125,14 +125,14 @@ class Thing:
     """Name of an exported object that is unique in the world."""
     kind: ThingKind
     label: str
-    """Kind of the object, equal for equal objects, such as `door 850x40x2050`."""
+    """Kind of an exported object, equal for equal objects, such as `door 850x40x2050`."""
     position: Vector
     rotation: Matrix
     shapes: tuple[Shape, ...]
     inertia: Inertia | None = None
-    """Mass and moments of inertia; `None`: the object never moves."""
+    """Mass and moments of inertia of an exported object; `None`: the object never moves."""
     joint: Joint | None = None
-    """Joint that connects the object; `None`: it moves freely, or not at all."""
+    """Joint of an exported object; `None`: the object moves freely, or not at all."""
     hung: tuple["Thing", ...] = ()
     """Bodies that are attached to this one by joints, such as the links of an arm, with poses in its frame."""
 

@@ -80,7 +80,7 @@ THROUGHNESS: dict[RoomType, float] = {
     "Office": 0.4,
     "Storage": 0.1,
 }
-"""Acceptability of passing through a room of this type on the way to another."""
+"""Acceptability of passing through a room of a type on the way to another room, 0 to 1."""
 
 _AFFINITY: dict[RoomType, tuple[float, ...]] = {
     "Bathroom": (0.05,),
@@ -149,12 +149,12 @@ def brief(preferences: TemplateFloorplan, *, diverse: bool = True) -> Brief:
 
 
 def length_over_width(ratio: TemplateAspectRatio) -> float:
-    """Converts an aspect ratio to longer side over shorter side."""
+    """Converts an aspect ratio to longer side over shorter side, which is at least 1."""
     return max(ratio.x, ratio.y) / min(ratio.x, ratio.y)
 
 
 def deviation(actual: float, desired: float) -> float:
-    """Measures how far a ratio is from another: 0 if equal, the same for double and half."""
+    """Measures how far an aspect ratio is from another: 0 if equal, the same for double and half."""
     return abs(log(actual / desired))
 
 
@@ -247,7 +247,7 @@ def _for_room(target: RoomTarget, room: Room) -> int | None:
 
 
 def targeted(one_set: TargetedSet, rooms: Sequence[Room]) -> list[Room]:
-    """Returns the rooms that a set asks for, even if other sets have precedence."""
+    """Returns the rooms that a material or furniture set asks for, even if other sets have precedence."""
     return [room for room in rooms if _for_room(one_set.TargetSet, room) is not None]
 
 
@@ -269,7 +269,7 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
 ) -> tuple[str, PreferenceOutcome]:
-    """Explains why a set applies to no room, with the outcome of its preferences."""
+    """Explains why a material or furniture set applies to no room, with the outcome of its preferences."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet

@@ -47,7 +47,7 @@ class Way(NamedTuple):
 
 
 def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
-    """Returns the shared walls of every two rooms, longest first."""
+    """Returns the shared walls of every two rooms of a floor plan, longest first."""
     walls: dict[Pair, list[Contact]] = {}
     for contact in contacts(plan.rooms):
         pair = (min(contact.low, contact.high), max(contact.low, contact.high))
@@ -83,7 +83,7 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
 
 
 def _may_be_open(brief: Brief, pair: Pair, shared: list[Contact]) -> bool:
-    """Whether the wall between two rooms may be left out, judged by the rooms' types."""
+    """Whether the wall between two rooms may be left out (an opening), judged by the rooms' types."""
     types = {brief.types[room] for room in pair}
     along = shared[0].end - shared[0].start
     return types <= _OPEN_PLAN and ("Hallway" not in types or along <= _LONGEST_HALLWAY_OPENING)
@@ -140,7 +140,7 @@ def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: b
 def _doorways(
     plan: Partition, pair: Pair, shared: list[Contact], count: int, dice: Random, *, requested: bool
 ) -> list[Way]:
-    """Spreads doorways over the shared walls, at random places; fewer if fewer fit."""
+    """Spreads doorways over two rooms' shared walls, at random places; fewer if fewer fit."""
     places = [contact for contact in shared for _ in range(door_capacity(contact, plan))]
     chosen = dice.sample(places, min(count, len(places)))
     ways = []

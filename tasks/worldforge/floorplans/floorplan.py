@@ -119,7 +119,7 @@ def _middle(way: Way) -> Spot:
 
 
 def placed_points(spots: Corners, origin: Spot) -> list[Point]:
-    """Converts corners from grid units to metres from the origin."""
+    """Converts points from grid units to metres from the world's origin."""
     # Dividing whole numbers gives the nearest float to the decimal: 3.15, not 3.1500000000000004.
     return [((x - origin[0]) / UNITS_PER_M, (y - origin[1]) / UNITS_PER_M) for x, y in spots]
 

@@ -258,7 +258,7 @@ class Side(NamedTuple):
     end: int
     room: int
     forward: bool
-    """Whether the room is to the left when walking from start to end."""
+    """Whether the room is to the left of its outer wall, when walking from start to end."""
 
 
 def border(rooms: Sequence[Corners]) -> list[Side]:

@@ -35,7 +35,7 @@ _VARIETY_MARGIN = 4.0
 It allows a missed ratio and slightly unsuitable neighbours.
 """
 
-_WORSE_TOGETHER = 0.75
+_MAX_TOGETHERNESS_COST = 0.75
 """Largest part of that extra cost that may come from neighbours and daylight.
 
 It allows about a way through a bedroom, but no room without daylight.
@@ -63,7 +63,7 @@ _MANY_FORMS = 75
 It is enough for 50 different worlds of a job, or 60 different plans among 200 seeds.
 """
 
-_ODD_ODDS = 0.5
+_ODD_OUTLINE_FACTOR = 0.5
 """Factor of the odds of plans with odd outlines, so that they come later in an order."""
 
 _CONNECTION_WEIGHT = 3
@@ -78,15 +78,15 @@ _MOST_OFTEN = 0.06
 It is well below a tenth, so that counts of 200 seeds are below a tenth, too.
 """
 
-_POOR = 5.0
+_POOR_PLAN_COST = 5.0
 """Cost of the best plan above which L-shaped rooms are tried as well, unless a plan satisfies all preferences."""
 
 _CLIMB_SEED = 1
-"""Random seed of the search for L-shaped rooms, where plans need not differ."""
+"""Random seed of the search for floor plans with L-shaped rooms, where plans need not differ."""
 
 _DRAWS = 4
-_WORSE = 0.2
-"""Largest cost that the random variation of sizes may add to a plan."""
+_MAX_VARIATION_COST = 0.2
+"""Largest cost that the random variation of room sizes may add to a floor plan."""
 
 
 class Pool(NamedTuple):
@@ -114,7 +114,7 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
     lists = shortlists(brief)
     if not any((~plans.misses.any(axis=0)).any() for plans in lists):
         least = min((float(plans.cost[0]) for plans in lists), default=None)
-        if least is None or (least > _POOR and len(brief.areas_m2) <= MOST_TRIED):
+        if least is None or (least > _POOR_PLAN_COST and len(brief.areas_m2) <= MOST_TRIED):
             climb_dice = dice if brief.diverse else Random(_CLIMB_SEED)  # noqa: S311 (chance, not secrecy)
             bent = climb_to_partition(brief, climb_dice, below=least)
             if bent is not None:
@@ -155,7 +155,7 @@ def plans_of(brief: Brief) -> Pool:
         return Pool(lists, [places[best]], [1.0])
     sixes = ceil(len(brief.areas_m2) / MOST_TRIED)
     fine = (missed <= missed[best] + sixes * _MORE_MISSES) & (costs <= costs[best] + sixes * _VARIETY_MARGIN)
-    fine &= together <= together[best] + _WORSE_TOGETHER
+    fine &= together <= together[best] + _MAX_TOGETHERNESS_COST
     fine &= ~(misses[firm:] & ~misses[firm:, [best]]).any(axis=0)
     chosen = np.array([best])
     for limit in _RATIO_LIMITS:
@@ -163,7 +163,9 @@ def plans_of(brief: Brief) -> Pool:
         chosen = _one_of_each(allowed[np.argsort(costs[allowed], kind="stable")], forms, plain)
         if int(plain[chosen].sum()) >= _FEW_FORMS:
             break
-    odds = np.exp((costs[chosen].min() - costs[chosen]) / _TEMPERATURE) * np.where(plain[chosen], 1.0, _ODD_ODDS)
+    odds = np.exp((costs[chosen].min() - costs[chosen]) / _TEMPERATURE) * np.where(
+        plain[chosen], 1.0, _ODD_OUTLINE_FACTOR
+    )
     return Pool(lists, [places[number] for number in chosen.tolist()], capped(odds).tolist())
 
 
@@ -226,7 +228,7 @@ def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Par
     cuts, nature = best.plans.take(columns).varied(dice).judged(best.evaluator)
     granted = ~(nature.misses & ~best.misses[:, columns]).any(axis=0)
     same = forms_of(cuts) == best.forms[number]
-    fine = nature.valid & granted & same & (nature.cost <= best.cost[number] + _WORSE)
+    fine = nature.valid & granted & same & (nature.cost <= best.cost[number] + _MAX_VARIATION_COST)
     return as_partition(cuts, int(fine.argmax()))
 
 

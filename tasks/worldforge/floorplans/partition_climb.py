@@ -32,11 +32,11 @@ from .connections import AREA_TOLERANCE, floor_areas, inside_walls
 from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, area, extent, partition, slenderness
 
 MAX_CLIMBS = 40
-"""Limit of hill climbs before giving up; the first few nearly always succeed."""
+"""Limit of hill climbs for a floor plan before giving up; the first few nearly always succeed."""
 
 _CLIMBS = 5
 _TOP = 4
-"""Number of the best partitions of a hill climb that are examined further."""
+"""Number of the best floor plans of a hill climb that are examined further."""
 
 _STEPS_PER_SQUARE = 3
 """Steps of a hill climb, as a multiple of the square of the number of rooms."""
@@ -170,7 +170,7 @@ class PlanEvaluator:
 
 
 def _reached_from_first(ways: Sequence[int]) -> int:
-    """Returns a bit set of the rooms that can be reached from room 0."""
+    """Returns a bit set of the rooms that can be reached from room 0 through connections."""
     reached, fresh = 1, 1
     while fresh:
         found = 0

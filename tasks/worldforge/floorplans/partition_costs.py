@@ -153,7 +153,7 @@ def _is_first_of_its_mirror_images(node: Node, orders: NDArray[np.intp]) -> NDAr
 
 
 def _lowest(node: Node, orders: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Returns the lowest room number in a part of the tree, for each order of rooms."""
+    """Returns the lowest room number in a part of a slicing tree, for each order of rooms."""
     return orders[:, _places(node)].min(axis=1)
 
 
@@ -236,7 +236,7 @@ def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> 
 
 
 def fills_rectangle(cuts: Cuts) -> Flags:
-    """Marks the plans whose rooms leave nothing empty in the rectangle around them."""
+    """Marks the floor plans whose rooms leave nothing empty in the rectangle around them."""
     whole = cuts.high.max(axis=1).prod(axis=0)
     # Less than a room could be, and more than sums of whole rooms are off.
     return whole - (cuts.high - cuts.low).prod(axis=0).sum(axis=0) < 1e-6 * whole

@@ -79,7 +79,7 @@ def _plans(trees: Trees, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
 
 
 def _cheapest_of_each(costs: Floats, forms: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Returns the indices of the cheapest plan of each form, cheapest first."""
+    """Returns the indices of the cheapest floor plan of each form (who touches whom), cheapest first."""
     order = np.argsort(costs, kind="stable")
     _, first = np.unique(forms[order], return_index=True)
     return order[np.sort(first)]
@@ -122,7 +122,7 @@ def _random_shape(rooms: int, dice: np.random.Generator) -> tuple[NDArray[np.int
 
 
 def _changed(trees: Trees, chosen: Flags, dice: np.random.Generator) -> Trees:
-    """Returns the trees with one random change in each of the chosen ones."""
+    """Returns slicing trees with one random change in each of the chosen ones."""
     kind = dice.integers(0, 4, trees.plans)
     trees = _with_swapped_rooms(trees, chosen & (kind == 0), dice)
     trees = _with_turned_cut(trees, chosen & (kind == 1), dice)
@@ -142,7 +142,7 @@ def _with_swapped_rooms(trees: Trees, chosen: Flags, dice: np.random.Generator) 
 
 
 def _some_cut(trees: Trees, chosen: Flags, dice: np.random.Generator) -> Flags:
-    """Returns a mask of one random cut of each chosen tree, shape (cut, tree)."""
+    """Returns a mask of one random cut of each chosen slicing tree, shape (cut, tree)."""
     cuts = len(trees.first)
     return (np.arange(cuts)[:, None] == dice.integers(0, cuts, trees.plans)) & chosen
 

@@ -24,7 +24,7 @@ _SETTLED, _REFINED = 960, 240
 """Numbers of best plans: those whose walls are taken into account, and of these, those that are refined."""
 
 _SHARES = (-0.5, 0.5)
-"""Initial sizes of a notch, as logarithms of its area over the usual one."""
+"""Initial sizes of an empty notch in a floor plan, as logarithms of its area over the usual one."""
 
 
 @lru_cache(maxsize=64)

@@ -103,7 +103,7 @@ class Setbacks(NamedTuple):
         return cuts, nature._replace(cost=cost, valid=has_long_edges(cuts, nature.valid & ~enclosed))
 
     def varied(self, dice: Random) -> "Setbacks":
-        """Returns the candidates with randomly changed room sizes; the last one stays."""
+        """Returns the candidate floor plans with randomly changed room sizes; the last plan is unchanged."""
         rooms, plans = self.areas.shape
         shifts = gaussian(dice, 2 * rooms, plans)
         areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
@@ -124,7 +124,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
         sides: extents of the rooms: (axis, room, plan), in units.
 
     Returns:
-        Where rooms lie, and which plans have a yard without an open side.
+        Rectangles of the rooms, and a mask of the plans with a yard without an open side.
     """
     _, rooms, plans = sides.shape
     columns = np.arange(plans)
@@ -175,7 +175,7 @@ def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
 
 
 def _shared(cuts: Cuts) -> Floats:
-    """Returns the total length of borders that two rooms share, per plan."""
+    """Returns the total length of borders that two rooms share, per floor plan."""
     rooms = cuts.low.shape[1]
     one, other = np.triu_indices(rooms, 1)
     overlap = np.minimum(cuts.high[:, one], cuts.high[:, other]) - np.maximum(cuts.low[:, one], cuts.low[:, other])
@@ -198,7 +198,7 @@ def setback_shortlist(brief: Brief) -> Shortlist:
 
 
 def _beginnings(trees: Trees) -> Setbacks:
-    """Returns the candidates to begin with: all trees, with rooms turned either way."""
+    """Returns the floor plans to begin a search with: all slicing trees, with rooms turned either way."""
     rooms = trees.leaves
     turns = np.array([*product((False, True), repeat=rooms)])
     each = min(len(turns), max(_LEAST_TURNS, _BEGINNINGS // trees.plans))
@@ -228,7 +228,7 @@ def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
 
 
 def _better(evaluator: BatchEvaluator, found: Setbacks, cost: Floats, tried: Setbacks) -> tuple[Setbacks, Floats]:
-    """Returns the cheaper of two plans, column by column, and its cost."""
+    """Returns the cheaper of two sets of candidate floor plans, column by column, and its cost."""
     costs = tried.rough_cost(evaluator)
     # Rounded: another machine's last digit has to make no difference.
     better = np.round(costs - cost, 6) < 0

@@ -19,11 +19,11 @@ AREA_MARGIN = 0.03
 """Largest deviation of a floor area's logarithm from its preference; rounding to grid units is added to it."""
 
 _REFINED = 240
-"""Number of the best trees that are refined, by their cost when first divided."""
+"""Number of the best slicing trees that are refined, by their cost when first divided."""
 
 _STEPS = (0.12, 0.06, 0.03)
 _NOTCH_STEPS = 4
-"""Factor of the step size for a notch's area, as a notch may have any size."""
+"""Factor of the step size when a notch's area is refined, as a notch may have any size."""
 
 _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
 """Further footprints to begin with for few rooms, as logarithm of the ratio over the preferred one."""
@@ -48,7 +48,7 @@ class Plans(Protocol):
         ...
 
     def varied(self, dice: Random) -> Self:
-        """Returns the candidates with randomly changed numbers; the last one stays."""
+        """Returns the candidate floor plans with randomly changed sizes; the last plan is unchanged."""
         ...
 
 
@@ -96,7 +96,7 @@ class Variants(NamedTuple):
         return cuts, nature._replace(valid=has_long_edges(cuts, nature.valid & is_plain(cuts)))
 
     def varied(self, dice: Random) -> "Variants":
-        """Returns the candidates with randomly changed numbers; the last one stays."""
+        """Returns the candidate floor plans with randomly changed sizes; the last plan is unchanged."""
         leaves = len(self.areas)
         shifts = gaussian(dice, leaves + 1, len(self.footprint))
         limits = np.maximum(AREA_MARGIN, np.abs(self.areas))
@@ -104,7 +104,7 @@ class Variants(NamedTuple):
         return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[leaves])
 
     def settled(self, evaluator: BatchEvaluator) -> "Variants":
-        """Returns the candidates with the space that walls take corrected for their shapes."""
+        """Returns the candidate floor plans with room areas corrected for the space that walls take."""
         walls, rooms = self.walls.copy(), len(evaluator.areas)
         for _ in range(SETTLINGS):
             sides = evaluator.floors(self._replace(walls=walls).cut(evaluator))
@@ -134,7 +134,7 @@ class Shortlist(NamedTuple):
 
 
 def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
-    """Returns normally distributed random changes for each plan; none for the last one."""
+    """Returns normally distributed random numbers for each floor plan; zeros for the last one."""
     drawn = [[dice.gauss(0, 1) for _ in range(numbers)] for _ in range(plans - 1)]
     return np.array([*drawn, [0.0] * numbers]).T
 
@@ -149,7 +149,7 @@ def shortlist(brief: Brief) -> Shortlist:
 
 
 def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist:
-    """Returns a shortlist of the valid plans among some candidates, cheapest first."""
+    """Returns a shortlist of the valid ones among candidate floor plans, cheapest first."""
     cuts, nature = plans.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
@@ -171,7 +171,7 @@ def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist
 
 
 def has_long_edges(cuts: Cuts, some: Flags) -> Flags:
-    """Marks those of some plans whose outline has no short edge."""
+    """Marks the candidate floor plans whose outline has no short edge."""
     columns = np.flatnonzero(some)
     found = some.copy()
     found[columns] = ~has_small_steps(cuts.take(columns), LEAST_EDGE)

@@ -20,7 +20,7 @@ class PlanSeed(NamedTuple):
     rank: int
     """Position of the floor plan in its random order, from 0."""
     diverse: bool
-    """Whether plans differ; otherwise each is the best one with other sizes."""
+    """Whether floor plans of a job differ; otherwise each is the best one with other sizes."""
 
     @classmethod
     def of(cls, seed: int) -> "PlanSeed":

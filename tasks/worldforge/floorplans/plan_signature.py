@@ -51,7 +51,7 @@ _TURNS = (
 
 
 class PlanSignature(NamedTuple):
-    """Everything that has to be equal in two plans that count as the same."""
+    """Signature of a floor plan: everything that is equal in two plans that count as the same."""
 
     touches: tuple[tuple[int, int, int], ...]
     """Pairs of rooms by number, lower first, and the side of the first room on which the second touches it."""
@@ -116,7 +116,7 @@ def outline_corners(cuts: Cuts) -> NDArray[np.int64]:
 
 
 def is_plain(cuts: Cuts) -> Flags:
-    """Marks the plans whose outline is a rectangle or a clean L, T or U."""
+    """Marks the floor plans whose outline is a rectangle or a clean L, T or U."""
     corners = outline_corners(cuts)
     whole = cuts.high.max(axis=1)
     west, south = cuts.low == 0

@@ -115,12 +115,12 @@ def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
 
 
 def ratio_of(room: int) -> int:
-    """Returns the index of a room's aspect ratio among the preferences."""
+    """Returns the index of a room's aspect ratio among the template's preferences."""
     return 1 + room
 
 
 def way_of(brief: Brief, pair: Pair) -> int:
-    """Returns the index of a requested connection among the preferences."""
+    """Returns the index of a requested connection among the template's preferences."""
     return 1 + 2 * len(brief.ratios) + [each for each, _, _ in brief.requests].index(pair)
 
 

@@ -92,7 +92,7 @@ class Walls:
         return [piece for run in self._runs for piece in self._cut(run, ways)]
 
     def clear_span(self, contact: Contact) -> tuple[int, int]:
-        """Returns the free part of a shared wall between the walls at its ends."""
+        """Returns the part of a shared wall that is free between the walls at its ends, in grid units."""
         ends = []
         for at, inward in ((contact.start, 1), (contact.end, -1)):
             node = (at, contact.at) if contact.horizontal else (contact.at, at)

@@ -161,7 +161,7 @@ def usual_types(
 
 
 def first_count(model_type: str, density: Density) -> int:
-    """Returns how many pieces of one furniture type a room gets at first."""
+    """Returns how many pieces of one furniture type a room gets in the first round of placing."""
     return RULES[model_type].counts[DENSITIES.index(density)]
 
 

@@ -32,9 +32,9 @@ class Rule:
     prefer: Literal["middle", "corner", "any"] = "any"
     """Part of a wall where a piece of furniture is preferred: middle, corner or any."""
     front_m: float = 0.0
-    """Free space in front of it, in metres: to get up, to open it, to work at it."""
+    """Free space in front of a piece of furniture, in metres: to get up, to open it, to work at it."""
     beside_m: float = 0.0
-    """Free space on both sides, in metres; on one side of a bed for one."""
+    """Free space on both sides of a piece of furniture, in metres; on one side of a single bed."""
     around_m: float = 0.0
     """Free space on every side of a piece in the open, in metres."""
     relation: Relation = ""
@@ -46,15 +46,15 @@ class Rule:
     seat_m: float = 0.0
     """Depth that a chair in front of it takes, in metres; this area must not be at a door."""
     gap_m: float = 0.0
-    """Distance to the partner for the relations `before` and `gathered`, in metres."""
+    """Distance of a piece of furniture to its partner for the relations `before` and `gathered`, in metres."""
     hides_window: bool = False
-    """Whether it never is placed before a window, however low it is."""
+    """Whether a piece of furniture is never placed before a window, however low it is."""
     counts: tuple[int, int, int] = (1, 1, 1)
     """Number of pieces of a furniture kind placed at first in sparse, moderate and dense rooms."""
     limit: int = 1
     """Limit of the pieces of one kind per 30 m2 of floor."""
     one_a_room: bool = False
-    """Whether larger rooms get no more than one of them, such as a television."""
+    """Whether larger rooms get no more than one piece of a kind, such as a television."""
 
 
 KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
@@ -81,9 +81,9 @@ class Kind:
     """Function that builds the parts of one style of a furniture kind."""
     styles: tuple[Style, ...]
     rule: Rule | None = None
-    """Rule by which rooms are furnished with it; `None` for loose objects."""
+    """Placement rule of a furniture kind; `None` for loose objects."""
     symbol: str = "plain"
-    """Symbol on floor plans: a name in `pictures/plan_symbols.py`."""
+    """Floor plan symbol of a furniture kind: a name in `pictures/plan_symbols.py`."""
 
 
 # In the order of placing: what rooms are arranged around comes first.

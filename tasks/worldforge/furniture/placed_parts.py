@@ -31,7 +31,7 @@ class Solid(NamedTuple):
 
 
 def turn(yaw: float) -> tuple[float, float]:
-    """Returns cosine and sine of an angle, exact for quarter turns."""
+    """Returns cosine and sine of a yaw angle, exact for quarter turns."""
     quarters = yaw / (pi / 2)
     if abs(quarters - round(quarters)) < 1e-9:
         return _EXACT_TURNS[round(quarters) % 4]

@@ -20,7 +20,7 @@ from ..geometry.parts import (
     upright,
 )
 
-_GIVES_M = 0.02
+_SINK_DEPTH_M = 0.02
 """Depth that objects sink into a cushion, in metres."""
 
 
@@ -33,7 +33,7 @@ def bed(style: Style) -> list[Part]:
         box("headboard", (-x, -x + 0.06), (-y, y), (0.0, top), style.main, solid=True),
         box("frame", (-x + 0.06, x), (-y, y), (0.1, 0.27), style.main, solid=True),
         box("mattress", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.46), WHITE),
-        hidden("filling", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.51 - _GIVES_M), WHITE),
+        hidden("filling", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.51 - _SINK_DEPTH_M), WHITE),
         box("duvet", (-x + 0.62, x - 0.012), (-y + 0.012, y - 0.012), (0.3, 0.51), style.soft),
         box("fold", (-x + 0.56, -x + 0.78), (-y + 0.008, y - 0.008), (0.32, 0.53), WHITE),
         box("throw", (x - 0.5, x - 0.2), (-y + 0.006, y - 0.006), (0.31, 0.54), style.accent),
@@ -72,7 +72,7 @@ def seat(style: Style) -> list[Part]:
         box("back", (-x, -x + back), (-y, y), (low, style.height_m), style.soft),
         box("arm-left", (-x + back, x), (y - arm, y), (low, arm_top), style.soft),
         box("arm-right", (-x + back, x), (-y, -y + arm), (low, arm_top), style.soft),
-        hidden("filling", inside, (-y + arm, y - arm), (floor, 0.44 - _GIVES_M), style.soft),
+        hidden("filling", inside, (-y + arm, y - arm), (floor, 0.44 - _SINK_DEPTH_M), style.soft),
         hidden("inside-back", (-x, -x + back), (-y, y), (floor, style.height_m), style.soft),
         hidden("inside-left", (-x + back, x), (y - arm, y), (floor, arm_top), style.soft),
         hidden("inside-right", (-x + back, x), (-y, -y + arm), (floor, arm_top), style.soft),
@@ -110,7 +110,7 @@ def tub_chair(style: Style) -> list[Part]:
         upright("arm-left-end", (x - 0.2, y - 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("arm-right-end", (x - 0.2, -y + 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("cushion", (0.03, 0), style.width_m - 0.24, (0.35, 0.45), light),
-        *bearings("filling", (0.03, 0), style.width_m - 0.24, (0.35, 0.45 - _GIVES_M), light, 45.0),
+        *bearings("filling", (0.03, 0), style.width_m - 0.24, (0.35, 0.45 - _SINK_DEPTH_M), light, 45.0),
     ]
 
 
@@ -127,12 +127,12 @@ def ottoman(style: Style) -> list[Part]:
             upright("body", (0, 0), style.width_m, (0.04, top - 0.08), style.soft, solid=True),
             upright("foot", (0, 0), style.width_m - 0.08, (0, 0.05), BLACK),
             upright("cushion", (0, 0), style.width_m - 0.02, (top - 0.09, top), _lighter(style.soft)),
-            *bearings("filling", (0, 0), style.width_m - 0.02, (top - 0.09, top - _GIVES_M), style.soft, 45.0),
+            *bearings("filling", (0, 0), style.width_m - 0.02, (top - 0.09, top - _SINK_DEPTH_M), style.soft, 45.0),
         ]
     return [
         slab("body", style, (0.08, top - 0.1), style.soft),
         slab("cushion", style, (top - 0.1, top), _lighter(style.soft), inset=0.01),
-        hidden("filling", (-x, x), (-y, y), (0.08, top - _GIVES_M), style.soft),
+        hidden("filling", (-x, x), (-y, y), (0.08, top - _SINK_DEPTH_M), style.soft),
         slab("feet", style, (0, 0.09), style.main, inset=0.05),
     ]
 
@@ -199,7 +199,7 @@ def storage_bench(style: Style) -> list[Part]:
     x, y = style.half_depth_m, style.half_width_m
     body = box("body", (-x, x - 0.022), (-y, y), (0.0, top - 0.08), style.main)
     cushion = slab("cushion", style, (top - 0.08, top), style.soft)
-    filling = hidden("filling", (-x, x - 0.022), (-y, y), (0, top - _GIVES_M), style.soft)
+    filling = hidden("filling", (-x, x - 0.022), (-y, y), (0, top - _SINK_DEPTH_M), style.soft)
     columns = 2 if style.width_m < 1.2 else 3
     return [body, cushion, filling, *fronts(style, columns, 1, (0.04, top - 0.09), style.accent, CHROME)]
 

@@ -24,7 +24,7 @@ from ..geometry.parts import (
 
 _LEAF = rgb("5f8a56")
 _CLAY = rgb("b5694a")
-_BEARING_DEG = (20.0, 45.0, 70.0)
+_SUPPORT_ANGLES_DEG = (20.0, 45.0, 70.0)
 """Angles of the three boxes that support a round table top, in degrees; they cover nine tenths of it."""
 
 
@@ -243,7 +243,7 @@ def _pedestal(style: Style, foot: float) -> list[Part]:
     top = style.height_m
     return [
         upright("top", (0, 0), style.width_m, (top - 0.035, top - BEARING_M), style.accent, solid=True),
-        *bearings("bearing", (0, 0), style.width_m, (top - 0.03, top), style.accent, *_BEARING_DEG),
+        *bearings("bearing", (0, 0), style.width_m, (top - 0.03, top), style.accent, *_SUPPORT_ANGLES_DEG),
         upright("column", (0, 0), 0.08, (0.02, top - 0.035), style.main, solid=True),
         upright("foot", (0, 0), foot * style.width_m, (0, 0.035), style.main, solid=True),
     ]

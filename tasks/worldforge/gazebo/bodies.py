@@ -23,11 +23,11 @@ class Body:
     links: list[Link]
     pose: Pose
     joint: Joint | None = None
-    """Joint that connects the body; `None`: it moves freely, or never."""
+    """Joint that connects an imported body; `None`: it moves freely, or never."""
     is_reversed: bool = False
     """Whether this body is the parent in the file's joint, so that the joint is used in reverse."""
     parent: "Body | None" = None
-    """Body that this one is attached to by its joint; `None`: the world."""
+    """Body that an imported body is attached to by its joint; `None`: the world."""
     is_held: bool = False
     """Whether an imported body could move and is kept fixed."""
     solids: list[Solid] = field(default_factory=list)

@@ -24,9 +24,9 @@ It is thin enough to keep the form, and thick enough that no robot passes throug
 """
 
 _LEAST_M = 0.002
-"""Thickness of the thinnest part, in metres; MuJoCo refuses hulls without volume."""
+"""Smallest thickness of a convex part, in metres; MuJoCo refuses hulls without volume."""
 _FLAT_M = 1e-3
-"""Largest distance of corners from a plane with which they are in it, in metres."""
+"""Largest distance of corners from a plane with which they count as in it, in metres."""
 _WELD_M = 1e-5
 _PARALLEL = np.cos(np.radians(0.5))
 _SMALLEST_M2 = 1e-4
@@ -95,7 +95,7 @@ def convex_parts(triangles: Triangles, *, is_loose: bool = False) -> Split:
         is_loose: whether its body moves, so that nothing may grow: small faces become prisms, too, in place of boxes.
 
     Returns:
-        Its parts; none where it is too small to be met.
+        Convex parts of the mesh; none if it is too small for a collision.
     """
     mesh = _welded(triangles)
     if not len(mesh.faces):
@@ -186,7 +186,7 @@ def _thickness(hull: ConvexHull) -> float:
 
 
 def _as_box(corners: Points) -> BoxPart | None:
-    """Returns the box with these corners, if they are those of a box; else `None`."""
+    """Returns the box that has these corners; `None` if they are not those of a box."""
     if len(corners) != 8:
         return None
     center = corners.mean(axis=0)
@@ -226,7 +226,7 @@ def _polygons(mesh: _Faces, faces: NDArray[np.intp]) -> list[_Polygon]:
 
 
 def _fine(mesh: _Faces, small: list[_Polygon]) -> list[_Polygon]:
-    """Returns the small polygons that together form a large surface, connected by edges."""
+    """Returns a mesh's small polygons that together form a large surface, connected by edges."""
     owner = np.repeat(np.arange(len(small)), [len(each.ring) for each in small])
     starts = np.concatenate([each.ring for each in small])
     ends = np.concatenate([each.ring[1:] + each.ring[:1] for each in small])

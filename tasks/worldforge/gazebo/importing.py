@@ -155,7 +155,7 @@ class _Import:
         return world
 
     def _rooms(self, shift: Pose) -> list[NamedArea]:
-        """Returns the rooms of the notes file, in the world's frame."""
+        """Returns the rooms of an imported world's notes file, in the world's frame."""
         found: list[NamedArea] = []
         for name, room in self._wishes.notes.rooms.items():
             corners = [_moved_point(corner, shift) for corner in room.polygon]
@@ -191,7 +191,7 @@ class _Import:
         return self._pieces[name]
 
     def _kinds(self) -> dict[str, str]:
-        """Returns the kind of furniture of each piece and body, by name."""
+        """Returns the kind of furniture of each piece and body of an imported world, by name."""
         types = self._sdf.model_types
         found = {self._piece(link): types[link.path.rpartition("::")[0]] for link in self._fixed}
         for body in self._bodies:

@@ -14,9 +14,9 @@ from .prisms import COMPOSED, prism_parts, prism_triangles
 from .terrain import Terrain, terrain_of
 
 MOST_SOLIDS = 5000
-"""Limit of collision shapes in one world: with more, a time step takes milliseconds."""
+"""Limit of collision shapes in one imported world: with more, a time step takes milliseconds."""
 _MOST_OF_ONE = 1500
-"""Limit of the collision shapes of one mesh; the walls of a hospital have 1,447."""
+"""Limit of the collision shapes of one mesh of an imported world; the walls of a hospital have 1,447."""
 _MOST_FACES = 6000
 """Limit of the triangles of a mesh that is split exactly, face by face: some seconds."""
 _MOST_OF_LOOSE = 200
@@ -42,7 +42,7 @@ class Solid:
     pose: Pose
     """Pose of a collision shape in the world's frame."""
     size: tuple[float, ...]
-    """Size as MuJoCo has it: half extents, radius, radius and half length."""
+    """Size of a collision shape as in MuJoCo: half extents; radius; or radius and half length."""
     friction: float
     corners: Points | None = None
     """Corners of a convex hull's collision shape, in its own frame."""
@@ -213,7 +213,7 @@ def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: boo
 
 
 def _to_normal(normal: tuple[float, float, float]) -> Points:
-    """Returns a rotation matrix that turns the z axis to a normal."""
+    """Returns a rotation matrix that turns the z axis to a plane's normal."""
     z = np.array(normal) / np.linalg.norm(normal)
     x = np.cross((0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0), z)
     x /= np.linalg.norm(x)

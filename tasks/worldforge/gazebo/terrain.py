@@ -15,7 +15,7 @@ _SAME_M = 1e-3
 """Distance of vertices below which they are the same, in metres: files have five digits or more."""
 _LEAST_SIDE = 3
 """Least number of corners along a side of terrain; a face of a box has two."""
-_CUT_M = 0.01
+_DIAGONAL_TOLERANCE_M = 0.01
 """Largest height difference in the middle of a cell, in metres, between the mesh's diagonal and MuJoCo's."""
 
 
@@ -100,4 +100,4 @@ def _covers(row: NDArray[np.intp], column: NDArray[np.intp], heights_m: NDArray[
     like_mujoco = (south_east == 1) & (north_west == 1) & (south_west == 0) & (north_east == 0)
     otherwise = (south_west == 1) & (north_east == 1) & (south_east == 0) & (north_west == 0)
     twist_m = np.abs(heights_m[:-1, :-1] + heights_m[1:, 1:] - heights_m[:-1, 1:] - heights_m[1:, :-1]) / 2
-    return bool((like_mujoco | (otherwise & (twist_m < _CUT_M))).all())
+    return bool((like_mujoco | (otherwise & (twist_m < _DIAGONAL_TOLERANCE_M))).all())

@@ -27,7 +27,7 @@ from .outline import AREA, Drawn, NamedArea, bundle_texts, world_of
 _MOST_NAMED = 12
 _MOST_FRICTION = 10.0
 """Largest sliding friction that can be requested: nothing slides on a surface with more."""
-_ANEW = {WORLD_FILE, MODEL_FILE, DESCRIPTION_FILE, PREVIEW_FILE, "floorplan.svg", *MAP_FILES}
+_REWRITTEN_FILES = {WORLD_FILE, MODEL_FILE, DESCRIPTION_FILE, PREVIEW_FILE, "floorplan.svg", *MAP_FILES}
 """Files of a bundle that are written anew for a variation, and not copied from the original world."""
 
 
@@ -67,7 +67,7 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
     taken = {
         path.relative_to(bundle).as_posix(): path.read_bytes()
         for path in sorted(bundle.rglob("*"))
-        if path.is_file() and path.relative_to(bundle).as_posix() not in _ANEW
+        if path.is_file() and path.relative_to(bundle).as_posix() not in _REWRITTEN_FILES
     }
     compiled = _compiled(text, taken)
     variation = Variation(of_content=content_hash(bundle), of_world=arn, changes=changes)

@@ -25,7 +25,7 @@ _MOST_DRAWN = 40_000
 _MOST_TERRAIN = 257
 """Limit of a heightmap's samples along a side."""
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "GIF", "DDS", "WEBP", "PPM")
-"""Allowed picture formats; reading others, such as PostScript, starts programs."""
+"""Allowed texture file formats; reading others, such as PostScript, starts programs."""
 _LEAST_AREA_M2 = 1e-7
 """Surface area of a mesh below which MuJoCo may refuse it, in square metres."""
 _PLAIN_REPEAT = 'texrepeat="1 1"'

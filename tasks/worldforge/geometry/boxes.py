@@ -29,7 +29,7 @@ class Pose(NamedTuple):
     """Rating of a furniture pose; higher is better."""
 
     def box(self, back: float, front: float, right: float, left: float) -> Box:
-        """Returns the rectangle between two distances forward and two sideways from the pose."""
+        """Returns the rectangle between two distances forward and two sideways from a furniture pose."""
         x, y, quarter, _ = self
         if quarter == 0:
             return x + back, y + right, x + front, y + left

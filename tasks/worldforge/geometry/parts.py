@@ -44,7 +44,7 @@ class Style:
     """A look of a furniture type: form, size, and three colours."""
 
     form: str
-    """Form that the builder makes, such as `round` or `three-seat`."""
+    """Form of a furniture style that the builder makes, such as `round` or `three-seat`."""
     width_m: float
     """Width of a furniture style across the facing direction, in metres."""
     depth_m: float
@@ -62,17 +62,17 @@ class Style:
 
     @property
     def name(self) -> str:
-        """Name of the style, unique among the styles of one furniture type."""
+        """Name of a furniture style, unique among the styles of one furniture type."""
         return f"{self.form} {self.colors}"
 
     @property
     def half_depth_m(self) -> float:
-        """Half of the depth, in metres; the front is at `+half_depth_m`."""
+        """Half of a furniture style's depth, in metres; the front is at `+half_depth_m`."""
         return self.depth_m / 2
 
     @property
     def half_width_m(self) -> float:
-        """Half of the width, in metres; the left side is at `+half_width_m`."""
+        """Half of a furniture style's width, in metres; the left side is at `+half_width_m`."""
         return self.width_m / 2
 
 
@@ -111,7 +111,7 @@ _SCHEMES: dict[str, tuple[Color, Color, Color]] = {
 
 
 def styles(form: str, size: tuple[float, float, float], *schemes: str) -> tuple[Style, ...]:
-    """Makes one style for each colour scheme; `size` is width, depth, height in metres."""
+    """Makes one furniture style for each colour scheme; `size` is width, depth, height in metres."""
     return tuple(Style(form, *size, scheme, *_SCHEMES[scheme]) for scheme in schemes)
 
 

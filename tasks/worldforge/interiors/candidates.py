@@ -129,14 +129,14 @@ def distance(pose: Pose, box: Box) -> float:
 
 
 def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:
-    """Returns candidate poses beside another piece, with backs in line."""
+    """Returns candidate poses of furniture beside another piece, with backs in line."""
     back = -(partner.depth_m - style.depth_m) / 2
     across = partner.width_m / 2 + _BESIDE_GAP_M + style.width_m / 2
     return [pose_of(partner).moved(back, side * across, 0, dice.random()) for side in (1, -1)]
 
 
 def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
-    """Returns candidate poses in front of another piece, turned towards it."""
+    """Returns candidate poses of furniture in front of another piece, turned towards it."""
     distance = partner.depth_m / 2 + gap_m + style.depth_m / 2
     return [
         pose_of(partner).moved(distance, shift, 2, 0.2 * dice.random() - abs(shift)) for shift in (0.0, 0.25, -0.25)
@@ -201,7 +201,7 @@ def at_desk(desk: Furniture, style: Style) -> list[Pose]:
 
 
 def next_to(item: Furniture, style: Style) -> list[Pose]:
-    """Returns candidate poses directly next to a piece, with backs in line."""
+    """Returns candidate poses of furniture directly next to a piece, with backs in line."""
     back = -(item.depth_m - style.depth_m) / 2
     across = item.width_m / 2 + style.width_m / 2 + FLUSH_M
     return [pose_of(item).moved(back, side * across, 0, 0.5) for side in (1, -1)]

@@ -43,7 +43,7 @@ class Unit(NamedTuple):
     kind: str
     style: Style
     blind: bool = False
-    """Whether it is the unit in a corner, which people do not stand in front of."""
+    """Whether a kitchen unit is in a corner, which people do not stand in front of."""
 
 
 Placed = list[tuple[Unit, Pose]]
@@ -53,7 +53,7 @@ class Halves(NamedTuple):
     """The two halves of a kitchen run, each from its outer end to their joint, and optional units."""
 
     cooking: list[Unit]
-    """Units of the first half, from the fridge to the worktop beside the stove."""
+    """Units of the first half of a kitchen's row, from the fridge to the worktop beside the stove."""
     washing: list[Unit]
     """Units of the second half of a kitchen's row, from the sink on."""
     corner: Unit

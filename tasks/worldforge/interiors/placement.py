@@ -52,7 +52,7 @@ class Side(NamedTuple):
     """A side of a room with a wall, seen from inside."""
 
     low: float
-    """Start of the wall along its axis, on the corners' centre lines, in metres."""
+    """Start of a wall along its axis, on the corners' centre lines, in metres."""
     high: float
     face: float
     """Coordinate of a wall's face across the wall, in metres."""
@@ -65,12 +65,12 @@ class Side(NamedTuple):
         return 1 - self.quarter % 2
 
     def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:
-        """Returns a pose with its back to the wall, its centre `inward` metres from the wall."""
+        """Returns a furniture pose with its back to the wall, its centre `inward` metres from the wall."""
         at = self.face + inward * sum(FRONTS[self.quarter])
         return Pose(along, at, self.quarter, score) if self.axis == 0 else Pose(at, along, self.quarter, score)
 
     def strip(self, near: float, far: float) -> Box:
-        """Returns the rectangle between two distances from the wall."""
+        """Returns the floor rectangle between two distances from the wall."""
         sign = sum(FRONTS[self.quarter])
         one, other = sorted((self.face + sign * near, self.face + sign * far))
         return (self.low, one, self.high, other) if self.axis == 0 else (one, self.low, other, self.high)
@@ -165,7 +165,7 @@ class RoomSpace:
         return self._ways.margins()
 
     def keep_clear(self, owner: str, box: Box) -> None:
-        """Reserves a rectangle that only its owner's partners may use."""
+        """Reserves a floor rectangle that only its owner's partners may use."""
         self._zones[owner].append(box)
 
     def add(self, owner: str, box: Box, zones: Sequence[Box]) -> None:

@@ -71,7 +71,7 @@ class Group(NamedTuple):
     partners: tuple[str, ...] = ()
     """Ids of the pieces whose keep-clear zones may be entered."""
     tucked: Box | None = None
-    """Footprint of the piece that it is pushed under, such as a table."""
+    """Footprint of the piece, such as a table, that a candidate piece is pushed under."""
 
 
 _NO_GROUP = Group([])
@@ -225,7 +225,7 @@ class RoomFurnishing:
         return reason
 
     def styles(self, kind: str) -> list[Style]:
-        """Returns the styles to try, those that suit the room's size and colours first."""
+        """Returns the styles of a furniture kind to try, those that suit the room's size and colours first."""
         by_form: dict[str, Style] = {}
         for style in sorted(styles_of(kind), key=lambda style: self._taste[style.colors]):
             if self.is_small or not style.form.endswith(COMPACT):
@@ -255,7 +255,7 @@ class RoomFurnishing:
         return [by_form[form] for form in sorted(forms, key=rank)]
 
     def style_of(self, kind: str, form: str) -> Style:
-        """Returns the style of a form in the colours that suit the room."""
+        """Returns the style of a furniture form in the colours that suit the room."""
         return min((style for style in styles_of(kind) if style.form == form), key=lambda s: self._taste[s.colors])
 
     def _place_style(self, kind: str, style: Style) -> str:
@@ -286,7 +286,7 @@ class RoomFurnishing:
         return reason
 
     def fits(self, kind: str, style: Style, pose: Pose, group: Group = _NO_GROUP) -> bool:
-        """Whether a piece fits at a pose with its clearances; ways are not checked."""
+        """Whether a piece fits at a pose with its clearances; robots' paths are not checked."""
         box = footprint(pose, style.width_m, style.depth_m)
         tall = style.height_m > TALL_M or RULES[kind].hides_window
         space = self.space
@@ -428,7 +428,7 @@ class RoomFurnishing:
 
     @property
     def dines(self) -> bool:
-        """Whether the room has a table that is not far from the kitchen."""
+        """Whether the room has a dining table that is not far from the kitchen."""
         tables = self.placed("DiningTables")
         return any(self._to_kitchen_m(pose_of(table)) <= _MEALS_M for table in tables)
 

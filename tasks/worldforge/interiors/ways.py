@@ -49,7 +49,7 @@ class Ways:
         self._most_lost = 0.0
 
     def join(self, gates: Sequence[Point]) -> None:
-        """Sets the points (doors) between which paths must exist; called once, at first."""
+        """Sets the points (doors) between which paths through the room must exist; called once, at first."""
         rows, columns = self._free.shape
         for x, y in gates:
             row, column = int((y - self._y0) / _CELL_M) + 1, int((x - self._x0) / _CELL_M) + 1
@@ -76,7 +76,7 @@ class Ways:
         return int(rows[best]) + south, int(columns[best]) + west
 
     def stays_open(self, *boxes: Box) -> bool:
-        """Whether all doors stay connected if more rectangles are blocked."""
+        """Whether all doors stay connected if more rectangles of the floor are blocked."""
         if self._open is None:
             return False
         blocks = [self._slices(box, self._half_m) for box in boxes]
@@ -95,7 +95,7 @@ class Ways:
         return component is not None and int(free.sum()) - int(component.sum()) <= self._most_lost
 
     def block(self, box: Box) -> None:
-        """Blocks the cells that a robot cannot reach any more because of a rectangle."""
+        """Blocks the floor cells that a robot cannot reach any more because of a rectangle."""
         rows, columns = self._slices(box, self._half_m)
         whole = self._rim_is_whole(rows, columns)
         self._free[rows, columns] = False
@@ -107,7 +107,7 @@ class Ways:
             self._open = self._component(self._free)
 
     def margins(self) -> list[Point]:
-        """Returns the centres of the cells that no robot can be in, inside the room's extent."""
+        """Returns the centres of the floor cells that no robot can be in, inside the room's extent."""
         rows, columns = np.nonzero(~self._free[1:-1, 1:-1])
         x, y = self._x0 + (columns + 0.5) * _CELL_M, self._y0 + (rows + 0.5) * _CELL_M
         return list(zip(x.tolist(), y.tolist(), strict=True))

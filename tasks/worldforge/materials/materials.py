@@ -45,7 +45,7 @@ class Material:
     finishes: tuple[Finish, ...]
     """Finishes of the material; the first one is used where a plan names none."""
     friction: float = 0.8
-    """Sliding friction of dry rubber on it; walls do not use it."""
+    """Sliding friction of dry rubber on a floor material; walls do not use it."""
 
 
 def _material(*finishes: str, friction: float = 0.8) -> Material:

@@ -15,7 +15,7 @@ from ..geometry.parts import Color, Part, Vector
 from .ornaments import Floats, Ints, Mesh, Ornament, color_look, joined
 
 Shape = Callable[[Vector], Mesh]
-"""Function that makes a mesh of a given size (box extents), centred at the origin."""
+"""Function that makes a decorative mesh of a given size (box extents), centred at the origin."""
 
 _SECTIONS = 14
 _FOLDS = 5
@@ -130,7 +130,7 @@ def _cushion(through: int) -> Unit:
 
 
 def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
-    """Makes a shape that is rotated about z from a profile of radii and heights, 0 to 1."""
+    """Makes a shape function for a surface of revolution about z, from radii and heights, 0 to 1."""
     return filling(lambda: _turned(profile))
 
 

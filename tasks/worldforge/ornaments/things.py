@@ -30,7 +30,7 @@ class Piece:
     size: Vector
     colors: tuple[Color, ...]
     up: float = 0.0
-    """Height of the shape's lower end above the object's, in metres."""
+    """Height of a shape's lower end above that of its decorative object, in metres."""
     turn: float = 0.0
 
 

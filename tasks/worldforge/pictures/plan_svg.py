@@ -99,7 +99,7 @@ def _bounds(item: Furniture) -> Box:
 
 
 def widest_box(room: Room) -> Box:
-    """Returns the largest rectangle inside a room, as the place for its label."""
+    """Returns the largest rectangle inside a room, as the place for the room's label."""
     xs, ys = sorted({x for x, _ in room.polygon}), sorted({y for _, y in room.polygon})
     gaps = [
         ((x0 + x1) / 2, (y0 + y1) / 2)

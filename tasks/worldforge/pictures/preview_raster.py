@@ -286,7 +286,7 @@ class Palette:
         return sunny
 
     def table(self) -> NDArray[np.uint8]:
-        """Returns red, green and blue of each colour number, 0 to 255."""
+        """Returns red, green and blue of each colour number of the palette, 0 to 255."""
         return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
 
 

@@ -26,7 +26,7 @@ _GAMMA = 2.2
 _SLOTS = 4
 """Side of the pixel squares within which neighbouring pixels sample different lamps."""
 _STEP = 3
-"""Light is computed for one pixel in this many, along each axis."""
+"""Step between pixels for which light is computed, along each axis."""
 _CUTOFF_M = 60.0
 _GLASS_GROUP = 5
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))

@@ -137,7 +137,7 @@ def _lamps(world: World, room: Room) -> list[list[Lamp]]:
 
 
 def _size(room: Room) -> float:
-    """Returns the factor for a room's lamps: larger rooms have brighter ones."""
+    """Returns the brightness factor for a room's lamps: larger rooms have brighter ones."""
     return 0.45 + 0.045 * room.area_m2
 
 

@@ -32,7 +32,7 @@ class ProofLine(NamedTuple):
     name: str
     value: str
     verdict: Verdict
-    """Whether the guarantee holds; empty for a number that guarantees nothing."""
+    """Whether a world's guarantee holds; empty for a number that guarantees nothing."""
 
 
 def violations(checks: WorldChecks) -> list[str]:

@@ -30,7 +30,7 @@ class _Expected(NamedTuple):
 
     must_occupy: Cells
     may_occupy: Cells
-    """Cells that may be occupied, such as the inside of furniture's outlines."""
+    """Map cells that may be occupied, such as the inside of furniture's outlines."""
     must_know: Cells
     may_know: Cells
 

@@ -117,11 +117,11 @@ Cylinders on tables tremble at a third of it for ever. In the rest of two second
 millimetre.
 """
 
-_STRIDE = 25
+_STEPS_PER_CHECK = 25
 """Number of steps after which it is checked whether any body is awake: most motion is over in twice as many."""
 
 _DOFS = 6
-_SHARES = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
+_PUSH_SPEED_FACTORS = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
 """Factors of the push speed per degree of freedom: x, y and z in m/s, then rotations in rad/s."""
 
 
@@ -197,7 +197,7 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         before = data.xipos[bodies].copy()
-        data.qvel[dofs] = PUSH_MPS * _SHARES * dice.standard_normal(dofs.shape)
+        data.qvel[dofs] = PUSH_MPS * _PUSH_SPEED_FACTORS * dice.standard_normal(dofs.shape)
         _settle(model, data, PUSHED_S, _WATCHED_AFTER_PUSH_S)
         way = data.xipos[bodies] - before
         moved, sunk = np.maximum(moved, stays * np.linalg.norm(way, axis=1)), np.maximum(sunk, -way[:, 2])
@@ -223,8 +223,8 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     model.opt.sleep_tolerance = _SLEEP_TOLERANCE
     model.tree_sleep_policy[:] = int(mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED)
-    for left in range(round((span_s - watched_s) / model.opt.timestep), 0, -_STRIDE):
-        mujoco.mj_step(model, data, nstep=min(left, _STRIDE))
+    for left in range(round((span_s - watched_s) / model.opt.timestep), 0, -_STEPS_PER_CHECK):
+        mujoco.mj_step(model, data, nstep=min(left, _STEPS_PER_CHECK))
         if data.ntree_awake == 0:
             break  # nothing is left that could wake anything
     model.opt.enableflags = awake

@@ -31,7 +31,7 @@ The top is at 0, walls begin there, and the plane below is deeper.
 """
 
 _HALF_CELL = 0.5 + 1e-3
-"""Share of a cell that a floor must cover to contain the cell's centre."""
+"""Share of a map cell that a floor must cover to contain the cell's centre."""
 
 Points = NDArray[np.float64]
 Outlines = list[tuple[int, list[Point]]]
@@ -181,7 +181,7 @@ class LidarScan:
     """Simulated lidar rays around a point, and where they end."""
 
     ends: Points
-    """End point of each ray on the surface that it hits; NaN if it hits nothing."""
+    """End point of each lidar ray on the surface that it hits; NaN if it hits nothing."""
     geoms: NDArray[np.int32]
     """Id of the geom that each lidar ray hits; -1: none."""
 

@@ -122,7 +122,7 @@ class SheetWorld:
     plan: str = ""
     """Key of the world's floor plan signature; empty if the world cannot be read."""
     problems: tuple[str, ...] = ()
-    """Broken guarantees, or the reason why the world cannot be read."""
+    """Broken guarantees of a world, or the reason why the world cannot be read."""
     preview: bytes | None = None
     """Picture of a world from above (PNG); `None`: there is none."""
 

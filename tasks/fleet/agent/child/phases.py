@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _PROGRESS_EVERY_S = 0.5
 
 Say = Callable[..., None]
-"""Function that sends an answer to the agent; see `forking`."""
+"""Function that sends an answer from the child process to the agent; see `forking`."""
 
 
 def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:

@@ -52,7 +52,7 @@ class Application:
         """Whether the application had run for a long time (`_STEADY_S`) when it last ended."""
 
         self.due_s: float | None = None
-        """Time of its next start, by the monotonic clock in seconds; `None`: no start is due."""
+        """Time of the application's next start, by the monotonic clock in seconds; `None`: no start is due."""
 
     @property
     def is_running(self) -> bool:
@@ -115,7 +115,7 @@ class Application:
         self.due_s = self._monotonic() + pause_s
 
     def stop(self) -> None:
-        """Stops the application: asks it to end, waits, then kills it."""
+        """Stops the robot's application: asks it to end, waits, then kills it."""
         self.due_s, self._failures, self._how = None, 0, ""
         if self._process is None:
             return

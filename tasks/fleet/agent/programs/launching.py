@@ -130,7 +130,7 @@ def kill_leftovers(home: Path, version: str | None = None) -> int:
         version: folder of the version whose processes are killed; `None`: of any version.
 
     Returns:
-        How many there were.
+        Number of killed processes.
     """
     marks = [f"{HOME_VARIABLE}={home}".encode()]
     if version is not None:

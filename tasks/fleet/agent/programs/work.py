@@ -36,7 +36,7 @@ class ChildWork:
         """Percentage of the installation phase that is done; `None`: unknown."""
 
         self.later: str | None = None
-        """Reason why the phase must be tried again later; `None`: there is none."""
+        """Reason why the installation phase must be tried again later; `None`: there is none."""
 
     @property
     def pipe(self) -> int | None:
@@ -113,7 +113,7 @@ class ScriptWork:
         self._monotonic = monotonic
         self._is_over = False
         self.due_s: float | None = due_s
-        """Time at which it times out, by the monotonic clock; `None`: it is over."""
+        """Time at which the script times out, by the monotonic clock; `None`: it is over."""
 
     def poll(self) -> list[Event]:
         """Checks, without waiting, whether the script has ended or timed out, and ends one that has timed out.
