@@ -316,9 +316,9 @@ class Rule(ABC, Generic[Asked]):
     def __init__(self, asked: Asked) -> None:
         self.asked = asked
         self.violated_s: float | None = None
-        """Simulated time at which it was first found violated; None: never."""
+        """Simulated time of the first violation in seconds; None: there was none."""
         self.error: str | None = None
-        """Reason why it cannot be judged; None: it can."""
+        """Reason why the requirement cannot be judged; None: it can."""
         self._end_s = 0.0
         self._ended_by = ""
 

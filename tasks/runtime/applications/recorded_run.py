@@ -84,7 +84,7 @@ class RecordedRun(dm_env.Environment):
         self._path: list[tuple[float, float, float]] = []
         self._heard: dict[str, int] = {}
         self._held: list[tuple[Message, float]] = []
-        """Contacts and scans of the first moment: requirements begin to look after it."""
+        """Contacts and scans of the first moment, held back because requirements are first checked after it."""
 
     @property
     def physics(self) -> Physics:

@@ -99,7 +99,7 @@ class Bag:
         self.path = path
         self._is_ros1 = path.suffix == ".bag"
         self._reading: list[Any] = []
-        """Readers of messages that nothing has read to the end yet."""
+        """Message readers that have not been read to the end yet, to be closed."""
         self._reader = self._opened()
         try:
             self._look()
@@ -120,9 +120,9 @@ class Bag:
     def _look(self) -> None:
         self._connections: list[Connection] = list(self._reader.connections)
         self.counts: dict[str, int] = {}
-        """Messages by topic; a topic that was recorded and never heard has 0."""
+        """Number of messages by topic; 0 for a topic that was recorded but had none."""
         self.types: dict[str, set[str]] = {}
-        """Types by topic."""
+        """ROS message types by topic."""
         for each in self._connections:
             self.counts[each.topic] = self.counts.get(each.topic, 0) + each.msgcount
             self.types.setdefault(each.topic, set()).add(each.msgtype)
@@ -130,9 +130,9 @@ class Bag:
             topics = f" on its topics {self.shown()}" if self.counts else ""
             raise RecordingFault(f"{self.path} is empty: there is no message in it{topics}; record a run")
         self.start_ns: int = self._reader.start_time
-        """Time of receipt of the first message, in nanoseconds."""
+        """Receive time of the first message, in nanoseconds."""
         self.end_ns: int = self._reader.end_time - 1
-        """Time of receipt of the last message, in nanoseconds."""
+        """Receive time of the last message, in nanoseconds."""
         self._store: Any = None
 
     def close(self) -> None:

@@ -47,10 +47,10 @@ class Measurements:
         """
         self._bag, self.sources, self._losses = bag, sources, losses or {}
         self._read: list[tuple[Rule[Any], str]] = []
-        """Rules that take silence for good, and the topic that each reads."""
+        """Rules that a silent topic would satisfy, each with its topic."""
         self._tree = FrameTree()
         self._ending: list[Rule[Any]] = []
-        """Rules about the end of the run."""
+        """Rules that are judged at the end of the run."""
         self._is_tf = bag.has(_TF, TRANSFORMS)
         for message in bag.messages([_TF_STATIC]) if bag.has(_TF_STATIC, TRANSFORMS) else ():
             for transform in message.content.transforms:
@@ -58,12 +58,12 @@ class Measurements:
         self._unseen: Iterator[Message] = bag.messages([_TF]) if self._is_tf else iter(())
         self._transforms = TransformPoses(self._tree, sources)
         self._poses: dict[int, Pose] = {}
-        """Poses that rules are about, by the rule's identity."""
+        """Poses that rules measure, by the rule's identity."""
         self._tilted: list[tuple[Rule[Any], Pose]] = []
         self._risen: list[tuple[Rule[Any], Pose]] = []
         self._paired_sources: list[Source] = []
         self._paired: list[PoseTopic] = []
-        """Topics with poses that are compared with others, as they are read."""
+        """Topics with poses that are compared with those of other topics."""
         self._topic_pose = self._find_pose_topic()
         self._contacts = self._find_contacts()
         self._scan = self._find_scan()

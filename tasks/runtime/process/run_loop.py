@@ -133,7 +133,7 @@ class _Loop:
     ) -> None:
         self.ended_by = ""
         self.interrupted: Phase | None = None
-        """Phase that was interrupted, because it did not return after the run was told to stop."""
+        """Phase that was interrupted because code did not return after the run was told to stop."""
         self.agent_runs = False
         self._mark = mark
         self._stop = stop

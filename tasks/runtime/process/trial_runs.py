@@ -90,12 +90,12 @@ class TrialStage:
         self._environment: Any = None
         self._agent: Any = None
         self._variables: Mapping[str, str] = {}
-        """Those that the environment was made with."""
+        """Environment variables with which the environment was made."""
         self._variation = Variation(number_axes(plan.trials)) if plan.trials is not None else Variation({})
         self.unanswered = ""
-        """Message about code that did not answer when a trial was stopped; empty: no answer was awaited."""
+        """Message about code that did not answer when a trial was stopped; empty: none."""
         self._between_substeps: Any = None
-        """Function that its physics called between substeps when it was made."""
+        """Function that the environment's physics called between substeps when it was made."""
 
     def play(self, trial: Trial) -> TrialRow | None:
         """Runs one trial to its end, and returns its results.

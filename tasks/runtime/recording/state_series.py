@@ -86,7 +86,7 @@ class StateSeries:
         self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
         self._times: list[float] = []
         self._samples: tuple[list[bytes], list[bytes], list[bytes]] = ([], [], [])
-        """Positions, velocities and forces."""
+        """Sampled positions, velocities and forces."""
 
     def present(self, wanted: Collection[str]) -> tuple[float, list[list[Sequence[float]]]]:
         """Returns the present state: its time, and the numbers of each topic in the form of `take`.

@@ -255,7 +255,7 @@ class Writer:
 
         self._entity, self._write = entity, ddspy_write
         self._recorders: dict[int, bool] = {}
-        """Whether a subscriber is the recorder of topics, by its handle."""
+        """Whether each matched subscriber is a topic recorder, by its handle."""
 
     def write(self, message: bytes) -> None:
         """Publishes a message (CDR with encapsulation header)."""

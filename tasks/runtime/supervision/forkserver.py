@@ -105,8 +105,9 @@ class _Supervisors:
         self._rehearse = rehearse
         self._fork_ahead_after_s = fork_ahead_after_s
         self._alive: dict[int, tuple[int, int]] = {}
-        """Living processes by pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
-        the launcher until the run's last process is gone."""
+        """Living supervisors by pidfd: process id, and a copy of the supervisor's end of the connection to the
+        launcher, which keeps the connection open until the run's last process has ended.
+        """
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:

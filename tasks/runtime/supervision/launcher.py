@@ -317,7 +317,7 @@ class _Server:
             kind = LaunchInterruptedError if process.returncode == -signal.SIGKILL else LaunchError
             raise kind(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
         self.confinement = Confinement(*json.loads(answer.removeprefix(READY)))
-        """Confinement of runs on this machine."""
+        """Sandbox level of runs on this machine."""
 
     def alive(self) -> bool:
         return self._process.poll() is None

@@ -51,7 +51,7 @@ class TrialJournal:
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.rows, size_bytes = 0, 0
-        """Number of trials."""
+        """Number of trials in the journal."""
         for row, end in _rows(path):
             take(row)
             self.rows, size_bytes = self.rows + 1, end

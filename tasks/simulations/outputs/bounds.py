@@ -57,7 +57,7 @@ class LeftOut:
         self.files = 0
         self.size_bytes = 0
         self.beyond_limits = 0
-        """Number of files that were left out for the limits of size and number."""
+        """Number of files left out because of limits of size and number."""
         self._named: list[dict[str, JsonValue]] = []
 
     @property

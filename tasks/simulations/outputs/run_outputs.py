@@ -69,7 +69,7 @@ class RunOutputs:
         self._service = service
         self._sleep = sleep
         self._planned: list[FolderFile] | None = None
-        """Files to store; `None`: they are not listed yet."""
+        """Files to upload; `None`: they have not been listed yet."""
 
         self._arrived: dict[str, ManifestFile | None] = {}
         self._left_out = LeftOut()

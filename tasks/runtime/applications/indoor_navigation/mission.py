@@ -215,13 +215,13 @@ class CollisionMonitor(KeepsAttributes):
         self._position = data.xpos[robot_body_id]
         robot = robot_geoms(model, robot_body_id)
         self.can_touch = can_touch(model, robot)
-        """Whether the robot has a shape that collides with anything else."""
+        """Whether the robot has a geom that collides with anything else."""
         self._contacts = ContactForces(model, data, robot, geom_names(model, furniture_ids))
         self._open: dict[str, _Touch] = {}
         self.collisions: list[Collision] = []
-        """Touches that are over, in order of their end; complete after `finish`; at most `MAX_REPORTED`."""
+        """Finished collisions in order of their end, at most `MAX_REPORTED`; complete after `finish`."""
         self.count = 0
-        """All touches so far, those that go on and those over the limit included."""
+        """Number of all collisions so far, including current ones and those over the limit."""
         self.max_force_N = 0.0
 
     def sample(self) -> None:

@@ -82,7 +82,7 @@ class NavigationTask(Task):
         self._telemetry = Telemetry(recorder, robot, known)
         self.time_limit_s = time_limit_s
         self.lidar_errors = LidarErrors(robot.lidar.noise_std_m) if robot.lidar else None
-        """Errors of the lidar; None: the robot has none."""
+        """Errors of the robot's lidar; None: the robot has none."""
         self.command_delay = CommandDelay()
         self.command_gains = CommandGains(turn=1.0 if isinstance(robot.drive, VelocityDrive) else None)
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)

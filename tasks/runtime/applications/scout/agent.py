@@ -199,7 +199,7 @@ class Scout(KeepsAttributes):
         self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
         self._done_s = math.inf
         self.given_up: list[str] = []
-        """Rooms that could not be reached."""
+        """Names of the rooms that could not be reached."""
 
     def state(self) -> dict[str, Any]:
         """Returns the agent's state for a checkpoint; planned paths are computed again."""

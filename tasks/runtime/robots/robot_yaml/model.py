@@ -135,7 +135,7 @@ class ModelBuilder:
         self.where = files.mapping.name
         self.reading = UrdfReading(from_geometry=mapping.impossible_inertia == "from_geometry")
         self.carrier = mapping.base
-        """Body that moves over the floor; not the base when the base's own joints are inside."""
+        """Name of the body that moves over the floor; differs from the base if the base's own joints are below it."""
 
         self.footprint_z_m = -mapping.spawn.height_m
         """Height of the floor in the carrier's frame at the start, in metres."""
