@@ -50,7 +50,7 @@ class Outcome(Part):
         """Returns the document update for a job whose simulation has ended but whose outputs are not uploaded yet.
 
         Args:
-            finished: whether the run wrote its outputs to the end; `None`: there are none.
+            finished: Whether the run wrote its outputs to the end; `None`: there are none.
         """
         run = {} if finished is None else {"finished": finished}
         return SimulationJobProgress(outcome=self, **run, **self._members())
@@ -199,9 +199,9 @@ class SimulationJobProgress(FailureChanges):
         It clears the failure and verdict of an earlier run.
 
         Args:
-            run_id: id of the run.
-            waited_s: see `waited_s`.
-            call_key: see `call_key`.
+            run_id: Id of the run.
+            waited_s: See `waited_s`.
+            call_key: See `call_key`.
         """
         return cls(
             run_id=run_id,

@@ -256,7 +256,7 @@ def trials_of(request: JobRequest) -> Trials | None:
     """Returns the trials that a simulation job request orders; `None` if its job is a single episode.
 
     Raises:
-        InvalidParameterException: the variable's text does not describe trials, or they are given twice and differ.
+        InvalidParameterException: The variable's text does not describe trials, or they are given twice and differ.
     """
     return given_once(request, "trials", TRIALS_VARIABLE, _parse)[1]
 

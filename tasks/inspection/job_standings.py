@@ -30,7 +30,7 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     Args:
         operation: Operation that created the job.
         answer: Final description of the job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     arn, status = str(answer["arn"]), str(answer["status"])
     jobs = simulation_standings(arn, service)
@@ -68,10 +68,10 @@ def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
 
     Args:
         arn: ARN of the job or batch.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such resource.
+        ResourceNotFoundException: The catalog has no such resource.
     """
     job = service.catalog.get(arn)
     if job.kind == "simulation-job":

@@ -167,7 +167,7 @@ def report_of_job(arn: str, service: Service) -> Report:
         service: Service that stores the job.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: There is no such job.
     """
     resource = service.catalog.get(arn, kind="simulation-job")
     job = _reported_job(resource, service)
@@ -192,8 +192,8 @@ def report_of_world(arn: str, service: Service) -> Report:
         service: Service that stores the world.
 
     Raises:
-        ResourceNotFoundException: there is no such world.
-        StorageError: its bundle cannot be fetched.
+        ResourceNotFoundException: There is no such world.
+        StorageError: Its bundle cannot be fetched.
     """
     resource = service.catalog.get(arn, kind="world")
     return Report(
@@ -285,14 +285,14 @@ def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bo
     """Lists the simulation jobs of a job or batch that an operation created; empty for other operations.
 
     Args:
-        operation: the operation.
+        operation: The operation.
         arn: ARN of the job or batch.
         service: Service that stores the job or batch.
         has_ended: Whether the run has ended; before that, requests of a batch that still wait to become jobs are
             listed, too.
 
     Raises:
-        ResourceNotFoundException: it was deleted.
+        ResourceNotFoundException: It was deleted.
     """
     if operation == "CreateSimulationJob":
         return _single_job(arn, service)
@@ -340,7 +340,7 @@ def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> t
 
     Args:
         step: Step that created the jobs.
-        jobs: the jobs.
+        jobs: The jobs.
         service: Service that stores their outputs.
     """
     reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
@@ -411,7 +411,7 @@ def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], 
     """Makes the short records of reported jobs.
 
     Args:
-        jobs: the jobs of a run.
+        jobs: The jobs of a run.
         places: Places of the jobs' outputs, by ARN.
         service: Service that stores the jobs.
     """

@@ -115,13 +115,13 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
     Args:
         arn: ARN of the batch, which has ended.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         The request; `None`: none of its jobs failed.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such batch.
+        ResourceNotFoundException: The catalog has no such batch.
     """
     step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
     failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]

@@ -53,7 +53,7 @@ class StateSeries:
 
         Args:
             model: The model.
-            data: Its state, read at every sample.
+            data: State of the model, read at every sample.
             joints: Ids of hinges and slides to record.
             base: Id of the free joint of the robot, or of two slides along the world's axes and a hinge; without it
                 `/tf` and `/odom` are not recorded.

@@ -142,7 +142,7 @@ class Participant:
             is_simulation: Whether this is a simulation's participant, whose topics are in its own recording.
 
         Raises:
-            LaunchError: cyclonedds is missing or another release, or the domain cannot be joined; says why.
+            LaunchError: Cyclonedds is missing or another release, or the domain cannot be joined; says why.
         """
         _checked_release()
         from cyclonedds import core

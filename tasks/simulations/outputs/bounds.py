@@ -69,9 +69,9 @@ class LeftOut:
         """Records a file that is not uploaded.
 
         Args:
-            name: path of the file among the outputs.
-            why: reason, as a predicate.
-            size_bytes: size of the file in bytes.
+            name: Path of the file among the outputs.
+            why: Reason, as a predicate.
+            size_bytes: Size of the file in bytes.
         """
         self.count(1, size_bytes)
         if len(self._named) < _MOST_NAMED:
@@ -156,7 +156,7 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
 
     Raises:
         TransferStoppedError: `ended` said so.
-        StorageError: the folder of the outputs does not exist.
+        StorageError: The folder of the outputs does not exist.
     """
     count = size_bytes = 0
 

@@ -75,7 +75,7 @@ class IndoorNavigation(ResumableEnvironment):
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
 
         Raises:
-            RuntimeError: no run has begun.
+            RuntimeError: No run has begun.
         """
         if self._reset_next_step and self._step_count == 0:
             raise RuntimeError("there is no run to report on; call reset first")

@@ -72,7 +72,7 @@ class NavigationTask(Task):
             robot: Robot that was put into the world.
             rng: Random generator for the first heading and for the lidar's noise.
             recorder: Recorder of ROS 2 messages.
-            time_limit_s: simulated time that ends a run.
+            time_limit_s: Simulated time that ends a run.
             known: The world's map, for the recording.
         """
         self._world = world
@@ -121,10 +121,10 @@ class NavigationTask(Task):
 
         Args:
             action: Command in the form of `action_spec`.
-            physics: unused; the task is bound to it.
+            physics: Unused; the task is bound to it.
 
         Raises:
-            ActionError: it is not an action of this robot.
+            ActionError: It is not an action of this robot.
         """
         del physics
         standing = self._controller.command(action)

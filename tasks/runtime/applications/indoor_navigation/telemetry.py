@@ -111,8 +111,8 @@ class Telemetry(KeepsAttributes):
         """Publishes static topics and the first state.
 
         Args:
-            model: the world with the robot.
-            data: its state, after `mj_forward`.
+            model: The world with the robot.
+            data: State of the model, after `mj_forward`.
         """
         self._model, self._data = model, data
         self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
@@ -202,8 +202,8 @@ class Telemetry(KeepsAttributes):
         """Publishes markers for the rooms' goals.
 
         Args:
-            rooms: the rooms, each with its goal.
-            visited: which of them the robot has been in.
+            rooms: The rooms, each with its goal.
+            visited: Whether the robot has been in each room.
         """
         time_s = self._data.time
         self._recorder.write("/goals", goal_markers(rooms, visited, time_s, self.frames.map), time_s)

@@ -69,7 +69,7 @@ class ScenePhysics(Physics):
         """Advances the simulation by `nstep` physics steps.
 
         Raises:
-            PhysicsError: the state became invalid.
+            PhysicsError: The state became invalid.
         """
         model, data, look = self.model.ptr, self.data.ptr, self.between_substeps
         # What dm_control's `check_invalid_state` does, at a fifth of its cost.

@@ -35,7 +35,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
         reading: State of reading a URDF or SDF.
 
     Raises:
-        LaunchError: the file is not a robot model, or names files outside the folder.
+        LaunchError: The file is not a robot model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
@@ -147,7 +147,7 @@ class ModelBuilder:
         """Returns the robot's model with the additions of its `robot.yaml`.
 
         Raises:
-            LaunchError: a file or a name is wrong.
+            LaunchError: A file or a name is wrong.
         """
         spec = load_model(self._files.model, self._files.root, self.reading)
         base = self._keep_robot_only(spec)
@@ -170,7 +170,7 @@ class ModelBuilder:
         """Compiles the robot without a world; unusable visual meshes are left out.
 
         Raises:
-            LaunchError: a file or a name is wrong, or MuJoCo cannot compile it.
+            LaunchError: A file or a name is wrong, or MuJoCo cannot compile it.
         """
         spec = self.build()
         try:
@@ -185,7 +185,7 @@ class ModelBuilder:
         """Finds a part of the model by name.
 
         Raises:
-            LaunchError: the model has no such part; the message names the field and the parts that the model has.
+            LaunchError: The model has no such part; the message names the field and the parts that the model has.
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:

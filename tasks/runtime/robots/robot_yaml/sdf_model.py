@@ -51,7 +51,7 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
         reading: State of reading the file: options and problems.
 
     Raises:
-        LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
+        LaunchError: It cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
             not one model whose joints are one tree.
     """
     folders = folders_between(path.parent, root)
