@@ -162,7 +162,7 @@ class Trials(Shape):
             first_seed: Seed of the job.
 
         Raises:
-            IndexError: There is no such trial.
+            IndexError: The job has no trial of that number.
         """
         if not 0 <= number < self.count:
             raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")

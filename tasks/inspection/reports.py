@@ -167,7 +167,7 @@ def report_of_job(arn: str, service: Service) -> Report:
         service: Service that stores the job.
 
     Raises:
-        ResourceNotFoundException: There is no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     resource = service.catalog.get(arn, kind="simulation-job")
     job = _reported_job(resource, service)
@@ -192,8 +192,8 @@ def report_of_world(arn: str, service: Service) -> Report:
         service: Service that stores the world.
 
     Raises:
-        ResourceNotFoundException: There is no such world.
-        StorageError: Its bundle cannot be fetched.
+        ResourceNotFoundException: The catalog has no such world.
+        StorageError: The world's files cannot be downloaded.
     """
     resource = service.catalog.get(arn, kind="world")
     return Report(
@@ -292,7 +292,7 @@ def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bo
             listed, too.
 
     Raises:
-        ResourceNotFoundException: It was deleted.
+        ResourceNotFoundException: The job or batch was deleted.
     """
     if operation == "CreateSimulationJob":
         return _single_job(arn, service)

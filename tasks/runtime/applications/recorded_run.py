@@ -67,7 +67,7 @@ class RecordedRun(dm_env.Environment):
             calls_functions: Whether requirements may call functions of applications.
 
         Raises:
-            RecordingFault: It cannot be read, or a topic that is named is not there.
+            RecordingFault: The recording cannot be read, or lacks a topic that is named.
         """
         self._sources, self._calls_functions = sources, calls_functions
         self._bag = Bag(path)
@@ -205,7 +205,7 @@ class RecordedRun(dm_env.Environment):
         """Returns whether the time is that of the topic `/clock`.
 
         Raises:
-            RecordingFault: It has to be, and there is none.
+            RecordingFault: The time has to be that of `/clock`, and the recording lacks the topic.
         """
         if self._sources.time != "received" and (why := self._bag.mixed(CLOCK)) is not None:
             raise RecordingFault(f"{self._bag.path}: {why}; time: received would do as well")

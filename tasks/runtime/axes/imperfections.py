@@ -143,7 +143,7 @@ class ScaledController:
         """Passes a command on, and returns whether it tells the robot to stand still.
 
         Raises:
-            ActionError: It is no action of this robot.
+            ActionError: The command is no action of this robot.
         """
         return self._controller.command(self._gains.scale(action))
 

@@ -31,7 +31,7 @@ class ModelRig:
         environment: The environment, before its `reset`.
 
     Raises:
-        AxisError: It has no model.
+        AxisError: The environment has no MuJoCo model.
     """
 
     def __init__(self, environment: Any) -> None:

@@ -48,7 +48,7 @@ def read_map(path: Path) -> OccupancyMap:
         path: The YAML file.
 
     Raises:
-        ValueError: It is no YAML, the map is turned against the world, or a member is missing or wrong.
+        ValueError: The file is no YAML, the map is rotated against the world, or a member is missing or wrong.
     """
     try:
         description = YAML(typ="safe").load(path.read_text())

@@ -62,7 +62,7 @@ def find_recording(place: Path) -> Path:
         A file, or the folder of a ROS 2 bag.
 
     Raises:
-        RecordingFault: There is none, or there are several.
+        RecordingFault: There is no recording, or there are several.
     """
     if place.is_file():
         if place.suffix in SUFFIXES:
@@ -94,7 +94,7 @@ class Bag:
             path: Path of the recording, from `find_recording`.
 
         Raises:
-            RecordingFault: It cannot be read, is cut off, or is empty.
+            RecordingFault: The recording cannot be read, is cut off, or is empty.
         """
         self.path = path
         self._is_ros1 = path.suffix == ".bag"

@@ -67,7 +67,7 @@ class Source:
         """Checks that a topic's time stamps do not go backwards.
 
         Raises:
-            RecordingFault: They do.
+            RecordingFault: The time stamps go backwards.
         """
         stamp_s = stamp.sec + stamp.nanosec / 1e9
         if stamp_s < self._stamp_s - min(1.0, self._max_gap_s):

@@ -430,7 +430,7 @@ class Measurements:
         """Raises an error if a topic of the sources does not exist or has an unsuitable type.
 
         Raises:
-            RecordingFault: It is not in the recording, or has another type.
+            RecordingFault: The topic is not in the recording, or has another type.
         """
         found = self._bag.type_of(topic)
         if found not in types:

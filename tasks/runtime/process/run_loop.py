@@ -79,7 +79,7 @@ def run_episode(
         wall_clock: Monotonic clock, in seconds of real time.
 
     Returns:
-        How it ended, with the environment's report.
+        Outcome of the episode, with the environment's report.
 
     Raises:
         PhysicsError: The physics diverged.

@@ -104,7 +104,7 @@ class TrialStage:
             trial: Trial to run.
 
         Returns:
-            Its row; None if it was stopped from outside.
+            Row of results; None if the trial was stopped from outside.
 
         Raises:
             Exception: Any exception of the applications, unless the run's failure behaviour is `Continue`; then only

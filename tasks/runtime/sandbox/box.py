@@ -240,7 +240,7 @@ class Box:
             become: Function that the process runs; it must not return.
 
         Returns:
-            Its pid, as this process sees it, whose child it is.
+            Process id of the new process, a child of this one.
 
         Raises:
             BoxError: The process cannot be forked.

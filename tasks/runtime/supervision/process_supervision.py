@@ -359,7 +359,7 @@ class Supervision:
         """Ends all processes of the run, and cleans up.
 
         Returns:
-            How it ended.
+            End of the run as observed.
         """
         statuses = kill_children()
         if self._run_pid is not None and self._run_status is None:

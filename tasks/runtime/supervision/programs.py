@@ -261,7 +261,7 @@ def spawn(
         fork: Function that forks the process.
 
     Returns:
-        Its pid.
+        Process id of the new process.
 
     Raises:
         StartError: The executable cannot be started.

@@ -76,7 +76,7 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
         environ: Environment variables with the container engine's address; absent: those of this process.
 
     Returns:
-        What did not work, which is logged too: the run is over nevertheless.
+        Error texts, which are logged, too; the run is over nevertheless.
     """
     if not (notes := _notes(folder)):
         return []

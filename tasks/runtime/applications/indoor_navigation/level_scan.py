@@ -53,8 +53,8 @@ class Fan:
                 180 degrees wide.
 
         Returns:
-            How many rays go through each sector; and sector after sector the numbers of these rays, counting on after
-            the last ray, and their directions.
+            Number of rays through each sector; ray numbers, sector after sector, which continue to count after the last
+            ray; and the directions of these rays.
         """
         per_rad = self._per_rad
         begin = np.arctan2(begins.imag, begins.real)

@@ -124,7 +124,7 @@ class NavigationTask(Task):
             physics: Unused; the task is bound to it.
 
         Raises:
-            ActionError: It is not an action of this robot.
+            ActionError: The action does not fit this robot.
         """
         del physics
         standing = self._controller.command(action)

@@ -46,7 +46,7 @@ class ObstacleMemory(KeepsAttributes):
             now_s: Time of the measurement.
 
         Returns:
-            Those of the hits that the map does not show, as points of shape (n, 2), metres.
+            Hits that the map does not show, as points of shape (n, 2), metres.
         """
         if not hits.size:
             return np.zeros((0, 2))

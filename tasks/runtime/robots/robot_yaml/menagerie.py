@@ -60,8 +60,8 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
         The file, and the mapping where it is derived; then the file is where one would be.
 
     Raises:
-        LaunchError: There is no such model, it has not been fetched, or it does not say enough for a mapping; then the
-            message says what to write.
+        LaunchError: The model does not exist, has not been downloaded, or does not say enough to derive a `robot.yaml`;
+            then the message says what to write.
     """
     name = reference.removeprefix(MENAGERIE)
     folder = _folder(name, variables)

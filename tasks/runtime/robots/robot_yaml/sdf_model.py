@@ -51,8 +51,8 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
         reading: State of reading the file: options and problems.
 
     Raises:
-        LaunchError: It cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
-            not one model whose joints are one tree.
+        LaunchError: The file cannot be read, a file is missing or outside of the folder, an inertia is impossible, or
+            the file is not one model whose joints are one tree.
     """
     folders = folders_between(path.parent, root)
     try:

@@ -118,7 +118,7 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
         reading: State of reading the file: options and problems.
 
     Raises:
-        LaunchError: It is not expanded, a file is missing or of a form that MuJoCo does not read, an inertia is
+        LaunchError: The URDF is not expanded, a file is missing or of a form that MuJoCo does not read, an inertia is
             impossible, or MuJoCo refuses it; with the file's own line.
     """
     reading = reading or UrdfReading()
