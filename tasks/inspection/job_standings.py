@@ -37,7 +37,7 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     state = run_state([status], jobs)
     reason = why_not_completed(answer)
     troubles = [f"{status}: {reason}"] if reason and not jobs else []
-    message = in_words(state, jobs, troubles, look=_look(operation, arn, jobs))
+    message = in_words(state, jobs, troubles, look=_inspect_command(operation, arn, jobs))
     return FlowResult(state=state, message=message, verdicts=verdicts_of(jobs), counts=count_outcomes(jobs))
 
 
@@ -50,7 +50,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
     return answer.get("failureReason")
 
 
-def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
+def _inspect_command(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
     """Returns a command line that shows the reason of a failure."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:

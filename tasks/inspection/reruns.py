@@ -105,7 +105,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
             run_id=record.run_id,
             selection=selection.words,
             jobs_total=len(everything),
-            earlier={name: [_told(order.job) for order in found] for name, found in chosen.items()},
+            earlier={name: [_result_in_words(order.job) for order in found] for name, found in chosen.items()},
         ),
     )
 
@@ -191,7 +191,7 @@ def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service)
     return {**kept, "createSimulationJobRequests": [dict(order.request) for order in orders]}
 
 
-def _told(job: ReportedJob) -> str:
+def _result_in_words(job: ReportedJob) -> str:
     """Returns the first result of a job as text: `sim-…: FAIL`."""
     judged = job.result is not None and job.status == "Completed"
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"

@@ -114,7 +114,7 @@ class Bag:
             reader.open()
         # Readers raise what their parts raise: of structures, checksums, SQLite, YAML, and assertions.
         except Exception as error:
-            raise RecordingFault(f"{self.path} cannot be read: {_said(error)}{self._remedy(error)}") from error
+            raise RecordingFault(f"{self.path} cannot be read: {_text_of(error)}{self._remedy(error)}") from error
         return reader
 
     def _look(self) -> None:
@@ -209,7 +209,9 @@ class Bag:
                 row = next(rows, None)
             except Exception as error:  # see above
                 where = f"after {seen} messages on {', '.join(sorted(topics))}"
-                raise RecordingFault(f"{self.path} is damaged: {where}: {_said(error)}{self._remedy(error)}") from error
+                raise RecordingFault(
+                    f"{self.path} is damaged: {where}: {_text_of(error)}{self._remedy(error)}"
+                ) from error
             if row is None:
                 break
             connection, time_ns, raw = row
@@ -218,7 +220,7 @@ class Bag:
                 content = read(raw, connection.msgtype)
             except Exception as error:  # what is no such message fails in many ways
                 raise RecordingFault(
-                    f"{self.path}: message {seen} on {connection.topic} is no {connection.msgtype}: {_said(error)}; "
+                    f"{self.path}: message {seen} on {connection.topic} is no {connection.msgtype}: {_text_of(error)}; "
                     "record the topic anew, with the definitions that its publisher has"
                 ) from error
             yield Message(time_ns, connection.topic, connection.msgtype, content)
@@ -240,7 +242,7 @@ class Bag:
                 types |= _definitions(each)
             except Exception as error:  # of the parsers of definitions
                 raise RecordingFault(
-                    f"{self.path}: the definition of {each.msgtype} on {each.topic} cannot be read: {_said(error)}"
+                    f"{self.path}: the definition of {each.msgtype} on {each.topic} cannot be read: {_text_of(error)}"
                 ) from error
         if unknown := [each for each in connections if each.msgtype not in types]:
             raise RecordingFault(
@@ -283,7 +285,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
     return {name: each for part in parts for name, each in get_types_from_idl(part).items()}
 
 
-def _said(error: Exception) -> str:
+def _text_of(error: Exception) -> str:
     """Returns the text of a reader's error; unhelpful texts are replaced by "the file ends within a record"."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"

@@ -221,7 +221,7 @@ class Measurements:
             return pairs.of(poses_on(topic, timed(estimate), path), poses_on(truths, timed(truth), path))
         chain = self._chain(self.sources.map_frame, self.base) if self._is_tf else None
         if chain is None:
-            raise NotMeasuredError(self._no_way())
+            raise NotMeasuredError(self._not_connected())
         transforms = TransformPoses(self._tree.copy(), self.sources)
         links = transforms.pose(chain).sources
         if not links:
@@ -368,7 +368,7 @@ class Measurements:
     def _no_motion(self, frame: str) -> str:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
-    def _no_way(self, *others: str) -> str:
+    def _not_connected(self, *others: str) -> str:
         """Makes the error text that `/tf` does not connect the robot to the map or to another frame."""
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
@@ -381,7 +381,7 @@ class Measurements:
         self._refuse_mixed(_TF, _ODOM)
         where = f"{self._bag.path.name} does not say where the robot is"
         if sources.pose == _TF or self._is_tf:
-            return f"{self._no_way(_ODOM_FRAME)}, and there is no topic {_ODOM}"
+            return f"{self._not_connected(_ODOM_FRAME)}, and there is no topic {_ODOM}"
         there = self._bag.topics_of(*POSE_TYPES)
         which = f"; {', '.join(there)} may (pose in the sources)" if there else ""
         return f"{where}: it has neither {_TF} nor {_ODOM}{which}"

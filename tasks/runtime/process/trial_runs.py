@@ -130,20 +130,20 @@ class TrialStage:
             if where := failures.explain():
                 error.add_note(where)
             if plan.failure_behavior != "Continue" or isinstance(error, LaunchError | LoadError):
-                error.add_note(f"in {self._told(trial)}")
+                error.add_note(f"in {self._with_hidden_secrets(trial)}")
                 failures.close(None)
                 raise
             log_failure(error)
-            return _broken(self._told(trial), report_of(error, self._progress))
+            return _broken(self._with_hidden_secrets(trial), report_of(error, self._progress))
         if episode.ended_by in _STOPPED:
             self.unanswered = episode.unanswered
             return None
         summary = digest.finish()
         findings = [observer.close(episode.ended_by) for observer in (health, failures, requirements)]
-        row = _row(self._told(trial), make_result(episode, plan.seed, findings), episode, summary)
+        row = _row(self._with_hidden_secrets(trial), make_result(episode, plan.seed, findings), episode, summary)
         return row.model_copy(update={"model_sha256": digest.model_sha256})
 
-    def _told(self, trial: Trial) -> Trial:
+    def _with_hidden_secrets(self, trial: Trial) -> Trial:
         """Returns the trial for logs and tables, with secret values of its axes removed."""
         trials = self._without_secrets
         return trials.trial(trial.number, self._plan.seed) if trials is not None else trial

@@ -113,7 +113,7 @@ class _Supervisors:
     def serve(self) -> None:
         """Forks supervisors for runs, and reaps them, until the launcher closes the socket."""
         while True:
-            ready = wait([self._control, *self._alive], self._patience_s())
+            ready = wait([self._control, *self._alive], self._quiet_time_s())
             if not ready:
                 try:
                     self._standing_by = self._fork()
@@ -132,7 +132,7 @@ class _Supervisors:
         if self._standing_by:
             self._dismiss(self._standing_by)
 
-    def _patience_s(self) -> float | None:
+    def _quiet_time_s(self) -> float | None:
         """Returns the seconds without events before a process is to be forked in advance; None: none is needed."""
         if self._standing_by:
             return None

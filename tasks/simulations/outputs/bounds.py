@@ -253,10 +253,10 @@ class _Names:
 
     def _add(self, name: str) -> None:
         self._files.add(name)
-        self._folders.update(_above(name))
+        self._folders.update(_parent_folders(name))
 
     def _is_free(self, name: str) -> bool:
-        return name not in self._files and name not in self._folders and self._files.isdisjoint(_above(name))
+        return name not in self._files and name not in self._folders and self._files.isdisjoint(_parent_folders(name))
 
 
 def _like(name: str) -> Iterator[str]:
@@ -269,6 +269,6 @@ def _like(name: str) -> Iterator[str]:
         yield f"{folder}.{number}/{rest}"
 
 
-def _above(name: str) -> list[str]:
+def _parent_folders(name: str) -> list[str]:
     """Lists the parent folders in a file's name."""
     return [str(parent) for parent in PurePosixPath(name).parents if parent.name]
