@@ -29,7 +29,7 @@ def find_flow(operation: str) -> Flow[..., Any]:
     """Returns the Prefect flow of a service operation; its parameters are the request's members.
 
     Raises:
-        KeyError: there is no such operation.
+        KeyError: The service has no operation of that name.
     """
     return getattr(operations, registry()[operation].name)
 
@@ -38,7 +38,7 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
     """Returns the Prefect flow that runs stored jobs of an operation; its parameter is the job's ARN.
 
     Raises:
-        KeyError: there is no such operation.
+        KeyError: The service has no operation of that name.
     """
     return getattr(operations, registry()[operation].perform_name)
 

@@ -30,7 +30,7 @@ class OperationFlow(Flow[..., Any]):
         """Runs the RoboMaker operation as a Prefect flow; arguments are members of the request. See Prefect's `Flow`.
 
         Raises:
-            RobomakerError: the call is wrong, or the operation failed; the message is for people.
+            RobomakerError: The call is wrong, or the operation failed; the message is for people.
         """
         try:
             self._check(arguments, members, is_final=not return_state)
@@ -54,7 +54,7 @@ class OperationFlow(Flow[..., Any]):
 
         Args:
             arguments: Positional arguments.
-            members: members of the request.
+            members: Members of the request.
             is_final: Whether errors are raised now; otherwise they become the state of a flow run, except for misspelt
                 members.
         """

@@ -354,7 +354,7 @@ class PipelineRun:
         """Returns the record of the ended run.
 
         Raises:
-            RobomakerError: the flow ended before the run did.
+            RobomakerError: The flow ended before the run did.
         """
         if self._record is None:
             raise RobomakerError("the flow ended before the pipeline did; see the Prefect server's log")

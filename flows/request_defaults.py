@@ -56,7 +56,7 @@ def with_defaults(shape: OperationShape, given: Mapping[str, Any], *, bucket: st
 
     Args:
         shape: Shape of the operation.
-        given: members by name; those that are `None` count as left out.
+        given: Members by name; those that are `None` count as left out.
         bucket: Name of the bucket for outputs.
         token: Unique client token.
     """

@@ -39,7 +39,7 @@ def validate(operation: str, members: Mapping[str, Any]) -> Shape:
     """Checks the members of a request; those that are `None` count as absent.
 
     Raises:
-        ServiceError: the request is refused.
+        ServiceError: The request is refused.
     """
     return registry()[operation].checked(_present(members), Service.current())
 
@@ -61,7 +61,7 @@ def order(operation: str, members: Mapping[str, Any]) -> Any:
         As `carry_out`.
 
     Raises:
-        ServiceError: the request is refused; nothing was stored.
+        ServiceError: The request is refused; nothing was stored.
     """
     request, service = validate(operation, members), Service.current()
     with OwnOrder(service) as own:

@@ -7,7 +7,7 @@ def how_to_install(extra: str) -> str:
     """Returns the shell command that installs an optional dependency group ("extra") of this package.
 
     Args:
-        extra: name of the extra in `pyproject.toml`.
+        extra: Name of the extra in `pyproject.toml`.
 
     Returns:
         A command line: of uv in a checkout, whose lock has the versions that were tested together; else of pip.

@@ -50,9 +50,7 @@ class NeededEnvironment(Model):
 
     machine: str = Field(description="Host name of the machine on which the job was ordered.")
     python: str = Field(description="Folder of the Python environment in which the job was ordered.")
-    python_path: tuple[str, ...] | None = optional(
-        "Folders of PYTHONPATH; absent: no code of the job's own is imported."
-    )
+    python_path: tuple[str, ...] | None = optional("Folders in PYTHONPATH; absent: the job imports no code of its own.")
     variables: dict[str, str] = Field(description="RoboMaker's environment variables with their values, set or not.")
     packages: dict[str, str] = Field(description="Installed packages of the job's applications, with content hashes.")
 
@@ -109,15 +107,15 @@ class JobStanding(Model):
     state: OwnerState = Field(
         description="State of the owner: works, has died, has given the job back, or the job has ended."
     )
-    lost: JobOwner | None = optional("The owner before it, which died; absent: there was none.")
+    lost: JobOwner | None = optional("Earlier owner, which died; absent: there was none.")
     differences: tuple[str, ...] = Field(
         default=(),
         description=(
             "Differences between this process's environment and the one that the job needs, as text; empty: none."
         ),
     )
-    command: str | None = optional("Command that carries it out as it was ordered; absent: any job worker does.")
-    machine: str | None = optional("Machine on which to type that.")
+    command: str | None = optional("Command that runs the job in its environment; absent: any job worker can run it.")
+    machine: str | None = optional("Machine on which to run the command.")
 
     @property
     def waits_for_command(self) -> bool:

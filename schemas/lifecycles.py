@@ -185,7 +185,7 @@ def batch_outcome(
         failed: Failure code of each request that will never become a job.
         created: Status of each created job.
         timed_out: Whether the batch has reached its time limit.
-        canceled: whether the batch was cancelled.
+        canceled: Whether the batch was cancelled.
     """
     active = any(status in ACTIVE for status in created)
     internal_fault = "InternalServiceError" in failed

@@ -198,10 +198,10 @@ class Settings(Model):
         """Reads all settings from environment variables.
 
         Args:
-            environ: environment variables, usually `os.environ`.
+            environ: Environment variables, usually `os.environ`.
 
         Raises:
-            ConfigurationError: a variable has a value that cannot be used.
+            ConfigurationError: A variable has a value that cannot be used.
         """
         home = Path(environ.get("ROBOMAKER_HOME") or platformdirs.user_data_path("robomaker")).expanduser().resolve()
         catalog = f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db"
@@ -241,10 +241,10 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
     """Reads only the setting for the maximum number of worlds of one generation job.
 
     Args:
-        environ: environment variables, usually `os.environ`.
+        environ: Environment variables, usually `os.environ`.
 
     Raises:
-        ConfigurationError: the variable has a value that cannot be used.
+        ConfigurationError: The variable has a value that cannot be used.
     """
     name = "max_worlds_per_job"
     field = Settings.model_fields[name]

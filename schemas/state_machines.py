@@ -41,7 +41,7 @@ def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
     """Returns the state of a state machine after an event.
 
     Raises:
-        StateConflictError: the event cannot happen in that state; the message says what can.
+        StateConflictError: The event cannot happen in that state; the message says what can.
     """
     for (before, happened), after in machine.transitions.items():
         if (before, happened) == (state, event):

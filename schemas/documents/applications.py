@@ -13,7 +13,7 @@ class StoredSource(Part):
 
     s3_bucket: str = Field(description="Name of the archive's bucket.")
     s3_key: str = Field(description="Key of the archive.")
-    architecture: str | None = optional("Processor architecture that it runs on; absent: any.")
+    architecture: str | None = optional("Processor architecture of the archive's programs; absent: any.")
     etag: str = Field(description="ETag of the archive when the application or its version was created.")
 
 
@@ -26,12 +26,14 @@ class StoredEnvironment(Part):
 class ApplicationDocument(Document):
     """Catalog document of a robot or simulation application: its current content, or one numbered version of it."""
 
-    sources: list[StoredSource] | None = optional("Its archives; absent: it has none.")
-    environment: StoredEnvironment | None = optional("Package or image instead of archives; absent: it has archives.")
-    robot_software_suite: Json | None = optional("The suite that its robot side uses.")
-    simulation_software_suite: Json | None = optional("The suite that it simulates with.")
-    rendering_engine: Json | None = optional("The engine that it renders with.")
-    image_digest: str | None = optional("Digest of its container image, as far as known.")
+    sources: list[StoredSource] | None = optional("Archives of the application; absent: it has none.")
+    environment: StoredEnvironment | None = optional(
+        "Package or container image instead of archives; absent: the application has archives."
+    )
+    robot_software_suite: Json | None = optional("Robot software (such as ROS) that the application uses.")
+    simulation_software_suite: Json | None = optional("Simulator that the application uses.")
+    rendering_engine: Json | None = optional("Rendering engine that the application uses.")
+    image_digest: str | None = optional("Digest of the container image, if known.")
     version: str = Field(description="`$LATEST`, or the number of the version.")
     revision_id: str = Field(description="Id that changes with each change of the application.")
-    last_number: int | None = optional("Number of its last version; counted by the catalog.")
+    last_number: int | None = optional("Number of the last version; counted by the catalog.")

@@ -96,8 +96,8 @@ class Brief(Changes):
 class FailureChanges(Changes):
     """Update to a job's document with the reason for its failure: failure code and text."""
 
-    failure_code: str | None = optional("Why the job failed or stopped; absent if it did not.")
-    failure_reason: str | None = optional("The same in words.")
+    failure_code: str | None = optional("Failure code of the job; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
 
 
 class Document(Changes):

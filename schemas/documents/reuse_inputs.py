@@ -54,8 +54,8 @@ class ReuseInputs(Model):
         """Collects the inputs of a simulation job.
 
         Args:
-            document: the job.
-            made_of: contents of the job's world and applications.
+            document: The job.
+            made_of: Contents of the job's world and applications.
         """
         return cls(
             request=_compared(document.request),

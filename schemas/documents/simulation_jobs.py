@@ -19,14 +19,14 @@ class Outcome(Part):
     """Final status of a simulation job with its verdict and failure, to be written into the job's document."""
 
     status: OutcomeStatus = Field(description="Final status of the job.")
-    failure_code: str | None = optional("The service's failure code; absent when none.")
-    failure_reason: str | None = optional("The same in words.")
-    simulation_time_millis: int | None = optional("How long the run took; absent: none ran.")
-    cpu_time_s: float | None = optional("CPU time that the run took; absent: not known.")
-    video_s: float | None = optional("How long videos of its failure were made; absent: none.")
-    upload_s: float | None = optional("How long its outputs were stored; absent: not known.")
-    verdict: Verdict | None = optional("Verdict of its result; absent: none was written.")
-    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
+    failure_code: str | None = optional("Failure code of the job; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
+    simulation_time_millis: int | None = optional("Wall-clock seconds of the run; absent: none ran.")
+    cpu_time_s: float | None = optional("CPU seconds of the run; absent: unknown.")
+    video_s: float | None = optional("Wall-clock seconds for rendering videos of the failure; absent: none.")
+    upload_s: float | None = optional("Wall-clock seconds for storing the outputs; absent: unknown.")
+    verdict: Verdict | None = optional("Verdict of the run's result; absent: there is no result.")
+    verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
     outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
 
     def changes(self) -> "SimulationJobProgress":
@@ -50,7 +50,7 @@ class Outcome(Part):
         """Returns the document update for a job whose simulation has ended but whose outputs are not uploaded yet.
 
         Args:
-            finished: whether the run wrote its outputs to the end; `None`: there are none.
+            finished: Whether the run wrote its outputs to the end; `None`: there are none.
         """
         run = {} if finished is None else {"finished": finished}
         return SimulationJobProgress(outcome=self, **run, **self._members())
@@ -69,14 +69,14 @@ class EarlierRun(Part):
     """An earlier run of a simulation job that ran more than once: when it began, how it ended, and its outputs."""
 
     run_id: str = Field(description="Id of the run.")
-    started_at: str | None = optional("When it began.")
+    started_at: str | None = optional("Begin of the run.")
     status: OutcomeStatus = Field(description="Verdict and failure of the run.")
-    failure_code: str | None = optional("The service's failure code; absent when none.")
-    failure_reason: str | None = optional("The same in words.")
-    simulation_time_millis: int | None = optional("How long it took; absent: not known.")
+    failure_code: str | None = optional("Failure code of the run; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
+    simulation_time_millis: int | None = optional("Wall-clock seconds of the run; absent: unknown.")
     restarted: bool = Field(default=False, description="Whether the run ended because the job was restarted.")
     outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
-    not_stored: str | None = optional("Why its outputs are not stored; absent if they are.")
+    not_stored: str | None = optional("Reason why the outputs are not stored; absent if they are.")
 
 
 class StoredNetworkInterface(Part):
@@ -91,7 +91,9 @@ class ResolvedKey(Part):
     """One object of a job's data source, with the ETag that it had when the job was created."""
 
     s3_key: str = Field(description="Key of the object.")
-    etag: str | None = optional("Its ETag when the job was created; absent: the job's role could not read it.")
+    etag: str | None = optional(
+        "ETag of the object when the job was created; absent: the job's role could not read it."
+    )
 
 
 class ResolvedDataSource(Part):
@@ -103,7 +105,9 @@ class ResolvedDataSource(Part):
     type: str = Field(default="File", description="`File`, `Archive` or `Prefix`.")
     s3_bucket: str = Field(description="Name of the bucket.")
     s3_keys: list[ResolvedKey] = Field(description="Objects of the data source.")
-    destination: str | None = optional("Path at which applications find it; absent: by its name.")
+    destination: str | None = optional(
+        "Path at which applications find the data; absent: a folder with the source's name."
+    )
 
 
 ARCHIVE = "archive "
@@ -116,11 +120,15 @@ class MadeOf(Part):
     Two runs can be compared by them.
     """
 
-    world: str | None = optional("Hash of the content of its world's bundle; absent: no world.")
-    robot: str | None = optional("Content of its robot application: archive, image or package; absent: it names none.")
-    simulation: str | None = optional("Content of its simulation application; likewise.")
+    world: str | None = optional("Content hash of the world; absent: the job has no world.")
+    robot: str | None = optional(
+        "Content of the robot application (archive, image or package); absent: the job has none."
+    )
+    simulation: str | None = optional(
+        "Content of the simulation application (archive, image or package); absent: the job has none."
+    )
     versions: dict[str, str] = Field(default={}, description="Versions of the packages that ran the simulation.")
-    once_only: str | None = optional("Why the same inputs may have another result; absent: they have the same.")
+    once_only: str | None = optional("Reason why the same inputs may give another result; absent: they give the same.")
 
     @property
     def robot_etag(self) -> str | None:
@@ -132,15 +140,15 @@ class ReusedFrom(Part):
     """The earlier simulation job whose results a job took over instead of running."""
 
     job: str = Field(description="ARN of the job that ran the simulation.")
-    spec_run: str | None = optional("The run of a specification that ordered it.")
+    spec_run: str | None = optional("Id of the specification run that created that job.")
 
 
 class SimulationJobProgress(FailureChanges):
     """Update to a simulation job's document that is written while the job runs and when it ends."""
 
-    run_id: str | None = optional("Id of its last run; absent: it has not run.")
-    last_started_at: str | None = optional("When that run began.")
-    network_interface: StoredNetworkInterface | None = optional("Network of that run.")
+    run_id: str | None = optional("Id of the job's last run; absent: it has not run.")
+    last_started_at: str | None = optional("Begin of the job's last run.")
+    network_interface: StoredNetworkInterface | None = optional("Network interface of the job's last run.")
     reached_s: float = Field(default=0.0, description="Simulated seconds at which each interrupted run was resumed.")
     waited_s: dict[Scarce, float] = Field(
         default={},
@@ -152,19 +160,17 @@ class SimulationJobProgress(FailureChanges):
     attempts: int = Field(
         default=1, description="Number of times that the run was begun: again after a crash of its worker."
     )
-    simulation_time_millis: int | None = optional("How long its last run took.")
+    simulation_time_millis: int | None = optional("Wall-clock seconds of the job's last run.")
     cpu_time_s: float | None = optional(
-        "CPU time of all processes of that run; absent: not known, or it was taken over."
+        "CPU seconds of all processes of the last run; absent: unknown, or its results were reused."
     )
     simulated_at: str | None = optional(
-        "When the programs of its last run had ended, so that it only draws and stores; absent: not yet."
+        "Time at which the last run's programs had ended, so that only videos and uploads remain; absent: not yet."
     )
-    video_s: float | None = optional(
-        "How long videos of that run's failure were made, by the clock; absent: none were."
-    )
-    upload_s: float | None = optional("How long its outputs were stored, by the clock; absent: not known, or not yet.")
-    verdict: Verdict | None = optional("Verdict of its last run; absent: it has no result, or was canceled.")
-    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
+    video_s: float | None = optional("Wall-clock seconds for rendering videos of the last run's failure; absent: none.")
+    upload_s: float | None = optional("Wall-clock seconds for storing the outputs; absent: unknown, or not finished.")
+    verdict: Verdict | None = optional("Verdict of the last run; absent: there is no result, or the run was canceled.")
+    verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
     outcome: Outcome | None = Field(
         default=None,
         validation_alias="ending",
@@ -172,17 +178,19 @@ class SimulationJobProgress(FailureChanges):
         description="Outcome of the run, known before its outputs are stored.",
     )
     trials_finished: int | None = optional(
-        "How many trials of the last run had finished when it was last asked; absent: none."
+        "Number of finished trials of the last run, as last reported; absent: no trials."
     )
-    finished: bool | None = optional("Whether the last run wrote its outputs to the end; absent: no run ended.")
+    finished: bool | None = optional("Whether the last run wrote its outputs completely; absent: no run has ended.")
     outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
-    call_key: str | None = optional("Key with which the code of its last run calls the service, until that run ends.")
+    call_key: str | None = optional("Key with which code of the last run calls the service, until the run ends.")
     upload_canceled: bool = Field(
         default=False,
         description="Whether a cancelled job was cancelled again while its outputs were stored.",
     )
     earlier_runs: list[EarlierRun] = Field(default=[], description="Runs of the job before the last one, oldest first.")
-    made_of: MadeOf | None = optional("Contents that its last run was made of; absent: it has not run.")
+    made_of: MadeOf | None = optional(
+        "Content hashes of the last run's world and applications; absent: the job has not run."
+    )
 
     @classmethod
     def begun(cls, run_id: str, waited_s: Mapping[Scarce, float], call_key: str) -> "SimulationJobProgress":
@@ -191,9 +199,9 @@ class SimulationJobProgress(FailureChanges):
         It clears the failure and verdict of an earlier run.
 
         Args:
-            run_id: id of the run.
-            waited_s: see `waited_s`.
-            call_key: see `call_key`.
+            run_id: Id of the run.
+            waited_s: See `waited_s`.
+            call_key: See `call_key`.
         """
         return cls(
             run_id=run_id,
@@ -221,43 +229,43 @@ class SimulationJobProgress(FailureChanges):
 class JobTrials(Changes):
     """The number of finished trials of a simulation job, which a batch reads for its progress."""
 
-    request_index: int | None = optional("Place of its request in its batch.")
-    trials_finished: int | None = optional("How many trials had finished when it was asked.")
+    request_index: int | None = optional("Index of the job's request in its batch.")
+    trials_finished: int | None = optional("Number of finished trials, as last reported.")
 
 
 class JobInBrief(FailureChanges, Brief):
     """The few members of a simulation job which the web console's live pages read instead of the whole document."""
 
-    request_index: int | None = optional("Place of its request in its batch.")
-    last_started_at: str | None = optional("When its last run began.")
-    simulated_at: str | None = optional("When its programs had ended.")
+    request_index: int | None = optional("Index of the job's request in its batch.")
+    last_started_at: str | None = optional("Begin of the job's last run.")
+    simulated_at: str | None = optional("Time at which the run's programs had ended.")
     waited_s: dict[Scarce, float] = Field(
         default={}, description="Seconds that the job waited for a machine, by scarce resource."
     )
-    video_s: float | None = optional("How long videos of its failure were made.")
-    upload_s: float | None = optional("How long its outputs were stored.")
-    simulation_time_millis: int | None = optional("How long its last run took.")
-    verdict: Verdict | None = optional("Verdict of its last run.")
-    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
+    video_s: float | None = optional("Wall-clock seconds for rendering videos of the failure.")
+    upload_s: float | None = optional("Wall-clock seconds for storing the outputs.")
+    simulation_time_millis: int | None = optional("Wall-clock seconds of the job's last run.")
+    verdict: Verdict | None = optional("Verdict of the job's last run.")
+    verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
     video: Literal["none", "on-failure", "always"] = Field(
         default="none", description="Video policy: runs of which a video is rendered."
     )
     outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
-    run_id: str | None = optional("Id of its last run.")
+    run_id: str | None = optional("Id of the job's last run.")
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):
     """Catalog document of a simulation job: its request, resolved inputs, progress and outcome."""
 
     request: Json = Field(description="Request as sent to the API: a `SimulationJobOrder`.")
-    request_index: int | None = optional("Place of its request in its batch; absent: no batch.")
+    request_index: int | None = optional("Index of the job's request in its batch; absent: the job is not in a batch.")
     seed: int = Field(description="Seed of the run's random generators.")
     video: Literal["none", "on-failure", "always"] = Field(
         default="none", description="Video policy: runs of which a video is rendered."
     )
     requirements: list[dict[str, Any]] = Field(default=[], description="Requirements by which the run is judged.")
-    trials: dict[str, Any] | None = optional("Its trials: `Trials`; absent: one episode.")
-    data_sources: list[ResolvedDataSource] | None = optional("Its data, found.")
+    trials: dict[str, Any] | None = optional("Trials of the job (`Trials`); absent: a single episode.")
+    data_sources: list[ResolvedDataSource] | None = optional("Data sources with the objects that were found.")
     simulation_application_names: list[str] = Field(
         default=[], description="Names of the job's simulation applications."
     )
@@ -266,8 +274,8 @@ class SimulationJobDocument(SimulationJobProgress, Document):
         default={},
         description="ARNs of applications that the request gives by name only, by role and name: `robot scout`.",
     )
-    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
-    reused_from: ReusedFrom | None = optional("Job whose results it took over; absent: it ran.")
+    spec_run: str | None = optional("Id of the specification run that created the job.")
+    reused_from: ReusedFrom | None = optional("Earlier job whose results were reused; absent: the job ran itself.")
 
 
 class StoredBatchPolicy(Part):
@@ -275,7 +283,9 @@ class StoredBatchPolicy(Part):
 
     timeout_in_seconds: int = Field(description="Time limit of the batch in seconds.")
     max_concurrency: int = Field(description="Maximum number of jobs that run at the same time.")
-    priority: int | None = optional("On each machine jobs of batches with a higher one begin first; absent: 0.")
+    priority: int | None = optional(
+        "Priority: on each machine jobs of batches with a higher one begin first; absent: 0."
+    )
 
 
 class FailedRequest(Part):
@@ -306,14 +316,12 @@ class BatchProgress(FailureChanges):
     )
     failed_count: int = Field(default=0, description="Number of requests for which no job can be created.")
     concurrency: int | None = optional(
-        "How many of its jobs may be held at once by the job workers of a backend, right now."
+        "Number of jobs that a backend's job workers may hold at the same time, right now."
     )
     ended_when_taken: int = Field(
         default=0, description="Number of jobs that had ended when a job worker last took the batch over."
     )
-    verdicts: dict[str, int] | None = optional(
-        "How many of its jobs that are Completed have which verdict; absent until it ends."
-    )
+    verdicts: dict[str, int] | None = optional("Number of completed jobs by verdict; absent until the batch ends.")
 
 
 class BatchInBrief(FailureChanges, Brief):
@@ -324,10 +332,8 @@ class BatchInBrief(FailureChanges, Brief):
         default={}, description="Requests for which no job can be created, by index."
     )
     batch_policy: StoredBatchPolicy = Field(description="Limits of the batch: concurrency, timeout, priority.")
-    verdicts: dict[str, int] | None = optional(
-        "How many of its jobs that are Completed have which verdict; absent until it ends."
-    )
-    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
+    verdicts: dict[str, int] | None = optional("Number of completed jobs by verdict; absent until the batch ends.")
+    spec_run: str | None = optional("Id of the specification run that created the batch.")
 
 
 class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
@@ -335,7 +341,7 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
 
     request: Json = Field(description="Request as sent to the API: a `StartSimulationJobBatchRequest`.")
     batch_policy: StoredBatchPolicy = Field(description="Limits of the batch: concurrency, timeout, priority.")
-    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
+    spec_run: str | None = optional("Id of the specification run that created the batch.")
     reuse: bool = Field(default=False, description="Whether jobs reuse results of earlier jobs with the same inputs.")
     in_campaign: bool = Field(
         default=False,

@@ -21,13 +21,13 @@ class StoredPlace(Part):
 class WorldDocument(Document):
     """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
-    template: str | None = optional("ARN of the template it was generated from.")
-    plan: str | None = optional("Key of its plan; equal for equal plans. Absent in worlds of early releases.")
-    bundle: StoredPlace | None = optional("Place of its bundle.")
-    reused_from: str | None = optional("ARN of the world whose bundle it shares; absent: it was generated.")
-    description_key: str | None = optional(
-        "Key of its description in the bundle's bucket; worlds of early releases have none."
+    template: str | None = optional("ARN of the template from which the world was generated.")
+    plan: str | None = optional(
+        "Key of the world's floor plan; equal for equal plans. Absent in worlds of early releases."
     )
+    bundle: StoredPlace | None = optional("Place of the world's files in the object store.")
+    reused_from: str | None = optional("ARN of the world whose files are shared; absent: the world has its own.")
+    description_key: str | None = optional("Key of the world's description; worlds of early releases have none.")
 
 
 class TemplateBody(Changes):
@@ -40,7 +40,7 @@ class TemplateBody(Changes):
 class WorldTemplateDocument(TemplateBody, Document):
     """Catalog document of a world template, from which worlds are generated."""
 
-    client_request_token: str | None = optional("Token of the request that created it.")
+    client_request_token: str | None = optional("Client token of the request that created the template.")
 
 
 class StoredWorldCount(Part):
@@ -63,7 +63,7 @@ class WorldGenerationRequest(Part):
     template: str = Field(description="ARN of the template.")
     world_count: StoredWorldCount = Field(description="Number of worlds to generate.")
     world_tags: dict[str, str] | None = optional("Tags for every world.")
-    client_request_token: str | None = optional("The request's token.")
+    client_request_token: str | None = optional("Client token of the request.")
     diversity: int = Field(
         default=1, description="Variety of the floor plans, from 0 (all are the best one) to 1 (they differ)."
     )
@@ -87,12 +87,12 @@ class WorldFailures(Part):
 class WorldGenerationProgress(FailureChanges):
     """Update to a world generation job's document that is written while the job runs and when it ends."""
 
-    failures: WorldFailures | None = optional("Worlds that failed so far.")
+    failures: WorldFailures | None = optional("Worlds that failed so far, by reason.")
     made_when_taken: int = Field(
         default=0, description="Number of worlds that existed when a job worker last took the job over."
     )
-    succeeded_worlds: list[str] | None = optional("ARNs of the worlds it made; absent until it ends.")
-    plan_count: int | None = optional("Number of different plans among them; absent until it ends.")
+    succeeded_worlds: list[str] | None = optional("ARNs of the generated worlds; absent until the job ends.")
+    plan_count: int | None = optional("Number of different floor plans among the worlds; absent until the job ends.")
 
 
 class WorldGenerationJobDocument(WorldGenerationProgress, Document):
@@ -108,7 +108,7 @@ class ArchiveLocation(Part):
     """Bucket and key prefix under which a world export job stores its archive, under the request's member names."""
 
     s3_bucket: str = Field(description="Name of the bucket.")
-    s3_prefix: str | None = optional("Prefix of its key.")
+    s3_prefix: str | None = optional("Prefix of the archive's key.")
 
 
 class WorldExportRequest(Part):
@@ -119,7 +119,7 @@ class WorldExportRequest(Part):
     worlds: list[str] = Field(description="ARNs of the worlds to export.")
     output_location: ArchiveLocation = Field(description="Location of the archive in the object store.")
     iam_role: str = Field(description="ARN of the role with which the archive is written.")
-    client_request_token: str | None = optional("The request's token.")
+    client_request_token: str | None = optional("Client token of the request.")
 
 
 class WorldExportProgress(FailureChanges):

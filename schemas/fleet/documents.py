@@ -11,24 +11,22 @@ from ..wire.base import optional
 class RobotMembership(Changes):
     """Update to a robot's catalog document: the fleet it is in, and the last deployment meant for it."""
 
-    fleet: str | None = optional("ARN of its fleet; absent: it is in none.")
-    last_deployment_job: str | None = optional("ARN of the last deployment meant for it.")
+    fleet: str | None = optional("ARN of the robot's fleet; absent: none.")
+    last_deployment_job: str | None = optional("ARN of the last deployment to the robot.")
 
 
 class RobotEnrolment(Changes):
     """Update to a robot's catalog document: the hashes of the secret tokens by which the robot logs in."""
 
-    token_sha256: str | None = optional("SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled.")
+    token_sha256: str | None = optional("SHA-256 of the robot's token, in hexadecimal; absent: it is not enrolled.")
 
-    kind: Literal["agent"] | None = optional("Kind of updater: our own agent; absent: an updater of others.")
-    enrolment_sha256: str | None = optional(
-        "SHA-256 of the one-time token of an agent, in hexadecimal digits; absent: none."
-    )
-    enrolment_expires_s: float | None = optional("Until when that token is taken, in seconds since the epoch.")
+    kind: Literal["agent"] | None = optional("Kind of updater: this project's agent; absent: a third-party updater.")
+    enrolment_sha256: str | None = optional("SHA-256 of the agent's one-time token, in hexadecimal; absent: none.")
+    enrolment_expires_s: float | None = optional("Expiry of the one-time token, in seconds since the epoch.")
     enrolment_taken: str | None = optional(
-        "SHA-256 of the robot's token that came with the one-time token; absent: none came."
+        "SHA-256 of the robot token that was issued with the one-time token; absent: none."
     )
-    enrolment_root: int | None = optional("Version of the root of the repository that the agent is to trust.")
+    enrolment_root: int | None = optional("Version of the update repository's root metadata that the agent trusts.")
 
     @property
     def has_agent(self) -> bool:
@@ -40,22 +38,24 @@ class RobotSighting(Changes):
     """Update to a robot's catalog document: the time of its last poll to the service."""
 
     last_seen_s: float | None = optional(
-        "When it polled last, in seconds since the epoch, to a few seconds; absent: never."
+        "Time of the robot's last poll, in seconds since the epoch, accurate to a few seconds; absent: never."
     )
 
 
 class RobotAttributes(Changes):
     """Update to a robot's catalog document: attributes that the robot reports about itself, such as hardware."""
 
-    attributes: dict[str, str] | None = optional("Texts by name; absent: it said nothing.")
+    attributes: dict[str, str] | None = optional("Attributes by name; absent: the robot reported none.")
 
 
 class RobotInstallation(Changes):
     """Update to a robot's catalog document: the application and version that the robot installed last."""
 
-    installed_name: str | None = optional("Name of the application; absent: none yet.")
-    installed_version: str | None = optional("Its version; absent: none yet.")
-    installed_by: str | None = optional("ARN of the deployment job that brought it; absent: an older release noted it.")
+    installed_name: str | None = optional("Name of the installed application; absent: none yet.")
+    installed_version: str | None = optional("Version of the installed application; absent: none yet.")
+    installed_by: str | None = optional(
+        "ARN of the deployment job that installed the application; absent in records of older releases."
+    )
 
 
 class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
@@ -78,7 +78,7 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
 class FleetChanges(Changes):
     """Update to a fleet's catalog document."""
 
-    last_deployment_job: str | None = optional("ARN of its last deployment job.")
+    last_deployment_job: str | None = optional("ARN of the fleet's last deployment job.")
 
 
 class FleetDocument(FleetChanges, Document):
@@ -90,7 +90,9 @@ class RobotsRolledBack(Part):
 
     job: str = Field(description="ARN of the deployment job that failed.")
     robots: list[str] = Field(description="ARNs of the robots to return to an earlier version.")
-    earlier: str | None = optional("ARN of the deployment job that had brought that version; absent in older ones.")
+    earlier: str | None = optional(
+        "ARN of the deployment job that had installed that version; absent in older records."
+    )
 
 
 class DeploymentJobDocument(FailureChanges, Document):
@@ -107,7 +109,7 @@ class DeploymentJobDocument(FailureChanges, Document):
         description="Whether the deployment repeats an earlier one, so that robots that have it already are left out.",
     )
     rolls_back: RobotsRolledBack | None = optional(
-        "The only robots that it is meant for, and why; absent: it is made by a call."
+        "Robots to which the deployment is limited, and the reason; absent: all robots of the fleet."
     )
 
     @property

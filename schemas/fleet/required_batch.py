@@ -14,7 +14,7 @@ def required_batch_of(request: CreateDeploymentJobRequest) -> str | None:
     The request names it in its configuration or in a tag.
 
     Raises:
-        InvalidParameterException: the required batch is not the ARN of a batch, or the tag and the configuration name
+        InvalidParameterException: The required batch is not the ARN of a batch, or the tag and the configuration name
             different batches.
     """
     member = "deploymentConfig.requiresBatch"

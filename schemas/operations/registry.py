@@ -73,7 +73,7 @@ def operation_shape(name: str) -> OperationShape:
     """Returns the description of a service operation (request, response, HTTP path, errors) by its name.
 
     Raises:
-        InvalidParameterException: the service has no operation of this name; the message names the most similar one.
+        InvalidParameterException: The service has no operation of this name; the message names the most similar one.
     """
     if (operation := OPERATIONS.get(name)) is None:
         hint = nearest(name, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
@@ -85,7 +85,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
     """Lists everything wrong with the plain data of a request; the list is empty for a valid request.
 
     Raises:
-        InvalidParameterException: the service has no operation of this name.
+        InvalidParameterException: The service has no operation of this name.
     """
     model = (STEPS.get(operation_name) or operation_shape(operation_name)).request
     try:
@@ -103,7 +103,7 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
         data: Members by name, as in JSON or YAML.
 
     Raises:
-        InvalidParameterException: one line per problem, each with the member's path, its value and
+        InvalidParameterException: One line per problem, each with the member's path, its value and
             what would be right; or there is no operation of that name.
     """
     model = (STEPS.get(operation_name) or operation_shape(operation_name)).request

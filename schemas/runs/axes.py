@@ -88,7 +88,7 @@ class AxisSetting(Model):
     """Value of an axis that a single run has: the kind of axis, and the number."""
 
     kind: str = Field(description="Kind of the axis, `robot_mass`.")
-    value: float = Field(description="Its value, in the unit of the kind.")
+    value: float = Field(description="Value of the axis, in the unit of its kind.")
 
 
 def number_kind(kind: str) -> type[NumberAxis]:

@@ -42,7 +42,7 @@ class ApplicationPlan(Model):
     """An application of a simulation run, resolved to an importable Python object or to one of the plan's programs."""
 
     role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
-    name: str = Field(description="The application's name in the catalog.")
+    name: str = Field(description="Name of the application in the catalog.")
     attribute: str | None = optional(
         "Dotted path of the factory, `package.module.make_environment` or `….make_agent`; "
         "absent: the application is a program of the plan."
@@ -51,63 +51,68 @@ class ApplicationPlan(Model):
         "Folder to import it from (an unpacked bundle), or that its program is from; absent: installed."
     )
     package: str | None = optional(
-        "Installed package that a program is of; absent: it is a bundle, an image or no program."
+        "Installed package that contains the program; absent: it is in an archive or image, or there is no program."
     )
-    policy: str | None = optional(
-        "Policy that the factory `attribute` makes the agent of, of this application's files; absent: it has none."
-    )
+    policy: str | None = optional("Policy of the agent that the factory `attribute` makes; absent: none.")
     environment_variables: dict[str, str] = Field(
         default={},
-        description="The launch configuration's variables; of a container those that set how a run goes.",
+        description="Launch variables of the application; for a container, only those that configure the run.",
     )
 
 
 class RecordedActions(Model):
     """Recorded robot actions that are played back in a rerun instead of running the robot application."""
 
-    path: Path = Field(description="The run's `actions.bin`.")
+    path: Path = Field(description="Path of the run's `actions.bin`.")
     ended_by: Literal["agent", "duration limit"] | None = optional(
-        "Cause that ends the rerun after the last of them; absent: it fails, as the run did."
+        "Cause that ends the rerun after the last action; absent: the rerun fails then, as the run did."
     )
 
 
 class RunPlan(Model):
     """Complete plan of one simulation run on this machine: world, applications, programs, limits and folders."""
 
-    job_id: str = Field(description="The simulation job's id, `sim-…`.")
-    job_arn: str = Field(description="The simulation job's ARN.")
+    job_id: str = Field(description="Id of the simulation job, `sim-…`.")
+    job_arn: str = Field(description="ARN of the simulation job.")
     run_id: str = Field(description="Id of this run of the job.")
     seed: int = Field(ge=0, description="Seed of the run's random generators.")
-    max_duration_s: float = Field(gt=0, description="Wall-clock limit; reaching it ends the job normally.")
-    world_dir: Path | None = optional("World bundle to drive in, read-only.")
-    data_dir: Path | None = optional("Folder that holds the job's data sources, read-only.")
+    max_duration_s: float = Field(
+        gt=0, description="Wall-clock time limit in seconds; reaching it ends the job normally."
+    )
+    world_dir: Path | None = optional("Folder of the world's files, read-only.")
+    data_dir: Path | None = optional("Folder of the job's data sources, read-only.")
     root_dir: Path | None = optional(
         "The job's own root: its `/home/robomaker/x` is `<root_dir>/home/robomaker/x` here; "
         "absent: applications get none."
     )
-    work_dir: Path = Field(description="Scratch folder, the process's working directory.")
-    output_dir: Path = Field(description="Folder for outputs.")
+    work_dir: Path = Field(description="Scratch folder, which is the process's working directory.")
+    output_dir: Path = Field(description="Folder for the run's outputs.")
     checkpoint_dir: Path | None = optional(
-        "Folder for checkpoints, from which the run is continued if there are any; absent: none are kept."
+        "Folder for checkpoints, from which the run is resumed if there are any; absent: no checkpoints."
     )
     checkpoint_every_s: float | None = Field(
-        default=5.0, gt=0, description="Simulated time between two checkpoints; absent: none are made."
+        default=5.0, gt=0, description="Simulated seconds between two checkpoints; absent: none are made."
     )
-    simulation_application: ApplicationPlan | None = optional("Makes the environment; absent: `indoor-navigation`.")
-    robot_application: ApplicationPlan | None = optional("Makes the agent; absent: `scout`.")
+    simulation_application: ApplicationPlan | None = optional(
+        "Application that makes the environment; absent: `indoor-navigation`."
+    )
+    robot_application: ApplicationPlan | None = optional("Application that makes the agent; absent: `scout`.")
     environment: dict[str, str] = Field(
         default={},
         description="Variables of every process of the run, over those that the launcher keeps of its own and under "
         "those of launch configurations.",
     )
-    programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
-    ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
-    compute: ComputeLimits = Field(default=ComputeLimits(), description="Limits on its use of the machine.")
+    programs: list[ProgramPlan] = Field(
+        default=[], description="Programs of the run: applications that are processes, and all tools."
+    )
+    ports: list[PortPlan] = Field(default=[], description="Forwarded ports.")
+    compute: ComputeLimits = Field(default=ComputeLimits(), description="Resource limits of the run.")
     found: FoundFiles | None = optional(
-        "Size of the files that its folders have already; absent: it is measured when the run begins."
+        "Files that exist in the run's folders before it begins; absent: measured at the begin."
     )
     failure_behavior: FailureBehavior = Field(
-        default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
+        default="Fail",
+        description="Whether a crash ends the run (`Fail`), or its other programs continue (`Continue`).",
     )
     record: bool = Field(default=True, description="Whether `recording.mcap` is written.")
     video: VideoPolicy = Field(default="none", description="Whether `video.mp4` is written.")
@@ -118,25 +123,25 @@ class RunPlan(Model):
         description="Port on 127.0.0.1 of a page that shows the run while it goes on; 0: any free one; absent: none.",
     )
     requirements: JobRequirements = Field(
-        default=[], description="Requirements that the run is judged by, as the job orders them."
+        default=[], description="Requirements by which the run is judged, as in the job's request."
     )
 
     ros: RosPlan | None = optional(
-        "The ROS bridge, where the robot application is a program that may be ROS nodes; absent: it is not."
+        "ROS bridge, if the robot application is a program that may be ROS nodes; absent: none."
     )
-    trials: Trials | None = optional("Its trials, which are run one after the other; absent: it is one episode.")
-    trial: int | None = Field(
-        default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."
-    )
+    trials: Trials | None = optional("Trials, which run one after the other; absent: a single episode.")
+    trial: int | None = Field(default=None, ge=0, description="Number of the trial that is run; absent: the whole job.")
     axes: dict[str, AxisSetting] = Field(
         default={},
-        description="Values of the axes of its trial that are numbers, by name; those of variables are variables.",
+        description="Numeric axis values of the trial, by name; values of variables are in `variables`.",
     )
     recorded_actions: RecordedActions | None = optional(
         "Actions that replace the robot application's program in a rerun."
     )
     end_at_s: float | None = Field(
-        default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
+        default=None,
+        ge=0,
+        description="Simulated time in seconds at which a rerun ends if the original run was stopped from outside.",
     )
 
     @property
@@ -179,45 +184,47 @@ class RunPlan(Model):
 class RunOutcome(Model):
     """End of a simulation run: status, verdict, failure code and reason."""
 
-    status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
-    failure_code: str | None = optional("The service's failure code; absent when none.")
-    failure_reason: str | None = optional("The same in words, ending with the last log lines.")
-    started_at: datetime = Field(description="When the process began to run.")
-    ended_at: datetime = Field(description="When its process group was gone.")
-    video_s: float | None = optional("How long the videos of its failure were made, by the clock; absent: none were.")
+    status: Literal["Completed", "Failed", "Canceled"] = Field(description="Final status of the job.")
+    failure_code: str | None = optional("Failure code of the job; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text, ending with the last log lines.")
+    started_at: datetime = Field(description="Time at which the run's process began.")
+    ended_at: datetime = Field(description="Time at which all processes of the run had ended.")
+    video_s: float | None = optional("Wall-clock seconds for rendering videos of the failure; absent: none.")
     cpu_time_s: float | None = optional(
-        "CPU time of its processes, those of containers left out; absent: its supervisor was killed."
+        "CPU seconds of the run's processes, without containers; absent: the supervisor was killed."
     )
-    verdict: Verdict | None = optional("Verdict of a run that is Completed and wrote a result.")
-    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
-    timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
+    verdict: Verdict | None = optional("Verdict of a completed run with a result.")
+    verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
+    timed_out: bool = Field(default=False, description="Whether the run ended at its duration limit.")
     finished: bool = Field(
         default=False,
-        description="Whether it wrote its outputs to the end; not when it crashed or had to be killed.",
+        description="Whether the outputs are complete; not after a crash or kill.",
     )
     was_killed: bool = Field(
         default=False,
-        description="Whether it was killed from outside and is to be tried again: what it left is as it was then.",
+        description=(
+            "Whether the run was killed from outside and will be tried again, so that its files were left unchanged."
+        ),
     )
 
 
 class RoomVisit(Model):
     """Whether, and at which simulated time, the robot was in a room of the world."""
 
-    name: str = Field(description="Room.")
-    visited: bool = Field(description="Whether the robot's middle was inside.")
+    name: str = Field(description="Name of the room.")
+    visited: bool = Field(description="Whether the robot's centre was inside the room.")
     first_visit_s: float | None = optional("Simulated time of the first visit.")
 
 
 class Collision(Model):
     """One collision of the robot with something other than the floor, from first contact to separation."""
 
-    time_s: float = Field(description="Simulated time of the first contact.")
-    duration_s: float = Field(description="How long it lasted.")
-    x: float = Field(description="Robot position at first contact.")
-    y: float = Field(description="Robot position at first contact.")
+    time_s: float = Field(description="Simulated time of the first contact, in seconds.")
+    duration_s: float = Field(description="Duration of the collision in seconds.")
+    x: float = Field(description="Robot position x at first contact, in metres.")
+    y: float = Field(description="Robot position y at first contact, in metres.")
     other: str = Field(description="Object that was touched: a furniture id, `wall`, or a body's name.")
-    max_force_N: float = Field(description="Largest normal force.")
+    max_force_N: float = Field(description="Largest normal force, in newtons.")
 
 
 _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the recording"}
@@ -227,34 +234,34 @@ _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the
 class RunResult(Model):
     """Content of a simulation run's `result.json`: verdict, requirements, metrics, rooms and collisions."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    schema_version: Literal[1] = Field(default=1, description="Format version of this document.")
     verdict: Verdict = Field(
         description="PASS, FAIL (the robot did badly), ERROR (something broke, so that it could not be judged), or "
         "NONE when nothing is judged, as in a run that was cancelled."
     )
-    summary: str = Field(default="", description="One sentence for a person.")
-    notes: list[str] = Field(default=[], description="Lines beside the verdict: what a person should know of it.")
-    requirements: list[Requirement] = Field(default=[], description="Requirements that the run was judged by.")
+    summary: str = Field(default="", description="One-sentence summary for people.")
+    notes: list[str] = Field(default=[], description="Notes that are shown with the verdict.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements by which the run was judged.")
     metrics: dict[str, float] = Field(
-        default={}, description="Numbers by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
+        default={}, description="Metrics by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
     )
     rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
-    collisions: list[Collision] = Field(default=[], description="At most 200, in order.")
+    collisions: list[Collision] = Field(default=[], description="Collisions in order, at most 200.")
     path: list[tuple[float, float, float]] = Field(
         default=[], description="(simulated time in s, x, y) of the robot, at most 600 points."
     )
-    sim_time_s: float = Field(description="Simulated time at the end.")
-    wall_time_s: float = Field(description="Wall-clock time spent stepping.")
-    real_time_factor: float = Field(description="`sim_time_s / wall_time_s`.")
+    sim_time_s: float = Field(description="Simulated time at the end, in seconds.")
+    wall_time_s: float = Field(description="Wall-clock time of the simulation steps, in seconds.")
+    real_time_factor: float = Field(description="Real-time factor: `sim_time_s / wall_time_s`.")
     ended_by: str = Field(
         description="`environment`, `agent`, `requirements`, `application` (a program, in a run without an episode), "
         "`duration limit` or `canceled`."
     )
     seed: int = Field(description="Seed of the run.")
-    versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
-    state_digest: str | None = optional("Digest of all states of the physics; absent when there is no physics.")
-    tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
-    extra: dict[str, Any] = Field(default={}, description="Further values that the environment or agent reported.")
+    versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control and this package.")
+    state_digest: str | None = optional("Hash of all physics states; absent without physics.")
+    tools: list[ToolEnds] = Field(default=[], description="Tools that ended during the run.")
+    extra: dict[str, Any] = Field(default={}, description="Other values that environment or agent reported.")
 
     @property
     def missed(self) -> list[Requirement]:

@@ -59,7 +59,7 @@ def parse_policy(policy: str) -> PolicyReference:
     """Parses the text that names a policy (ONNX file or Python callable).
 
     Raises:
-        ValueError: the text does not name a policy; the message says what would be right.
+        ValueError: The text does not name a policy; the message says what would be right.
     """
     place, colon, attribute = policy.rpartition(":")
     if colon and _MODULE.fullmatch(attribute):

@@ -29,31 +29,29 @@ class ProgramPlan(Model):
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9_.-]+$",
-        description="Unique in the run; names its logs: `robot`, `simulation`, `robot-<tool>`.",
+        description="Name of the program, unique in the run, and of its logs: `robot`, `simulation`, `robot-<tool>`.",
     )
-    role: ApplicationRole = Field(description="The application that it is, or beside which it runs.")
-    kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
+    role: ApplicationRole = Field(description="Role of the application that the program is, or beside which it runs.")
+    kind: ProgramKind = Field(description="Kind of program: an application, whose end ends the job, or a tool.")
     argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")
-    folder: Path = Field(description="Its working directory.")
-    image_id: str | None = optional(
-        "SHA-256 by which the engine knows the image of an application that is a container."
-    )
+    folder: Path = Field(description="Working directory.")
+    image_id: str | None = optional("SHA-256 id of the container image of an application that is a container.")
     environment: dict[str, str] = Field(
-        default={}, description="Variables besides those that every process of the run has."
+        default={}, description="Environment variables in addition to those of all processes of the run."
     )
-    exit_behavior: ExitBehavior = Field(default="FAIL", description="Effect that the end of a tool has on the run.")
+    exit_behavior: ExitBehavior = Field(default="FAIL", description="Effect of a tool's end on the run.")
     cleanup_argv: list[str] | None = optional(
-        "Ends what killing the process does not reach, such as `docker rm -f NAME`."
+        "Command that ends what remains after the process is killed, such as `docker rm -f NAME`."
     )
 
 
 class ToolEnds(Model):
     """Numbers of exits and restarts of a tool (a program beside the application) during the run."""
 
-    role: ApplicationRole = Field(description="The application beside which it ran.")
-    name: str = Field(description="Its name in the request.")
-    ends: int = Field(ge=1, description="How often it ended, or could not be started.")
-    last_end: str = Field(description="How it ended the last time, in words: `exited with code 1`.")
+    role: ApplicationRole = Field(description="Role of the application beside which the tool ran.")
+    name: str = Field(description="Name of the tool in the request.")
+    ends: int = Field(ge=1, description="Number of times that it ended, or could not be started.")
+    last_end: str = Field(description="Description of its last end: `exited with code 1`.")
 
     def __str__(self) -> str:
         """Describes exits and restarts, without the tool's name: `ended 14 times, and last exited with code 1`."""
@@ -70,36 +68,51 @@ class PortPlan(Model):
 class ComputeLimits(Model):
     """CPU, GPU and memory limits of a simulation run."""
 
-    cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
-    memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
-    processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
-    disk_bytes: int | None = Field(
-        default=DISK_BYTES, gt=0, description="Bytes that it may write into its folders; absent: no limit."
+    cpus: int | None = Field(default=None, ge=1, description="Maximum number of processor cores; absent: all.")
+    memory_bytes: int | None = Field(
+        default=None, gt=0, description="Memory limit of all processes, in bytes; absent: no limit."
     )
-    nice: int = Field(default=0, ge=0, le=19, description="Its niceness at least: how far all else comes first.")
-    gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
+    processes: int | None = Field(
+        default=1024, ge=1, description="Maximum number of processes and threads at the same time; absent: no limit."
+    )
+    disk_bytes: int | None = Field(
+        default=DISK_BYTES,
+        gt=0,
+        description="Maximum number of bytes written into the run's folders; absent: no limit.",
+    )
+    nice: int = Field(
+        default=0,
+        ge=0,
+        le=19,
+        description="Minimum niceness of the run's processes: how much other processes are preferred.",
+    )
+    gpu: bool = Field(default=False, description="Whether the run may use the machine's first GPU.")
 
 
 class BoxPlan(Model):
     """Sandbox of a run's processes: the files and network that they may access."""
 
-    level: BoxLevel = Field(default="none", description="How its processes are confined.")
+    level: BoxLevel = Field(default="none", description="Sandbox level of the processes.")
     network: BoxNetwork = Field(
         default="full",
-        description="Network that they reach: the machine's, each other and the service, or only each other.",
+        description="Network of the processes: the machine's, the run's and the service's, or only the run's.",
     )
     services: list[int] = Field(
         default=[], description="With `local`: ports of 127.0.0.1 at which the machine's servers are reached."
     )
-    shown: list[Path] = Field(default=[], description="Files and folders that they may read besides their own.")
-    hidden: list[Path] = Field(default=[], description="Files and folders that they must not see, wherever these are.")
+    shown: list[Path] = Field(
+        default=[], description="Files and folders that the processes may read besides their own."
+    )
+    hidden: list[Path] = Field(default=[], description="Files and folders that are hidden from the processes.")
 
 
 class FoundFiles(Model):
     """Files in a run's folders before its programs started (data sources, bundles), which are not outputs."""
 
-    size_bytes: int = Field(ge=0, description="Disk space that they took, in bytes, which is not what the run used.")
-    at_s: float = Field(description="When that was, in seconds since 1970.")
+    size_bytes: int = Field(
+        ge=0, description="Disk space of the files in bytes, which does not count as used by the run."
+    )
+    at_s: float = Field(description="Time of the measurement, in seconds since 1970.")
 
 
 Scarce = Literal["slots", "memory", "disk"]

@@ -16,11 +16,13 @@ class MachineFacts(Model):
 
     python: str = Field(description="Version of Python, `3.11.9`.")
     system: str = Field(description="Kernel and instruction set, `Linux x86_64`.")
-    cpu_model: str = Field(description="The processor's name; two of the same features may have different names.")
-    cpu_features: list[str] = Field(
-        description="Those of avx2, avx512f, fma and their like that it has, and by which libraries choose their code."
+    cpu_model: str = Field(
+        description="Name of the processor; processors with the same features may have different names."
     )
-    libc: str = Field(description="C library, `glibc 2.36`: sines and powers are its.")
+    cpu_features: list[str] = Field(
+        description="CPU features such as avx2, avx512f and fma by which libraries choose their code."
+    )
+    libc: str = Field(description="C library, `glibc 2.36`, which computes sines and powers.")
     versions: dict[str, str] = Field(description="Versions of mujoco, dm_control, numpy, scipy and this package.")
 
 
@@ -28,49 +30,52 @@ class ApplicationDigest(Model):
     """Name and content hash of an application, taken when the run ended."""
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
-    name: str = Field(description="Its name in the catalog.")
-    attribute: str | None = optional("Dotted path of its factory; absent: it is a program.")
+    name: str = Field(description="Name of the application in the catalog.")
+    attribute: str | None = optional("Dotted path of the application's factory function; absent: it is a program.")
     content: Literal["bundle", "module"] = Field(
-        description="Files that the digest is of: all of its bundle, or the Python files of its installed package."
+        description="Files that are hashed: all of the archive, or the Python files of the installed package."
     )
-    sha256: str = Field(description="SHA-256 over names and bytes of those files, in hexadecimal.")
+    sha256: str = Field(description="SHA-256 over names and contents of the files, in hexadecimal.")
 
 
 class JointPlace(Model):
     """Indices of a joint's values in the simulation's position and velocity vectors."""
 
-    name: str = Field(description="The joint's name, or its body's when it has none.")
-    qpos: int = Field(description="Index of its first position.")
-    qvel: int = Field(description="Index of its first velocity.")
+    name: str = Field(description="Name of the joint, or of its body if the joint has none.")
+    qpos: int = Field(description="Index of the joint's first number in `qpos`.")
+    qvel: int = Field(description="Index of the joint's first number in `qvel`.")
 
 
 class StateDigestSummary(Model):
     """Summary of the hash chain over a run's simulation states; `digest.bin` has every link of it."""
 
-    algorithm: Literal["sha256"] = Field(default="sha256", description="Hash of each link over the one before.")
+    algorithm: Literal["sha256"] = Field(default="sha256", description="Name of the hash function of the chain.")
     state: Literal["mjSTATE_INTEGRATION"] = Field(
-        default="mjSTATE_INTEGRATION", description="MuJoCo's name of what is hashed: all that integration starts from."
+        default="mjSTATE_INTEGRATION",
+        description="MuJoCo's name of the hashed state: everything from which integration starts.",
     )
-    looks: int = Field(description="Number of links.")
-    until_s: float = Field(description="Simulated time of the last one.")
-    value: str = Field(description="The last link, in hexadecimal: equal for runs with the same states.")
+    looks: int = Field(description="Number of links in the hash chain.")
+    until_s: float = Field(description="Simulated time of the last link, in seconds.")
+    value: str = Field(description="Last link in hexadecimal: equal for runs with the same states.")
 
 
 class ActionsSummary(Model):
     """Summary of the actions that a robot program sent; `actions.bin` has each of them."""
 
-    mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each action.")
-    actions: int = Field(description="How many there are: one for each step, also where one was held.")
-    size_bytes: int = Field(description="Size of the file.")
+    mode: Literal["lockstep", "free"] = Field(
+        description="Mode of the robot program: whether the simulation waited for each action."
+    )
+    actions: int = Field(description="Number of actions: one per step, including repeated ones.")
+    size_bytes: int = Field(description="Size of the file in bytes.")
     sha256: str = Field(description="SHA-256 of the file, in hexadecimal.")
 
 
 class Provenance(Model):
     """Provenance of a run: its plan, machine and digests, so that it can be repeated and compared."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
-    plan: RunPlan = Field(description="The run as carried out; its folders are those of the machine it ran on.")
-    machine: MachineFacts = Field(description="The machine it ran on.")
+    schema_version: Literal[1] = Field(default=1, description="Format version of this document.")
+    plan: RunPlan = Field(description="Plan of the run; its folders are those of its machine.")
+    machine: MachineFacts = Field(description="Facts about the machine of the run.")
     world_sha256: str | None = optional("SHA-256 over names and bytes of the world bundle's files; absent: no world.")
     applications: list[ApplicationDigest] = Field(
         default=[],
@@ -83,19 +88,21 @@ class Provenance(Model):
         "name: the version of an installed distribution, else a digest of its Python files; empty until the run ends.",
     )
     model_sha256: str | None = optional(
-        "SHA-256 of the compiled model, wherever its files lie; absent: no physics, or not yet begun."
+        "SHA-256 of the compiled model, independent of file paths; absent: no physics, or not begun."
     )
-    positions: int = Field(default=0, description="How many positions the model has, `nq`.")
-    joints: list[JointPlace] = Field(default=[], description="The model's joints.")
+    positions: int = Field(default=0, description="Number of positions in the model, `nq`.")
+    joints: list[JointPlace] = Field(default=[], description="Joints of the model.")
     digest: StateDigestSummary | None = optional(
-        "Digest of its states; absent until it ends, and of runs without physics."
+        "Hash chain of the run's states; absent until it ends, and without physics."
     )
     actions: ActionsSummary | None = optional(
-        "Summary of `actions.bin`; absent until the run ends, and when the robot application is no program."
+        "Summary of `actions.bin`; absent until the run ends, and if there is no robot program."
     )
-    ended_by: str | None = optional("As in `result.json`; absent: it failed, goes on, or only had programs.")
+    ended_by: str | None = optional(
+        "Cause of the end as in `result.json`; absent: failed, not ended, or only programs."
+    )
     resumed_at_s: list[float] = Field(
-        default=[], description="Simulated times of the checkpoints from which it was continued."
+        default=[], description="Simulated times of the checkpoints from which the run was resumed."
     )
 
 
@@ -109,15 +116,15 @@ def _inside(path: str) -> str:
 class ManifestFile(Model):
     """One output file in a manifest: name, size and hash."""
 
-    path: Annotated[str, AfterValidator(_inside)] = Field(description="Path below the manifest's own folder.")
-    size_bytes: int = Field(ge=0, description="Size.")
+    path: Annotated[str, AfterValidator(_inside)] = Field(description="Path relative to the manifest's folder.")
+    size_bytes: int = Field(ge=0, description="Size of the file in bytes.")
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the content, in hexadecimal.")
 
 
 class Manifest(Model):
     """List of the output files that were uploaded together, with facts about their run."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    schema_version: Literal[1] = Field(default=1, description="Format version of this document.")
     created_at: AwareDatetime = Field(description="When the files were published.")
     about: dict[str, JsonValue] = Field(description="Facts about the origin of the files: job, run, status and so on.")
     files: list[ManifestFile] = Field(description="All files, in the order of their paths.")
@@ -139,18 +146,18 @@ FAILURE_MODEL_FILE = "failure-model.mjb"
 class PhysicsWarning(Model):
     """A kind of MuJoCo physics warning with its number of occurrences."""
 
-    warning: str = Field(description="MuJoCo's name of it, `mjWARN_BADQVEL`.")
-    count: int = Field(description="How often it came.")
+    warning: str = Field(description="MuJoCo's name of the warning, `mjWARN_BADQVEL`.")
+    count: int = Field(description="Number of occurrences.")
     text: str = Field(description="Message of MuJoCo.")
-    joint: str | None = optional("Joint whose numbers were bad, where that is known.")
+    joint: str | None = optional("Joint with non-finite numbers, if known.")
     body: str | None = optional("Body of that joint.")
 
 
 class JointState(Model):
     """Position and velocity of one joint shortly before the simulation became unstable."""
 
-    joint: str = Field(description="Its name, else its body's.")
-    body: str = Field(description="Body that it moves.")
+    joint: str = Field(description="Name of the joint, or of its body if the joint has none.")
+    body: str = Field(description="Body that the joint moves.")
     qpos: list[float | None] = Field(description="Positions in m and rad; null: not finite.")
     qvel: list[float | None] = Field(description="Velocities in m/s and rad/s; null: not finite.")
     qacc: list[float | None] = Field(description="Accelerations in m/s² and rad/s²; null: not finite.")
@@ -159,31 +166,35 @@ class JointState(Model):
 class StrongContact(Model):
     """One strong contact between two bodies shortly before the simulation became unstable."""
 
-    first: str = Field(description="One geom, else its body.")
-    second: str = Field(description="The other.")
-    normal_force_N: float | None = Field(description="Normal force; null: not finite.")
-    depth_m: float = Field(description="How deep they are in each other; negative: apart.")
+    first: str = Field(description="Name of one geom, or of its body.")
+    second: str = Field(description="Name of the other geom, or of its body.")
+    normal_force_N: float | None = Field(description="Normal force in newtons; null: not finite.")
+    depth_m: float = Field(description="Penetration depth in metres; negative: apart.")
     position_m: tuple[float, float, float] = Field(description="Position of the contact, in metres.")
 
 
 class FailureState(Model):
     """Joints and contacts of the simulation shortly before it became unstable, to find the cause."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
-    time_s: float = Field(description="Simulated time of the state that was kept.")
-    step: int = Field(description="Steps of MuJoCo until then.")
-    began_anew: bool = Field(description="Whether MuJoCo has put everything back to its beginning since.")
+    schema_version: Literal[1] = Field(default=1, description="Format version of this document.")
+    time_s: float = Field(description="Simulated time of the stored state, in seconds.")
+    step: int = Field(description="Number of MuJoCo steps until then.")
+    began_anew: bool = Field(description="Whether MuJoCo has reset the simulation since.")
     warnings: list[PhysicsWarning] = Field(description="Warnings of MuJoCo.")
     not_finite: dict[str, list[int]] = Field(
-        description="Places of `qpos`, `qvel` and `qacc` that are not finite now; empty once MuJoCo began anew."
+        description=(
+            "Indices of `qpos`, `qvel` and `qacc` that are not finite now; empty if MuJoCo reset the simulation."
+        )
     )
-    joints: list[JointState] = Field(description="Joints that MuJoCo warned of, then the fastest; at most 10.")
-    contacts: list[StrongContact] = Field(description="Those with the largest forces, at most 10.")
-    control: dict[str, float] = Field(description="The last control signals, by actuator.")
-    model_file: str = Field(default=FAILURE_MODEL_FILE, description="The compiled model, for the same MuJoCo.")
-    model_sha256: str = Field(description="Digest of the model, as in `provenance.json`.")
-    state_file: str = Field(default=FAILURE_VECTOR_FILE, description="The kept state as a vector of numpy.")
+    joints: list[JointState] = Field(description="Joints of which MuJoCo warned, then the fastest ones; at most 10.")
+    contacts: list[StrongContact] = Field(description="Contacts with the largest forces, at most 10.")
+    control: dict[str, float] = Field(description="Last control signals, by actuator.")
+    model_file: str = Field(
+        default=FAILURE_MODEL_FILE, description="File name of the compiled model, for the same version of MuJoCo."
+    )
+    model_sha256: str = Field(description="Hash of the model, as in `provenance.json`.")
+    state_file: str = Field(default=FAILURE_VECTOR_FILE, description="File name of the stored state, a NumPy vector.")
     state_kind: Literal["mjSTATE_INTEGRATION"] = Field(
-        default="mjSTATE_INTEGRATION", description="Kind of state that `mj_setState` has to be told."
+        default="mjSTATE_INTEGRATION", description="Kind of state for `mj_setState`."
     )
     mujoco: str = Field(description="Version of MuJoCo.")

@@ -74,11 +74,11 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
     """Parses requirements (pass criteria of a simulation job) from plain values.
 
     Args:
-        data: a list of mappings or of requirements.
-        what: name of the source of the values, for error messages.
+        data: A list of mappings or of requirements.
+        what: Name of the source of the values, for error messages.
 
     Raises:
-        InvalidParameterException: one line per problem: where, what, and what would be right.
+        InvalidParameterException: One line per problem: where, what, and what would be right.
     """
     return parsed_member(data, what, "requirements", _Holder)
 
@@ -107,7 +107,7 @@ def requirements_of(request: JobRequest) -> list[JobRequirement]:
     """Returns the requirements (pass criteria) of a simulation job request, from its member or its launch variable.
 
     Raises:
-        InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
+        InvalidParameterException: The variable's text is no list of requirements, or they are given twice and differ.
     """
     return _placed_requirements(request)[1]
 
@@ -116,7 +116,7 @@ def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
     """Returns the names of rooms that a request's goals mention, each with the path of the request member.
 
     Raises:
-        InvalidParameterException: as `requirements_of`.
+        InvalidParameterException: As `requirements_of`.
     """
     place, requirements = _placed_requirements(request)
     return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]

@@ -133,9 +133,9 @@ NOT_OF_ROBOTS = ("suite", "peers", "interface")
 class RosPlan(Model):
     """Plan of a run's ROS bridge: ROS version, domain and options."""
 
-    suite: Suite = Field(description="ROS that the nodes speak, 1 or 2.")
-    domain: int = Field(ge=0, le=232, description="Domain of ROS 2 that the nodes are in.")
-    options: RosOptions = Field(default=RosOptions(), description="Options of the launch configuration.")
+    suite: Suite = Field(description="ROS version of the nodes, 1 or 2.")
+    domain: int = Field(ge=0, le=232, description="ROS 2 domain id of the nodes.")
+    options: RosOptions = Field(default=RosOptions(), description="ROS options of the launch configuration.")
 
 
 class _Holder(Model):

@@ -29,25 +29,23 @@ MAX_CELLS = 200
 class TrialRow(Model):
     """Results of one finished trial (one episode of a simulation job), as a row of the trials table."""
 
-    trial: int = Field(ge=0, description="Its number.")
-    seed: int = Field(ge=0, description="Its seed.")
-    axes: dict[str, Value] = Field(default={}, description="Values of its axes by name.")
+    trial: int = Field(ge=0, description="Number of the trial.")
+    seed: int = Field(ge=0, description="Seed of the trial.")
+    axes: dict[str, Value] = Field(default={}, description="Axis values of the trial, by name.")
     verdict: Verdict = Field(description="PASS, FAIL, ERROR (something broke), or NONE when nothing was judged.")
-    reason: str = Field(default="", description="Why the verdict is FAIL or ERROR, in words.")
-    failure_code: str | None = optional(
-        "Failure code of a trial that broke by an application's exception; absent otherwise."
-    )
-    ended_by: str | None = optional("As in `result.json`; absent: an exception did.")
-    sim_time_s: float = Field(default=0.0, description="Simulated time at the end.")
-    wall_time_s: float = Field(default=0.0, description="Wall-clock time spent stepping.")
-    steps: int = Field(default=0, description="Steps of the environment.")
-    requirements: list[Requirement] = Field(default=[], description="Requirements that the trial was judged by.")
-    metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
-    notes: list[str] = Field(default=[], description="Lines beside the verdict.")
-    state_digest: str | None = optional("Digest of all its states; absent: it has no physics.")
-    model_sha256: str | None = optional("SHA-256 of its compiled model, as in `provenance.json`.")
-    looks: int = Field(default=0, description="How many states the digest is of.")
-    digest_until_s: float = Field(default=0.0, description="Simulated time of the last of them.")
+    reason: str = Field(default="", description="Reason of the verdict FAIL or ERROR, as text.")
+    failure_code: str | None = optional("Failure code of a trial that ended with an exception; absent otherwise.")
+    ended_by: str | None = optional("Cause of the end as in `result.json`; absent: an exception.")
+    sim_time_s: float = Field(default=0.0, description="Simulated time at the end, in seconds.")
+    wall_time_s: float = Field(default=0.0, description="Wall-clock time of the simulation steps, in seconds.")
+    steps: int = Field(default=0, description="Number of environment steps.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements by which the trial was judged.")
+    metrics: dict[str, float] = Field(default={}, description="Metrics by name with unit.")
+    notes: list[str] = Field(default=[], description="Notes that are shown with the verdict.")
+    state_digest: str | None = optional("Hash of all simulation states; absent: no physics.")
+    model_sha256: str | None = optional("SHA-256 of the compiled model, as in `provenance.json`.")
+    looks: int = Field(default=0, description="Number of hashed states.")
+    digest_until_s: float = Field(default=0.0, description="Simulated time of the last hashed state, in seconds.")
 
     @property
     def passed(self) -> bool:
@@ -80,22 +78,22 @@ class TrialRow(Model):
 class FailingTrial(Model):
     """A trial (one episode of a simulation job) that did not pass, with its seed, its axes and the reason."""
 
-    trial: int = Field(description="Its number.")
-    seed: int = Field(description="Its seed.")
-    axes: dict[str, Value] = Field(default={}, description="Values of its axes by name.")
-    verdict: Literal["FAIL", "ERROR"] = Field(description="FAIL, or ERROR.")
-    reason: str = Field(default="", description="Why, in words.")
-    recorded: bool = Field(default=False, description="Whether it has a folder with its recording.")
+    trial: int = Field(description="Number of the trial.")
+    seed: int = Field(description="Seed of the trial.")
+    axes: dict[str, Value] = Field(default={}, description="Axis values of the trial, by name.")
+    verdict: Literal["FAIL", "ERROR"] = Field(description="Verdict: FAIL or ERROR.")
+    reason: str = Field(default="", description="Reason of the verdict, as text.")
+    recorded: bool = Field(default=False, description="Whether the trial has a folder with a recording.")
 
 
 class TrialCounts(Model):
     """Numbers of a job's trials by outcome: passed, failed, errored, ...."""
 
-    axes: dict[str, Value] = Field(default={}, description="Cell of these trials; empty: all of them.")
-    passed: int = Field(default=0, description="With verdict PASS.")
-    failed: int = Field(default=0, description="With verdict FAIL.")
-    errors: int = Field(default=0, description="With verdict ERROR.")
-    unjudged: int = Field(default=0, description="With verdict NONE.")
+    axes: dict[str, Value] = Field(default={}, description="Cell of the trials; empty: all cells.")
+    passed: int = Field(default=0, description="Number of trials with verdict PASS.")
+    failed: int = Field(default=0, description="Number of trials with verdict FAIL.")
+    errors: int = Field(default=0, description="Number of trials with verdict ERROR.")
+    unjudged: int = Field(default=0, description="Number of trials with verdict NONE.")
 
     @property
     def total(self) -> int:
@@ -107,22 +105,23 @@ class AxisCounts(TrialCounts):
     """Numbers of a job's trials by outcome, of those with one value of an axis or with one part of its range."""
 
     axis: str = Field(description="Name of the axis.")
-    part: str = Field(description="Its value, or the part of its range, in words.")
+    part: str = Field(description="Value of the axis, or part of its range, as text.")
 
 
 class TrialsSummary(Model):
     """Summary of a simulation job's trials: counts, pass rate and the first failing trials."""
 
-    planned: int = Field(description="How many trials the job has.")
-    counts: TrialCounts = Field(description="How the finished ones ended.")
+    planned: int = Field(description="Number of trials of the job.")
+    counts: TrialCounts = Field(description="Number of finished trials by verdict.")
     cells: list[TrialCounts] = Field(
-        default=[], description="The same by cell of a grid, the first 200; empty without axes."
+        default=[], description="Numbers of trials by cell of a grid, the first 200 cells; empty without axes."
     )
     axes: list[AxisCounts] = Field(
-        default=[], description="The same by axis and part of it, of each axis the first 200 parts; empty without axes."
+        default=[],
+        description="Numbers of trials by axis and part of it, the first 200 parts of each axis; empty without axes.",
     )
-    failing: list[FailingTrial] = Field(default=[], description="Those that did not pass, the first 100.")
-    recorded: list[int] = Field(default=[], description="Numbers of those that have a folder of outputs of their own.")
+    failing: list[FailingTrial] = Field(default=[], description="First 100 trials that did not pass.")
+    recorded: list[int] = Field(default=[], description="Numbers of the trials that have an output folder.")
     stopped_in: int | None = optional("Number of the trial in which the job was stopped; absent: all trials ran.")
 
     @classmethod

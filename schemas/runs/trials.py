@@ -162,7 +162,7 @@ class Trials(Shape):
             first_seed: Seed of the job.
 
         Raises:
-            IndexError: There is no such trial.
+            IndexError: The job has no trial of that number.
         """
         if not 0 <= number < self.count:
             raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")
@@ -256,7 +256,7 @@ def trials_of(request: JobRequest) -> Trials | None:
     """Returns the trials that a simulation job request orders; `None` if its job is a single episode.
 
     Raises:
-        InvalidParameterException: the variable's text does not describe trials, or they are given twice and differ.
+        InvalidParameterException: The variable's text does not describe trials, or they are given twice and differ.
     """
     return given_once(request, "trials", TRIALS_VARIABLE, _parse)[1]
 

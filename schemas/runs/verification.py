@@ -29,30 +29,30 @@ EXIT_CODES: dict[Answer, int] = {
 class Divergence(Model):
     """The first step at which the simulation states of two runs differ."""
 
-    time_s: float = Field(description="Simulated time of the first state that differs.")
-    equal_until_s: float | None = optional("Simulated time of the last state before that is equal; absent: none is.")
-    what: str = Field(description="Difference in words: a joint with its values, the model, the end.")
-    joint: str | None = optional("The joint that differs most; absent: none is known to.")
-    quantity: Literal["qpos", "qvel"] | None = optional("Number of the joint that differs: a position or a velocity.")
-    value: float | None = optional("The number in the run.")
-    value_again: float | None = optional("The number in the rerun.")
-    value_time_s: float | None = optional("Simulated time at which both were kept.")
+    time_s: float = Field(description="Simulated time of the first state that differs, in seconds.")
+    equal_until_s: float | None = optional("Simulated time of the last equal state before; absent: there is none.")
+    what: str = Field(description="Description of the difference: a joint with its values, the model, or the end.")
+    joint: str | None = optional("Joint that differs most; absent: unknown.")
+    quantity: Literal["qpos", "qvel"] | None = optional("Kind of number that differs: a position or a velocity.")
+    value: float | None = optional("Value in the run.")
+    value_again: float | None = optional("Value in the rerun.")
+    value_time_s: float | None = optional("Simulated time of both values.")
 
 
 class Verification(Model):
     """Result of a verification: whether a rerun reproduced the same simulation states as the original run."""
 
-    run: str = Field(description="The run, as it was asked for.")
-    job_arn: str = Field(description="ARN of its job.")
+    run: str = Field(description="Reference to the run, as it was given.")
+    job_arn: str = Field(description="ARN of the run's job.")
     run_id: str = Field(description="Id of the run.")
-    trial: int | None = optional("Number of the trial, of a run that has trials.")
+    trial: int | None = optional("Number of the trial, if the run has trials.")
     answer: Answer = Field(description="Result of the comparison.")
-    reasons: list[str] = Field(default=[], description="Why the runs cannot be compared.")
-    divergence: Divergence | None = optional("The first difference.")
-    looks: int = Field(default=0, description="States that were compared.")
-    until_s: float | None = optional("Simulated time of the last of them.")
-    digest: str | None = optional("Digest of the run's states.")
-    digest_again: str | None = optional("Digest of the rerun's states.")
+    reasons: list[str] = Field(default=[], description="Reasons why the runs cannot be compared.")
+    divergence: Divergence | None = optional("First difference between the states.")
+    looks: int = Field(default=0, description="Number of compared states.")
+    until_s: float | None = optional("Simulated time of the last compared state.")
+    digest: str | None = optional("Hash of the run's states.")
+    digest_again: str | None = optional("Hash of the rerun's states.")
     robot: RobotRepeat = Field(
         default="factory",
         description="How the robot was repeated in the rerun: by its factory; where it is a program, by its recorded "
@@ -71,12 +71,12 @@ class Verification(Model):
 class ReproductionFolder(Model):
     """Folder with everything to repeat a run, which `robomaker repro` wrote."""
 
-    folder: Path = Field(description="Everything the run needs, with its first outputs.")
-    test: Path = Field(description="The test that repeats it.")
+    folder: Path = Field(description="Folder with everything that the run needs, and its first outputs.")
+    test: Path = Field(description="Path of the test that repeats the run.")
     video: Path | None = optional("Video of the rerun.")
-    ending: str = Field(description="How the rerun ended, in words.")
-    same_ending: bool = Field(description="Whether that is how the run ended.")
-    other_inputs: list[str] = Field(default=[], description="Inputs that the rerun was given and the run was not.")
+    ending: str = Field(description="Description of how the rerun ended.")
+    same_ending: bool = Field(description="Whether the rerun ended like the run.")
+    other_inputs: list[str] = Field(default=[], description="Inputs of the rerun that the run did not have.")
     robot: RobotRepeat = Field(
         default="factory", description="How the robot was repeated in the rerun; see `Verification`."
     )

@@ -168,7 +168,7 @@ class _Check:
         assert isinstance(self._respelling.node, MappingNode)
         self._root = self._respelling.node
         self._hidden = hidden
-        """Prefix of all locations, which the user did not write."""
+        """Prefix of all locations that the user did not write."""
         self._text = text
         self._filename = filename
         self._given = given

@@ -45,7 +45,7 @@ def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any], interprete
 
     Raises:
         JMESPathError: The expression cannot be evaluated.
-        TooMuchWorkError: It would need more than `MAX_WORK` steps.
+        TooMuchWorkError: The evaluation would need more than `MAX_WORK` steps.
     """
     return (interpreter or Interpreter()).visit(tree, scope)
 

@@ -145,7 +145,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
         text: JSON text of at most 262144 characters.
 
     Raises:
-        InvalidParameterException: with one line per problem: JSON path, value, what would be right.
+        InvalidParameterException: With one line per problem: JSON path, value, what would be right.
     """
     document, prefix = unwrapped(load_strict(text, "templateBody", MAX_BODY_CHARACTERS))
     body, problems = _read(document)

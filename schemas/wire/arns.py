@@ -69,7 +69,7 @@ class ResourceArn:
             kinds: Allowed kinds of resources; none given: all.
 
         Raises:
-            InvalidParameterException: the text is not an ARN of this service, or is that of another kind of resource.
+            InvalidParameterException: The text is not an ARN of this service, or is that of another kind of resource.
         """
         if (found := _FORM.fullmatch(arn)) is None:
             raise InvalidParameterException(f"{arn!r} is no ARN of a resource; it has to look like {_WANTED}")
@@ -85,7 +85,7 @@ def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
     """Makes the ARN of a resource that is identified by an id.
 
     Raises:
-        ValueError: the service has no such kind of resource.
+        ValueError: The service has no such kind of resource.
     """
     if kind not in _KINDS:
         raise ValueError(f"there is no kind of resource {kind!r}{nearest(kind, _KINDS)}")
@@ -96,7 +96,7 @@ def application_arn(region: str, account: str, kind: str, name: str, created_at:
     """Makes the ARN of an application, robot or fleet from its name and its creation time.
 
     Raises:
-        ValueError: the service has no such kind of resource.
+        ValueError: The service has no such kind of resource.
     """
     return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")
 
@@ -111,8 +111,8 @@ def new_id(prefix: IdPrefix, source: random.Random) -> str:
     """Makes a random resource id: the prefix, a hyphen, twelve digits and small letters.
 
     Args:
-        prefix: prefix of ids of this kind of resource.
-        source: source of randomness; `random.SystemRandom()` where ids have to differ
+        prefix: Prefix of ids of this kind of resource.
+        source: Source of randomness; `random.SystemRandom()` where ids have to differ
             between processes.
     """
     return f"{prefix}-{''.join(source.choices(_ALPHABET, k=_LENGTH))}"
@@ -122,7 +122,7 @@ def world_id(generation_id: str, number: int) -> str:
     """Makes the id of a world from its generation job's id and its number, counted from 1: `generation-…/world-3`.
 
     Raises:
-        ValueError: the number is below 1.
+        ValueError: The number is below 1.
     """
     if number < 1:
         raise ValueError(f"world number is {number}; worlds are counted from 1")

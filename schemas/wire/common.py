@@ -219,11 +219,11 @@ def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
     """Raises an error unless exactly one of two request members is given.
 
     Args:
-        members: names of the members.
-        given: values of the members, in the same order; `None` is absent.
+        members: Names of the members.
+        given: Values of the members, in the same order; `None` is absent.
 
     Raises:
-        ValueError: none or both of the members are given.
+        ValueError: None or both of the members are given.
     """
     present = sum(value is not None for value in given)
     if present != 1:

@@ -133,7 +133,7 @@ class SpecError(RobomakerError):
     def __init__(self, problems: list[Problem], notes: Sequence[Problem] = ()) -> None:
         self.problems = problems
         self.notes = tuple(notes)
-        """Possible mistakes beside them."""
+        """Possible mistakes, in addition to the problems."""
         super().__init__("\n".join(str(problem) for problem in problems))
 
 

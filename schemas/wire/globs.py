@@ -45,7 +45,7 @@ class Glob:
         text: Glob pattern.
 
     Raises:
-        GlobError: the pattern is not a valid glob.
+        GlobError: The pattern is not a valid glob.
     """
 
     def __init__(self, text: str) -> None:

@@ -370,7 +370,7 @@ def given_once(
         parse: Function that parses plain values; its errors name the given path.
 
     Raises:
-        InvalidParameterException: the variable's text is not such a value, or there are two that differ.
+        InvalidParameterException: The variable's text is not such a value, or there are two that differ.
     """
     given: dict[str, _Given] = {}
     if (value := getattr(request, member)) is not None:

@@ -43,7 +43,7 @@ def load_strict(text: str, what: str, max_characters: int) -> Any:
         max_characters: Maximum length of the text.
 
     Raises:
-        InvalidParameterException: too long, too many values, not JSON, duplicate members, NaN or Infinity, half of a
+        InvalidParameterException: Too long, too many values, not JSON, duplicate members, NaN or Infinity, half of a
             surrogate pair, nested too deeply, or a number with thousands of digits.
     """
     if not 1 <= len(text) <= max_characters:

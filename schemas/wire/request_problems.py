@@ -97,8 +97,8 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     At most `MAX_PROBLEMS` are returned; a last one counts the others.
 
     Args:
-        error: the error that the validation raised.
-        model: the model it was validated against.
+        error: The error that the validation raised.
+        model: The model it was validated against.
     """
     count = error.error_count()
     if count > _MOST_FINDINGS:
@@ -122,12 +122,12 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
 
     Args:
         data: Value of the member.
-        what: name of the source of the value, for error messages.
+        what: Name of the source of the value, for error messages.
         member: Name of the member.
         model: Model that has only this member.
 
     Raises:
-        InvalidParameterException: one line per problem: where, what, and what would be right.
+        InvalidParameterException: One line per problem: where, what, and what would be right.
     """
     try:
         return getattr(model.model_validate({member: data}), member)

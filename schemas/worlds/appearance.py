@@ -55,11 +55,11 @@ def appearance_named(name: str, seed: int = 0) -> Appearance:
     """Returns a lighting of a world by name, or a random one.
 
     Args:
-        name: one of `APPEARANCES`, or `random`.
+        name: One of `APPEARANCES`, or `random`.
         seed: Random seed for `random`; equal seeds give equal light.
 
     Raises:
-        ValueError: no lighting has this name; the message lists the names.
+        ValueError: No lighting has this name; the message lists the names.
     """
     if name == RANDOM:
         dice = Random(seed)  # noqa: S311 (chance, not secrecy)

@@ -36,44 +36,44 @@ PassageKind = Literal["Doorway", "Opening"]
 class RoomWay(Model):
     """A connection between two rooms, an edge of the world's room graph."""
 
-    rooms: tuple[str, str] = Field(description="The two rooms it joins.")
+    rooms: tuple[str, str] = Field(description="Names of the two connected rooms.")
     kind: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
     clear_width_m: float = Field(
         description="Metres between the walls at its sides, measured; less what a fully open door's leaf takes."
     )
-    door: str | None = optional("Id of its door; absent where there is none.")
+    door: str | None = optional("Id of the passage's door; absent if it has none.")
 
 
 class RoomMeasures(Model):
     """Measurements of one room: how close it is to its preferred size and shape, and the floor area a robot can use."""
 
-    name: str = Field(description="The room's name.")
+    name: str = Field(description="Name of the room.")
     area_error: float = Field(description="(floor area - desired area) / desired area; 0.05 is 5 % too large.")
     aspect_ratio: float = Field(description="Length over width of the floor, at least 1.")
     aspect_error: float = Field(description="(aspect ratio - desired one) / desired one; 0.05 is 5 % too long.")
-    fitting_cells: int = Field(description="Cells of 5 cm where the robot's middle touches nothing.")
-    reachable_share: float = Field(description="Share of those that the robot reaches from the origin, 0 to 1.")
+    fitting_cells: int = Field(description="Number of 5 cm cells where the robot's centre touches nothing.")
+    reachable_share: float = Field(description="Share of these cells that the robot reaches from the origin, 0 to 1.")
 
 
 class PreferenceCount(Model):
     """Number of a world template's preferences that a world satisfies, and their total."""
 
-    satisfied: int = Field(description="Granted.")
-    missed: int = Field(description="Not granted, although another world might.")
-    contradictory: int = Field(description="Not granted, because another wish or the building itself forbids it.")
+    satisfied: int = Field(description="Number of satisfied preferences.")
+    missed: int = Field(description="Number of missed preferences that another world might satisfy.")
+    contradictory: int = Field(
+        description="Number of preferences that another one, or the building itself, makes impossible."
+    )
 
 
 class StabilityChecks(Model):
     """Movement of a world's loose objects after small test pushes."""
 
-    pushes: int = Field(description="How many times all of them were pushed, each time differently.")
+    pushes: int = Field(description="Number of times that all objects were pushed, each time differently.")
     pushed_s: float = Field(description="Simulated seconds for which physics ran after each push.")
-    push_mps: float = Field(description="Standard deviation of a push along an axis, metres a second.")
-    max_moved_m: float = Field(
-        description="Furthest that one of them, balls aside, then was from its place, in metres."
-    )
-    max_sunk_m: float = Field(description="Furthest that one of them was below its place afterwards, in metres.")
-    furthest: str | None = Field(description="Id of the one that moved or sank furthest; absent if nothing is loose.")
+    push_mps: float = Field(description="Standard deviation of a push along an axis, in m/s.")
+    max_moved_m: float = Field(description="Largest distance that an object, balls excluded, moved, in metres.")
+    max_sunk_m: float = Field(description="Largest distance that an object sank, in metres.")
+    furthest: str | None = Field(description="Id of the object that moved or sank most; absent if nothing is loose.")
 
 
 Guarantee = Literal["reach", "ways", "overlaps", "rest", "parts", "doors", "map", "lidar", "description", "files"]
@@ -83,10 +83,12 @@ Guarantee = Literal["reach", "ways", "overlaps", "rest", "parts", "doors", "map"
 class Fault(Model):
     """A place in a world where a guarantee is broken, or where two of its files do not agree."""
 
-    guarantee: Guarantee = Field(description="The guarantee that is broken.")
-    said: str = Field(description="How it is broken, as a sentence without its place.")
-    room: str | None = optional("Name of the room it is in; absent outside of all rooms, and of whole files.")
-    at: tuple[float, float] | None = optional("Place in the world, x and y in metres; absent of whole files.")
+    guarantee: Guarantee = Field(description="Name of the broken guarantee.")
+    said: str = Field(description="Sentence about how the guarantee is broken, without its place.")
+    room: str | None = optional("Name of the room of the fault; absent outside of rooms, and for whole files.")
+    at: tuple[float, float] | None = optional(
+        "Position of the fault in the world, x and y in metres; absent for whole files."
+    )
 
     @classmethod
     def placed(
@@ -106,35 +108,35 @@ class Fault(Model):
 class WorldChecks(Model):
     """Measurements that a generated world has to pass to be accepted."""
 
-    robot_radius_m: float = Field(description="Radius in metres of the disc that reachability was checked for.")
+    robot_radius_m: float = Field(description="Radius in metres of the disc with which reachability was checked.")
     reachable_share: float = Field(
         description="Share of the cells where the disc fits that it reaches from the origin, 0 to 1."
     )
-    reachable_cells: dict[str, int] = Field(description="Cells of 5 cm the disc reaches, by room.")
+    reachable_cells: dict[str, int] = Field(description="Number of 5 cm cells that the disc reaches, by room.")
     origin_clear: bool = Field(description="Whether the cylinder of 1 m diameter at the origin is free.")
     max_penetration_m: float = Field(description="Deepest overlap of two solid parts at time 0, in metres.")
     penetrations: int = Field(
-        default=0, description="Pairs of solid parts, also of such that never move, that overlap by more than 5 mm."
+        default=0, description="Number of pairs of solid parts, also of fixed ones, that overlap by more than 5 mm."
     )
     penetrating: list[tuple[str, str]] | None = optional(
         "Names of the geoms of those pairs, the deepest first, at most ten; absent in worlds of generators "
         "before 3.0.0, which looked only at parts that can move."
     )
-    geoms: int = Field(description="Geoms that collide. `world.xml` has more, which decorate it.")
+    geoms: int = Field(description="Number of geoms that collide. `world.xml` has more, which are only visible.")
     closed_off_rooms: list[str] = Field(
-        default=[], description="Rooms the disc reaches only when it pushes a door further open than it is at first."
+        default=[], description="Rooms that the disc reaches only if it pushes a door further open than it is at first."
     )
     unreachable_goals: list[str] = Field(default=[], description="Rooms whose goal the disc does not reach.")
     narrowest_passage_m: float | None = optional(
         "Clear width in metres of the narrowest passage; absent in a plan without passages."
     )
-    room_graph: list[RoomWay] = Field(default=[], description="The ways between rooms, in the order of `passages`.")
-    rooms: list[RoomMeasures] = Field(default=[], description="Each room by itself, in the plan's order.")
+    room_graph: list[RoomWay] = Field(default=[], description="Connections between rooms, in the order of `passages`.")
+    rooms: list[RoomMeasures] = Field(default=[], description="Measurements of each room, in the plan's order.")
     footprint_aspect_ratio: float | None = optional(
-        "Extent of the building along x over that along y, between centre lines of walls."
+        "Aspect ratio of the building: extent along x over extent along y, between centre lines of walls."
     )
-    wishes: PreferenceCount | None = optional("Wishes about plan and interior together.")
-    free_bodies: int = Field(default=0, description="Bodies that can move: loose objects and leaves of doors.")
+    wishes: PreferenceCount | None = optional("Preferences about plan and interior together.")
+    free_bodies: int = Field(default=0, description="Number of bodies that can move: loose objects and door leaves.")
     settle_s: float | None = optional("Simulated seconds for which physics ran from time 0; absent if not run.")
     settled_share: float | None = optional(
         "Share of free bodies that moved less than 1 cm in the settle, 0 to 1; absent if not run."
@@ -190,11 +192,11 @@ MODEL_TYPES = (
 class Room(Model):
     """A room of a world's floor plan."""
 
-    name: str = Field(description="The room's name in the template.")
+    name: str = Field(description="Name of the room in the template.")
     original_name: str | None = optional("The `OriginalName` in the template, if it has one.")
-    type: RoomType = Field(description="The room's type in the template.")
+    type: RoomType = Field(description="Type of the room in the template.")
     polygon: list[Point] = Field(
-        description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
+        description="Corners, counter-clockwise, on the centre lines of the walls; walls are axis-aligned."
     )
     area_m2: float = Field(description="Area inside the centre lines of the walls, which the corners lie on.")
     floor_area_m2: float | None = optional(
@@ -204,13 +206,15 @@ class Room(Model):
         "Length over width of the floor, at least 1; older generators took the centre lines of the walls, "
         "the oldest say nothing."
     )
-    desired_area_m2: float = Field(description="Area of the floor that the template wished for.")
-    desired_aspect_ratio: float = Field(description="Length over width of the floor that the template wished for.")
-    goal: Point = Field(description="A free spot a robot can reach, near the room's middle.")
+    desired_area_m2: float = Field(description="Floor area that the template asked for, in m².")
+    desired_aspect_ratio: float = Field(
+        description="Aspect ratio (length over width) of the floor that the template asked for."
+    )
+    goal: Point = Field(description="Free position near the room's centre that a robot can reach.")
     floor_material: str = Field(default="Floorboards", description="Material of the floor.")
     wall_material: str = Field(default="WallPaint", description="Material of the walls' inner faces.")
-    floor_finish: str = Field(default="", description="Look of the floor material; empty: the first.")
-    wall_finish: str = Field(default="", description="Look of the wall material; empty: the first.")
+    floor_finish: str = Field(default="", description="Variant of the floor material; empty: the first.")
+    wall_finish: str = Field(default="", description="Variant of the wall material; empty: the first.")
 
     @property
     def called(self) -> str:
@@ -228,11 +232,13 @@ class Wall(Model):
 
     start: Point = Field(description="One end of the centre line.")
     end: Point = Field(description="The other end of the centre line.")
-    thickness_m: float = Field(description="Full thickness.")
-    exterior: bool = Field(description="Whether the outside lies on one of its sides.")
-    rooms: list[str] = Field(description="Names of the one or two rooms it bounds.")
-    lintel: bool = Field(default=False, description="Only above a doorway: from `bottom_m` to the ceiling.")
-    bottom_m: float = Field(default=0.0, description="Height of the lower edge.")
+    thickness_m: float = Field(description="Full thickness of the wall in metres.")
+    exterior: bool = Field(description="Whether one side of the wall is outside the building.")
+    rooms: list[str] = Field(description="Names of the one or two rooms at the wall.")
+    lintel: bool = Field(
+        default=False, description="Whether this part is only above a doorway: from `bottom_m` to the ceiling."
+    )
+    bottom_m: float = Field(default=0.0, description="Height of the lower edge in metres.")
 
 
 class Door(Model):
@@ -243,19 +249,21 @@ class Door(Model):
     `-swing * thickness_m`, which is away from the side to which it swings.
     """
 
-    id: str = Field(description="Unique in the world, `door-<n>`; name of its body and its joint in the MJCF.")
+    id: str = Field(description="Id of the door, `door-<n>`, and name of its body and joint in the MJCF.")
     hinge: Point = Field(description="Position of the hinge's axis.")
     closed_yaw: float = Field(description="Direction from the hinge along the closed leaf.")
-    swing: Literal[1, -1] = Field(description="Opening turns the leaf: 1 counter-clockwise, -1 clockwise, from above.")
-    room: str = Field(description="Name of the room it opens into.")
-    leaf_width_m: float = Field(description="From the hinge's axis to the leaf's free edge.")
-    leaf_height_m: float = Field(description="Height of the leaf itself.")
-    thickness_m: float = Field(description="Thickness of the leaf.")
-    bottom_m: float = Field(default=0.01, description="Gap under the leaf.")
-    max_angle_rad: float = Field(description="The furthest it opens.")
-    open_percent: float = Field(default=100.0, ge=0, le=100, description="How far it is open at first; 0 is closed.")
-    clear_width_m: float = Field(description="Clear width of the doorway with the leaf fully open.")
-    style: str = Field(default="", description="Parametric style that was built, `panelled oak`.")
+    swing: Literal[1, -1] = Field(
+        description="Direction in which the leaf opens: 1 counter-clockwise, -1 clockwise, from above."
+    )
+    room: str = Field(description="Name of the room into which the door opens.")
+    leaf_width_m: float = Field(description="Distance from the hinge's axis to the leaf's free edge, in metres.")
+    leaf_height_m: float = Field(description="Height of the leaf in metres.")
+    thickness_m: float = Field(description="Thickness of the leaf in metres.")
+    bottom_m: float = Field(default=0.01, description="Gap under the leaf in metres.")
+    max_angle_rad: float = Field(description="Maximum opening angle in radians.")
+    open_percent: float = Field(default=100.0, ge=0, le=100, description="Opening at the beginning; 0 is closed.")
+    clear_width_m: float = Field(description="Clear width of the doorway with the leaf fully open, in metres.")
+    style: str = Field(default="", description="Style of the door, `panelled oak`.")
 
     @property
     def open_angle_rad(self) -> float:
@@ -271,46 +279,50 @@ class Passage(Model):
     """A doorway or opening between two rooms of a world."""
 
     kind: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
-    rooms: tuple[str, str] = Field(description="The two rooms it joins.")
-    start: Point = Field(description="One jamb, on the wall's centre line.")
-    end: Point = Field(description="The other jamb, on the wall's centre line.")
-    width_m: float = Field(description="Clear width between the jambs.")
-    requested: bool = Field(description="Whether the template asked for it; otherwise added to connect all rooms.")
-    door: Door | None = optional("Its door; absent in openings and in worlds of version 1.")
+    rooms: tuple[str, str] = Field(description="Names of the two connected rooms.")
+    start: Point = Field(description="Position of one jamb, on the wall's centre line.")
+    end: Point = Field(description="Position of the other jamb, on the wall's centre line.")
+    width_m: float = Field(description="Clear width between the jambs, in metres.")
+    requested: bool = Field(
+        description="Whether the template asked for the passage; otherwise it was added to connect all rooms."
+    )
+    door: Door | None = optional("Id of the passage's door; absent in openings and in worlds of version 1.")
 
 
 class Window(Model):
     """A window in an exterior wall (only its picture: the wall behind it is solid)."""
 
-    start: Point = Field(description="One side, on the wall's centre line.")
-    end: Point = Field(description="The other side, on the wall's centre line.")
-    room: str = Field(description="The room it lights.")
+    start: Point = Field(description="Position of one side, on the wall's centre line.")
+    end: Point = Field(description="Position of the other side, on the wall's centre line.")
+    room: str = Field(description="Name of the room with the window.")
 
 
 class Furniture(Model):
     """A piece of furniture, or a loose object, in a world."""
 
-    id: str = Field(description="Unique in the world; the prefix of its geoms in the MJCF.")
-    model_type: str = Field(description="One of the 31 model types, or the kind of a loose object.")
-    style: str = Field(default="", description="Parametric style of the type that was built.")
-    room: str = Field(description="Name of the room it stands in.")
-    x: float = Field(description="Middle of the footprint.")
-    y: float = Field(description="Middle of the footprint.")
-    yaw: float = Field(description="Direction its front faces.")
-    width_m: float = Field(description="Extent across the facing direction.")
-    depth_m: float = Field(description="Extent along the facing direction.")
-    height_m: float = Field(description="Extent upwards from `base_m`.")
-    base_m: float = Field(default=0.0, description="Height of its lower side; not 0 when it stands on something.")
-    movable: bool = Field(default=False, description="Whether it is a free body.")
+    id: str = Field(description="Id of the object, unique in the world; prefix of its geoms in the MJCF.")
+    model_type: str = Field(description="One of the 31 furniture types, or the kind of a loose object.")
+    style: str = Field(default="", description="Style of the object within its type.")
+    room: str = Field(description="Name of the room that contains the object.")
+    x: float = Field(description="Centre of the footprint, x in metres.")
+    y: float = Field(description="Centre of the footprint, y in metres.")
+    yaw: float = Field(description="Direction of the object's front, in radians.")
+    width_m: float = Field(description="Extent across the direction of the front, in metres.")
+    depth_m: float = Field(description="Extent along the direction of the front, in metres.")
+    height_m: float = Field(description="Extent upwards from `base_m`, in metres.")
+    base_m: float = Field(
+        default=0.0, description="Height of the lower side in metres; not 0 if the object is on another one."
+    )
+    movable: bool = Field(default=False, description="Whether the object is a free body.")
 
 
 class Preference(Model):
     """A preference of the world template, and whether the world satisfies it."""
 
-    path: str = Field(description="JSON path in the template body.")
-    wish: str = Field(description="The wish in words, with its value.")
-    outcome: PreferenceOutcome = Field(description="Whether the world grants it.")
-    reason: str = Field(default="", description="Why not; empty when satisfied.")
+    path: str = Field(description="JSON path of the preference in the template body.")
+    wish: str = Field(description="Preference as text, with its value.")
+    outcome: PreferenceOutcome = Field(description="Whether the world satisfies the preference.")
+    reason: str = Field(default="", description="Reason why not; empty if satisfied.")
 
     @classmethod
     def judged(cls, path: str, wish: str, reason: str = "", outcome: PreferenceOutcome = "missed") -> "Preference":
@@ -321,13 +333,13 @@ class Preference(Model):
 class Floorplan(Model):
     """Floor plan of a world: rooms, walls and passages; all interiors made for it share it."""
 
-    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, centre lines.")
-    ceiling_height_m: float = Field(description="Floor to ceiling.")
+    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
+    ceiling_height_m: float = Field(description="Ceiling height in metres.")
     rooms: list[Room] = Field(description="Rooms, in the template's order; materials are set with the interior.")
-    walls: list[Wall] = Field(description="All walls, cut at passages, lintels included.")
-    passages: list[Passage] = Field(description="All ways between rooms.")
+    walls: list[Wall] = Field(description="All walls, cut at passages, including lintels.")
+    passages: list[Passage] = Field(description="All connections between rooms.")
     windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
-    wishes: list[Preference] = Field(description="Outcome of the preferences about the plan.")
+    wishes: list[Preference] = Field(description="Preferences about the floor plan, with whether they are satisfied.")
 
 
 Light = Literal["day", "evening", "night"]
@@ -338,12 +350,12 @@ DrawingForm = Literal["svg", "dxf", "nav2-map"]
 class DrawnSource(Model):
     """The drawing or map file that a world was imported from."""
 
-    file: str = Field(description="Name of the file.")
-    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal; of a map, with its picture's.")
-    form: DrawingForm = Field(description="How it was read.")
-    metres_per_unit: float = Field(description="Metres of the world for one unit of the drawing; of a map, for a cell.")
+    file: str = Field(description="File name of the drawing or map.")
+    sha256: str = Field(description="SHA-256 of the file (of a map, with its image), in hexadecimal.")
+    form: DrawingForm = Field(description="Format in which it was read.")
+    metres_per_unit: float = Field(description="Metres of the world per unit of the drawing; for a map, per cell.")
     outlines: Literal["faces", "centres"] = Field(
-        description="Meaning of the outlines of rooms, as read: the inner faces of their walls, or the walls' middles."
+        description="Meaning of room outlines in the drawing: inner faces of the walls, or their centre lines."
     )
     notes_sha256: str | None = optional(
         "SHA-256 of the YAML file with what the drawing does not say; absent without one."
@@ -355,38 +367,40 @@ class DrawnSource(Model):
     )
     left_out: list[str] = Field(
         default=[],
-        description="Everything that was taken for neither room, door, window nor name: a count and a kind each.",
+        description="Elements that are neither room, door, window nor name, with counts by kind.",
     )
 
 
 class LeftOut(Model):
     """Things of one kind in a world file that the import left out or changed."""
 
-    what: str = Field(description="Kind of thing, in the plural.")
-    count: int = Field(description="How many there are.")
-    names: list[str] = Field(description="Names or places of the first ones, each once.")
+    what: str = Field(description="Kind of element, in the plural.")
+    count: int = Field(description="Number of elements.")
+    names: list[str] = Field(description="Names or positions of the first ones, each once.")
 
 
 class GazeboSource(Model):
     """The Gazebo world file that a world was imported from."""
 
-    form: Literal["gazebo"] = Field(default="gazebo", description="How it was read.")
+    form: Literal["gazebo"] = Field(default="gazebo", description="Format in which it was read.")
     file: str = Field(description="Name of the world file.")
-    sha256: str = Field(description="SHA-256 over it, its models and meshes, hexadecimal.")
-    sdf_version: str = Field(description="Version of SDF that the file says.")
+    sha256: str = Field(description="SHA-256 over the file, its models and meshes, in hexadecimal.")
+    sdf_version: str = Field(description="SDF version in the file.")
     origin_m: tuple[float, float, float] = Field(
         description="Position of the world's origin in the file's frame, metres: the start, on the floor. A point p "
         "there is at p - origin_m in the world, turned by -start_yaw."
     )
     start_yaw: float = Field(default=0.0, description="Direction of the start in the file's frame, radians.")
-    is_start_chosen: bool = Field(description="Whether the start was chosen here, as none was named.")
-    start_from: str | None = optional("Launch file that says the start; absent: the start was named or chosen.")
-    models: int = Field(description="Models in it, those in models included.")
-    goals: dict[str, Point] = Field(default={}, description="Named goals from the notes, in the world.")
-    held: dict[str, str] = Field(
-        default={}, description="Bodies that could move and are held, by name, with the reason."
+    is_start_chosen: bool = Field(description="Whether the start was chosen automatically, as none was named.")
+    start_from: str | None = optional(
+        "Launch file from which the start was read; absent: the start was named or chosen."
     )
-    left_out: list[LeftOut] = Field(default=[], description="All that was left out or mended.")
+    models: int = Field(description="Number of models, including nested ones.")
+    goals: dict[str, Point] = Field(default={}, description="Named goals from the notes file, in the world's frame.")
+    held: dict[str, str] = Field(
+        default={}, description="Movable bodies that are fixed in this world, by name, with the reason."
+    )
+    left_out: list[LeftOut] = Field(default=[], description="Elements that were left out or repaired.")
 
 
 Source = Annotated[DrawnSource | GazeboSource, Field(discriminator="form")]
@@ -396,15 +410,15 @@ class Change(Model):
     """One difference between a variation and the world that it was made from."""
 
     what: Literal["door", "moved", "removed", "light", "friction"] = Field(description="Kind of difference.")
-    thing: str = Field(description="Id of the door or the piece of furniture; `world` for its light.")
-    before: str = Field(description="How it was, in words.")
-    after: str = Field(description="How it is, in words.")
+    thing: str = Field(description="Id of the changed door or object; `world` for its light.")
+    before: str = Field(description="Original value, as text.")
+    after: str = Field(description="New value, as text.")
 
 
 class Variation(Model):
     """All differences of a variation from the world that it was made from."""
 
-    of_content: str = Field(description="SHA-256 of the bundle of the other world, hexadecimal.")
+    of_content: str = Field(description="SHA-256 of the other world's files, in hexadecimal.")
     of_world: str | None = optional("ARN of the other world; absent if only a folder was given.")
     changes: list[Change] = Field(description="All differences.")
 
@@ -412,25 +426,29 @@ class Variation(Model):
 class World(Model):
     """A whole simulation world: floor plan, doors, furniture, materials and checks."""
 
-    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
-    generator_version: str = Field(description="Version of the generator; same version and seeds, same bytes.")
+    schema_version: Literal[1] = Field(default=1, description="Format version of this document.")
+    generator_version: str = Field(
+        description="Version of the generator; the same version and seeds give the same bytes."
+    )
     template_version: Literal["1", "2"] = Field(
         default="1", description="Version of the template's body; worlds of version 2 have doors."
     )
-    floorplan_seed: int = Field(description="Seed of the floor plan.")
-    interior_seed: int = Field(description="Seed of the interior.")
+    floorplan_seed: int = Field(description="Random seed of the floor plan.")
+    interior_seed: int = Field(description="Random seed of the interior.")
     interior_attempt: int = Field(
-        default=0, description="Interiors that were made from the seed before and rejected by the checks."
+        default=0, description="Number of earlier interiors of this floor plan that the checks rejected."
     )
-    floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
+    floorplan: Floorplan = Field(description="Floor plan, with this world's materials in its rooms.")
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
-    wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
-    checks: WorldChecks | None = optional("Measured before the world was accepted.")
-    source: Source | None = optional("Drawing, map or world file that it was imported from; absent: it was generated.")
-    variation: Variation | None = optional(
-        "Differences from the world it was made of; absent in worlds made by themselves."
+    wishes: list[Preference] = Field(description="Preferences about the interior, with whether they are satisfied.")
+    checks: WorldChecks | None = optional("Checks that the world passed before it was accepted.")
+    source: Source | None = optional(
+        "Drawing, map or world file from which the world was imported; absent: it was generated."
     )
-    appearance: Light = Field(default="day", description="How `world.xml` is lit; nothing but looks depends on it.")
+    variation: Variation | None = optional(
+        "Differences from the world of which this is a variation; absent for other worlds."
+    )
+    appearance: Light = Field(default="day", description="Lighting of `world.xml`; it has no effect on physics.")
 
     def to_text(self) -> str:
         """Returns the content of `world.json`; optional members are written only for worlds that have them."""

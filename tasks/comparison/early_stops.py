@@ -140,7 +140,7 @@ class _Steps:
         self.sizes = self._summed(np.ones(len(before))).astype(np.int64)
         gaps = np.flatnonzero(self._summed(waits))
         self.ended = int(gaps[0]) if len(gaps) else self._count
-        """Number of steps before the first one of which a trial has not ended."""
+        """Number of steps before the first one with an unfinished trial."""
         # All that passed can get worse, and all else can get better.
         self.can_gain = self._summed(before != PASSED) > 0
         self.can_lose = self._summed(before == PASSED) > 0

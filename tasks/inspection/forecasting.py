@@ -52,8 +52,8 @@ def forecast_run(
     Args:
         name: Name of the specification.
         steps: Measured times of each step in the probe, and its amount of work in the whole run.
-        places: numbers of jobs and worlds that run at once.
-        backend: backend that runs the jobs of batches.
+        places: Numbers of jobs and worlds that run at once.
+        backend: Backend that runs the jobs of batches.
         made_at: Current time.
         assumed: Assumptions of the forecast, as text.
         probes: Ids of the measured runs.
@@ -231,7 +231,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
     """Stores a forecast for later runs of the specification, replacing an earlier forecast.
 
     Raises:
-        OSError: the forecast cannot be written.
+        OSError: The forecast cannot be written.
     """
     path = _place(spec, settings)
     path.parent.mkdir(parents=True, exist_ok=True)

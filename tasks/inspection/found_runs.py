@@ -94,9 +94,9 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
         service: Service whose catalog has the job and whose object store has the outputs.
 
     Raises:
-        ConfigurationError: the reference is not that of a run, or the run has not ended.
-        ResourceNotFoundException: the catalog has no such job.
-        StorageError: the outputs of the run cannot be read.
+        ConfigurationError: The reference is not that of a run, or the run has not ended.
+        ResourceNotFoundException: The catalog has no such job.
+        StorageError: The outputs of the run cannot be read.
     """
     with scratch_folder(service) as scratch:
         job = _job_of(reference, service)

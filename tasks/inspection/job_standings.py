@@ -30,14 +30,14 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
     Args:
         operation: Operation that created the job.
         answer: Final description of the job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     arn, status = str(answer["arn"]), str(answer["status"])
     jobs = simulation_standings(arn, service)
     state = run_state([status], jobs)
     reason = why_not_completed(answer)
     troubles = [f"{status}: {reason}"] if reason and not jobs else []
-    message = in_words(state, jobs, troubles, look=_look(operation, arn, jobs))
+    message = in_words(state, jobs, troubles, look=_inspect_command(operation, arn, jobs))
     return FlowResult(state=state, message=message, verdicts=verdicts_of(jobs), counts=count_outcomes(jobs))
 
 
@@ -50,7 +50,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
     return answer.get("failureReason")
 
 
-def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
+def _inspect_command(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
     """Returns a command line that shows the reason of a failure."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:
@@ -68,10 +68,10 @@ def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
 
     Args:
         arn: ARN of the job or batch.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such resource.
+        ResourceNotFoundException: The catalog has no such resource.
     """
     job = service.catalog.get(arn)
     if job.kind == "simulation-job":

@@ -43,7 +43,7 @@ def read_spec_file(path: Path) -> str:
     """Reads the text of a specification file.
 
     Raises:
-        ConfigurationError: the file cannot be read.
+        ConfigurationError: The file cannot be read.
     """
     try:
         return path.read_text(encoding="utf-8-sig")

@@ -43,8 +43,8 @@ def await_store(service: Service, note: Callable[[str], None]) -> None:
         note: Called with messages: that the store is awaited, for how long, and that it answers again.
 
     Raises:
-        StorageError: the store's address names no host, which waiting does not mend.
-        StorageUnavailableError: the object store did not answer within the time.
+        StorageError: The store's address names no host, which waiting does not mend.
+        StorageUnavailableError: The object store did not answer within the time.
     """
     bucket, patience_s = service.settings.bucket, service.timing.store_patience_s
 
@@ -78,7 +78,7 @@ def check_disk(checked: CheckedSpec, service: Service) -> None:
     """Checks that the outputs forecast for a run fit on the disk of a local object store.
 
     Raises:
-        StorageError: the disk has too little space; a disk that fills up in the night ends the run, or stops it until a
+        StorageError: The disk has too little space; a disk that fills up in the night ends the run, or stops it until a
             person frees space.
     """
     forecast = find_forecast(checked, service.settings)
@@ -100,10 +100,10 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     To check the run's own credentials, a few bytes are written to the store and deleted.
 
     Raises:
-        SpecError: an application is named that does not exist, or a goal is in a room that its world has not, or where
+        SpecError: An application is named that does not exist, or a goal is in a room that its world has not, or where
             its robot starts; says where and what is near.
-        StorageError: the object store cannot be used.
-        BackendError: the machines that are to run the jobs cannot be reached.
+        StorageError: The object store cannot be used.
+        BackendError: The machines that are to run the jobs cannot be reached.
     """
     if service.backend is not None:
         service.backend.check()
@@ -121,7 +121,7 @@ def check_named(checked: CheckedSpec, service: Service) -> None:
     Applications that a step of the same specification creates count as existing.
 
     Raises:
-        SpecError: an application does not exist; the message says in which step, and names the most similar one.
+        SpecError: An application does not exist; the message says in which step, and names the most similar one.
     """
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
@@ -145,7 +145,7 @@ def check_templates(checked: CheckedSpec, service: Service) -> None:
     """Checks that the world templates that a specification's steps name exist in the catalog.
 
     Raises:
-        SpecError: a world template does not exist; the message says in which step.
+        SpecError: A world template does not exist; the message says in which step.
     """
     problems = []
     for step in checked.steps.values():
@@ -164,8 +164,8 @@ def _check_writable(checked: CheckedSpec, service: Service) -> None:
     """Checks that the destinations of the run's worlds and outputs are writable with the run's credentials.
 
     Raises:
-        SpecError: a job's output location names a bucket that is not there or cannot be written to.
-        StorageError: the configured bucket cannot be written to.
+        SpecError: A job's output location names a bucket that is not there or cannot be written to.
+        StorageError: The configured bucket cannot be written to.
     """
     own = service.settings.bucket
     places: dict[str, tuple[str, Problem | None]] = {}

@@ -31,7 +31,7 @@ def measured(
         last: Last pass, or the first again: its jobs use the processes that the first pass started.
         cpu_times_s: CPU time in seconds of the processes that each step of the first pass started, by step name.
         cpus: Number of worlds that are generated at the same time.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     return {
         one.name: _measured_step(one, other, cpu_times_s.get(one.name, 0.0), cpus, service)
@@ -169,7 +169,7 @@ def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
         probe: Pass of the specification's probe in which all steps completed.
 
     Raises:
-        SpecError: a reference gives nothing.
+        SpecError: A reference gives nothing.
     """
     ended = {step.name: step for step in probe.steps}
     outputs: dict[str, dict[str, Any]] = {}

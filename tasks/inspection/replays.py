@@ -41,14 +41,14 @@ def verify_run(
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         trial: Number of the trial, if the job has trials.
         run_program: Whether a robot program is run again nevertheless.
 
     Raises:
-        ConfigurationError: the reference is not that of a run, or of a trial of one.
-        ResourceNotFoundException: the catalog has no such job.
-        StorageError: the outputs of the run cannot be read.
+        ConfigurationError: The reference is not that of a run, or of a trial of one.
+        ResourceNotFoundException: The catalog has no such job.
+        StorageError: The outputs of the run cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         whole, run = run, found_trial(run, trial)
@@ -99,14 +99,14 @@ def reproduce_run(
         reference: Reference to the run; see `verify_run`.
         folder: Path of the new folder; it must not exist, or must not contain a reproduction.
         service: Service that stores the run.
-        video: whether the rerun gets a video.
+        video: Whether the rerun gets a video.
         trial: Number of the trial, if the job has trials.
 
     Raises:
-        ConfigurationError: the reference names no run, or the folder is taken, or no rerun could repeat the run.
-        LaunchError: a file that the run needs cannot be downloaded, or the run cannot be started on this machine.
-        ResourceNotFoundException: the catalog has no such job.
-        StorageError: the outputs of the run cannot be read.
+        ConfigurationError: The reference names no run, or the folder is taken, or no rerun could repeat the run.
+        LaunchError: A file that the run needs cannot be downloaded, or the run cannot be started on this machine.
+        ResourceNotFoundException: The catalog has no such job.
+        StorageError: The outputs of the run cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
         run = found_trial(run, trial)
@@ -197,7 +197,7 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
     """Returns the run's plan with folders of this machine: from its job, else the original plan if its folders exist.
 
     Raises:
-        LaunchError: a file that the run needs cannot be downloaded.
+        LaunchError: A file that the run needs cannot be downloaded.
     """
     plan = run.outputs.provenance.plan
     if run.outputs.actions is not None:

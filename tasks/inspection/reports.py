@@ -178,7 +178,7 @@ def report_of_job(arn: str, service: Service) -> Report:
         service: Service that stores the job.
 
     Raises:
-        ResourceNotFoundException: there is no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     resource = service.catalog.get(arn, kind="simulation-job")
     job = _reported_job(resource, service)
@@ -203,8 +203,8 @@ def report_of_world(arn: str, service: Service) -> Report:
         service: Service that stores the world.
 
     Raises:
-        ResourceNotFoundException: there is no such world.
-        StorageError: its bundle cannot be fetched.
+        ResourceNotFoundException: The catalog has no such world.
+        StorageError: The world's files cannot be downloaded.
     """
     resource = service.catalog.get(arn, kind="world")
     return Report(
@@ -296,14 +296,14 @@ def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bo
     """Lists the simulation jobs of a job or batch that an operation created; empty for other operations.
 
     Args:
-        operation: the operation.
+        operation: The operation.
         arn: ARN of the job or batch.
         service: Service that stores the job or batch.
         has_ended: Whether the run has ended; before that, requests of a batch that still wait to become jobs are
             listed, too.
 
     Raises:
-        ResourceNotFoundException: it was deleted.
+        ResourceNotFoundException: The job or batch was deleted.
     """
     if operation == "CreateSimulationJob":
         return _single_job(arn, service)
@@ -351,7 +351,7 @@ def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> t
 
     Args:
         step: Step that created the jobs.
-        jobs: the jobs.
+        jobs: The jobs.
         service: Service that stores their outputs.
     """
     reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
@@ -422,7 +422,7 @@ def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], 
     """Makes the short records of reported jobs.
 
     Args:
-        jobs: the jobs of a run.
+        jobs: The jobs of a run.
         places: Places of the jobs' outputs, by ARN.
         service: Service that stores the jobs.
     """

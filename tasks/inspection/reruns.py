@@ -105,7 +105,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
             run_id=record.run_id,
             selection=selection.words,
             jobs_total=len(everything),
-            earlier={name: [_told(order.job) for order in found] for name, found in chosen.items()},
+            earlier={name: [_result_in_words(order.job) for order in found] for name, found in chosen.items()},
         ),
     )
 
@@ -115,13 +115,13 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
     Args:
         arn: ARN of the batch, which has ended.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         The request; `None`: none of its jobs failed.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such batch.
+        ResourceNotFoundException: The catalog has no such batch.
     """
     step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
     failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]
@@ -191,7 +191,7 @@ def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service)
     return {**kept, "createSimulationJobRequests": [dict(order.request) for order in orders]}
 
 
-def _told(job: ReportedJob) -> str:
+def _result_in_words(job: ReportedJob) -> str:
     """Returns the first result of a job as text: `sim-…: FAIL`."""
     judged = job.result is not None and job.status == "Completed"
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"

@@ -38,7 +38,7 @@ def read_record(path: Path) -> RunRecord:
     """Reads the record of a run (`run.json`).
 
     Raises:
-        ConfigurationError: the file is not a record, or is one of a newer version.
+        ConfigurationError: The file is not a record, or is one of a newer version.
     """
     try:
         return RunRecord.model_validate_json(path.read_bytes())

@@ -43,7 +43,7 @@ def earlier_run(asked: Against, runs: Path, spec: CheckedSpec) -> NightRun:
         spec: Specification of the new run.
 
     Raises:
-        ConfigurationError: there is no such run, it is not whole, or it cannot decide anything.
+        ConfigurationError: The earlier run does not exist, is incomplete, or cannot decide anything.
     """
     try:
         record = read_record(runs / asked.run_id / RECORD_NAME)

@@ -49,7 +49,7 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
     Args:
         document: Document of the new job.
         made_of: Present contents of its world and applications.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     if made_of.once_only:
         return FoundResults(None, made_of.once_only)
@@ -136,15 +136,15 @@ def store_job(
 
     Args:
         request: Request of a single job, or of one in a batch.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         token: Client token, which makes the call idempotent.
         batch: ARN of the job's batch, and the index of its request in the batch.
 
     Raises:
-        ResourceNotFoundException: an application or world does not exist.
-        InvalidParameterException: data cannot be read, an application cannot be started so, or the world has no such
+        ResourceNotFoundException: An application or world does not exist.
+        InvalidParameterException: Data cannot be read, an application cannot be started so, or the world has no such
             room.
-        IdempotentParameterMismatchException: the token was used for another request.
+        IdempotentParameterMismatchException: The token was used for another request.
     """
     if (earlier := service.find_by_client_token(token)) is not None:
         return earlier
@@ -205,12 +205,12 @@ def job_document(
 
     Args:
         request: Request of a single job, or of one in a batch.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         batch: ARN and index of the batch; see `store_job`.
-        applications: source of applications; absent: the catalog.
+        applications: Source of applications; absent: the catalog.
 
     Raises:
-        ServiceError: as for `store_job`.
+        ServiceError: As for `store_job`.
     """
     wire = request.to_wire()
     current = applications or CurrentApplications(service)
@@ -247,11 +247,11 @@ def check_references(request: Mapping[str, Any], service: Service, applications:
 
     Args:
         request: Checked members of the request.
-        service: the service, with its catalog and object store.
-        applications: source of applications.
+        service: The service, with its catalog and object store.
+        applications: Source of applications.
 
     Raises:
-        ServiceError: as for `store_job`.
+        ServiceError: As for `store_job`.
     """
     for role in _ROLES:
         _applications(request, role, applications)

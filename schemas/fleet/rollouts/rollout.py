@@ -23,40 +23,39 @@ class RobotDeploymentState(StoredPart):
     """State of one robot in a rollout: its order, status, times and failure."""
 
     order: OrderState = Field(default="none", description="State of the robot's latest order.")
-    action_id: ActionId | None = optional("Number of its latest order; absent: it has had none.")
+    action_id: ActionId | None = optional("Number of the robot's latest order; absent: none.")
     earlier_action_id: ActionId | None = optional(
-        "Number of an order of an earlier rollout that it has not answered; it gets that one's "
-        "cancellation first, and its order of this rollout after it."
+        "Number of an unanswered order of an earlier rollout; its cancellation comes first, then this rollout's order."
     )
-    outcome: Literal["succeeded", "failed"] | None = optional("How it ended; absent: not yet.")
-    gone: Departure | None = optional("Whether it left the fleet or was deleted; it gets no order any more.")
+    outcome: Literal["succeeded", "failed"] | None = optional("Outcome on the robot; absent: not finished.")
+    gone: Departure | None = optional("Whether the robot left the fleet or was deleted; it gets no more orders.")
     returned: bool = Field(
         default=False, description="Whether the robot was offline, is back, and waits for another order."
     )
-    step: RobotDeploymentStep | None = optional("Step that it last reported.")
+    step: RobotDeploymentStep | None = optional("Step that the robot last reported.")
     percent_done: float | None = Field(default=None, ge=0, le=100, description="Downloaded share, in percent.")
-    percent_at_s: TimeS | None = optional("When it reported that share.")
+    percent_at_s: TimeS | None = optional("Time at which the robot reported `percent_done`.")
     download_from_percent: float | None = Field(
         default=None, ge=0, le=100, description="Share that was downloaded when it was first reported, in percent."
     )
-    download_from_s: TimeS | None = optional("When the download was first reported.")
-    heard_s: TimeS | None = optional("When it last reported anything about its order.")
-    deadline_s: TimeS | None = optional("When its open order times out.")
-    offered_s: TimeS | None = optional("When it got its latest order.")
+    download_from_s: TimeS | None = optional("Time of the first report on the download.")
+    heard_s: TimeS | None = optional("Time of the robot's last report about its order.")
+    deadline_s: TimeS | None = optional("Time at which the open order times out.")
+    offered_s: TimeS | None = optional("Time at which the robot got its latest order.")
     left_s: float | None = Field(
         default=None,
         ge=0,
         allow_inf_nan=False,
         description="Seconds left to fetch the order, while the order is held back and this time does not pass.",
     )
-    started_s: TimeS | None = optional("When it fetched its latest order.")
+    started_s: TimeS | None = optional("Time at which the robot fetched its latest order.")
     step_times: dict[RobotDeploymentStep, TimeS] = Field(
         default={},
         description="Time at which the robot first reported each step of its latest order, to a tenth of a second.",
     )
-    finished_s: TimeS | None = optional("When its outcome was decided.")
-    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
-    failure_reason: str | None = optional("The same in words.")
+    finished_s: TimeS | None = optional("Time at which the outcome was decided.")
+    failure_code: DeploymentJobErrorCode | None = optional("Failure code; absent if the robot did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
 
     @property
     def is_open(self) -> bool:
@@ -82,7 +81,7 @@ class Pause(StoredPart):
     """A period in which a person had paused the rollout, so that no robot received an order."""
 
     from_s: TimeS = Field(description="Begin of the pause.")
-    until_s: TimeS | None = optional("When the rollout was resumed; absent: not yet.")
+    until_s: TimeS | None = optional("End of the pause; absent: it continues.")
 
 
 class Rollback(StoredPart):
@@ -95,7 +94,7 @@ class Rollback(StoredPart):
         default=(), description="ARNs of robots that have the new version and had none before; they keep it."
     )
     is_complete: bool = Field(default=False, description="Whether all necessary deployment jobs have been created.")
-    reason: str | None = optional("Why robots do not go back; absent: they do.")
+    reason: str | None = optional("Reason why robots are not rolled back; absent: they are.")
 
 
 class Rollout(StoredPart):
@@ -106,15 +105,15 @@ class Rollout(StoredPart):
     began_s: TimeS = Field(description="Begin of the rollout.")
     now_s: TimeS = Field(description="Time up to which events and time limits have been processed; it never decreases.")
     status: RolloutStatus = Field(default="InProgress", description="Status of the deployment job.")
-    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
-    failure_reason: str | None = optional("The same in words.")
-    ended_s: TimeS | None = optional("When it ended; absent: not yet.")
+    failure_code: DeploymentJobErrorCode | None = optional("Failure code of the rollout; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
+    ended_s: TimeS | None = optional("End of the rollout; absent: it is in progress.")
     pauses: tuple[Pause, ...] = Field(default=(), description="Latest pauses, at most 100.")
     paused: bool = Field(
         default=False, description="Whether a person has paused the rollout, so that no further robot begins."
     )
-    paused_by: str | None = optional("Person who paused it; absent: not said, or it is not paused.")
-    paused_s: TimeS | None = optional("When it was paused; absent: it is not.")
+    paused_by: str | None = optional("Person who paused the rollout; absent: unknown, or not paused.")
+    paused_s: TimeS | None = optional("Begin of the present pause; absent: not paused.")
     held: bool = Field(
         default=False,
         description=(
@@ -122,9 +121,9 @@ class Rollout(StoredPart):
             "or fetches an order; robots that have begun continue."
         ),
     )
-    approved_by: str | None = optional("Person who approved it; absent: not said.")
-    approved_s: TimeS | None = optional("When it was approved; absent: it was not.")
-    rollback: Rollback | None = optional("How robots go back; absent: they do not, or not yet.")
+    approved_by: str | None = optional("Person who approved the rollout; absent: unknown.")
+    approved_s: TimeS | None = optional("Time of the approval; absent: none.")
+    rollback: Rollback | None = optional("State of the rollback; absent: there is none yet.")
     takes_returns: bool = Field(
         default=True, description="Whether robots that come back online get an order, also after the rollout's end."
     )
@@ -177,7 +176,7 @@ class Progressed(_OfOrder):
     """Rollout event: a robot reported its progress with the installation."""
 
     kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
-    step: RobotDeploymentStep | None = optional("Step that the robot is at; absent: the same as before.")
+    step: RobotDeploymentStep | None = optional("Present step of the installation; absent: unchanged.")
     percent_done: float | None = Field(
         default=None, ge=0, le=100, description="Downloaded share in percent; absent: not reported."
     )
@@ -194,7 +193,7 @@ class Failed(_OfOrder):
 
     kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
     code: ReportedCode = Field(description="Reason of the failure.")
-    reason: str | None = optional("The same in words.")
+    reason: str | None = optional("Reason of the failure as text.")
 
 
 class Canceled(_OfOrder):
@@ -226,14 +225,14 @@ class Stopped(StoredPart):
 
     kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
     why: StopCause = Field(description="Cause for which the rollout was ended.")
-    by: str | None = optional("Person who did not approve it; absent: not said.")
+    by: str | None = optional("Person who rejected the rollout; absent: unknown.")
 
 
 class Paused(StoredPart):
     """Rollout event: a person paused the rollout; no further robot begins, robots that have begun continue."""
 
     kind: Literal["paused"] = Field(default="paused", description="Kind of event.")
-    by: str | None = optional("Person who paused it; absent: not said.")
+    by: str | None = optional("Person who paused the rollout; absent: unknown.")
 
 
 class Resumed(StoredPart):
@@ -246,7 +245,7 @@ class Approved(StoredPart):
     """Rollout event: a person approved a rollout that waits for approval; it has no effect on any other rollout."""
 
     kind: Literal["approved"] = Field(default="approved", description="Kind of event.")
-    by: str | None = optional("Person who approved it; absent: not said.")
+    by: str | None = optional("Person who approved the rollout; absent: unknown.")
 
 
 class Outage(StoredPart):
@@ -273,13 +272,13 @@ class DeploymentReport(StoredPart):
     application: str = Field(description="Name of the application.")
     version: str = Field(description="Version of the application.")
     status: DeploymentStatus = Field(description="Status of the deployment job.")
-    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
-    failure_reason: str | None = optional("The same in words.")
+    failure_code: DeploymentJobErrorCode | None = optional("Failure code of the deployment; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
     created_s: TimeS = Field(description="Time at which the deployment was requested.")
     now_s: TimeS = Field(description="Time of the report.")
     config: DeploymentConfig = Field(description="Limits of the rollout: concurrency, threshold, timeouts.")
     delivery: Delivery | None = optional("Files and launch configuration that robots get; absent: it was not prepared.")
-    rollout: Rollout | None = optional("How each robot stands; absent: it has not begun.")
+    rollout: Rollout | None = optional("State of each robot; absent: the rollout has not begun.")
     notes: tuple[str, ...] = Field(
         default=(), description="Causes for which the rollout waits, and how robots are rolled back, as text."
     )

@@ -74,14 +74,14 @@ class PlannedRobot(StoredPart):
     """A robot in the plan of a rollout: the version it had before, and why it cannot get the new one, if so."""
 
     arn: str = Field(description="ARN of the robot.")
-    installed: str | None = optional("Application and version that it had before, such as `courier 1`; absent: none.")
+    installed: str | None = optional("Application and version before the rollout, such as `courier 1`; absent: none.")
     unfit_code: UnfitCode | None = optional(
-        "Why it cannot get the application; absent: it can. It fails, and counts for nothing."
+        "Reason why the robot cannot get the application; absent: it can. It then fails, and does not count."
     )
-    unfit_reason: str | None = optional("The same in words.")
+    unfit_reason: str | None = optional("Reason as text.")
     earlier_job: str | None = optional(
-        "ARN of the deployment job that brought the version it had when the rollout began, where that is "
-        "another version; absent: there is none to go back to."
+        "ARN of the deployment job that had installed the earlier, different version; absent: there is none "
+        "to return to."
     )
 
 
@@ -175,7 +175,7 @@ class Artifact(StoredPart):
     sha1: str = Field(description="SHA-1 of the file, in hexadecimal.")
     md5: str = Field(description="MD5 of the file, in hexadecimal.")
     archive_sha256: str | None = optional(
-        "SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive."
+        "SHA-256 of the application's archive inside the file, in hexadecimal; absent: the file is the archive."
     )
     name: str = Field(description="Name of the application in the file.")
     version: str = Field(description="Version of the application in the file.")

@@ -29,20 +29,22 @@ class OrderStanding(_Standing):
     number: int = Field(description="Number of the order, as the robot knows it.")
     state: str = Field(description="State of the order: offered, fetched, canceling or refused.")
     step: RobotDeploymentStep | None = optional("Step that the robot last reported.")
-    percent_done: float | None = optional("Share of its download, in percent.")
+    percent_done: float | None = optional("Downloaded share, in percent.")
 
 
 class RobotStanding(_Standing):
     """Status of one robot of a fleet, as `robomaker fleet status` reports it."""
 
     robot: str = Field(description="Name of the robot.")
-    kind: RobotKind | None = optional("Kind of program that updates it; absent: it is not enrolled.")
+    kind: RobotKind | None = optional("Kind of updater on the robot; absent: it is not enrolled.")
     status: str = Field(description="Status of the robot, as in `DescribeRobot`.")
-    version: str | None = optional("Application and version that it installed last.")
-    last_seen: datetime | None = optional("When it polled last; absent: never.")
-    order: OrderStanding | None = optional("Order that is open for it; absent: none.")
-    failure_code: DeploymentJobErrorCode | None = optional("Why the latest deployment to it failed; absent if not.")
-    failure_reason: str | None = optional("The same in words.")
+    version: str | None = optional("Application and version that the robot installed last.")
+    last_seen: datetime | None = optional("Time of the robot's last poll; absent: never.")
+    order: OrderStanding | None = optional("Open order of the robot; absent: none.")
+    failure_code: DeploymentJobErrorCode | None = optional(
+        "Failure code of the latest deployment to the robot; absent if it did not fail."
+    )
+    failure_reason: str | None = optional("Reason of the failure as text.")
 
 
 class DeploymentStanding(_Standing):
@@ -58,27 +60,23 @@ class DeploymentStanding(_Standing):
         default={},
         description="Numbers of robots that succeeded, failed, were canceled, are deploying, or are waiting.",
     )
-    wave: int | None = optional("Number of its current wave; absent: it has not begun.")
-    waves: int | None = optional("How many waves it has; absent: it has not begun.")
+    wave: int | None = optional("Number of the current wave; absent: the deployment has not begun.")
+    waves: int | None = optional("Number of waves; absent: the deployment has not begun.")
     failed_percent: float | None = optional("Share of the robots taking part that has failed so far, in percent.")
-    threshold_percent: int | None = optional("At which share it stops, in percent.")
+    threshold_percent: int | None = optional("Share of failed robots at which the deployment stops, in percent.")
     paused: bool = Field(
         default=False, description="Whether a person has paused the deployment, so that no further robot begins."
     )
     waits: tuple[DeploymentWait, ...] = Field(
         default=(), description="Causes, other than robots, for which the deployment waits."
     )
-    rolls_back: str | None = optional(
-        "ARN of the deployment that failed and whose robots it brings back; absent: none."
-    )
+    rolls_back: str | None = optional("ARN of the failed deployment whose robots this one rolls back; absent: none.")
     rollback_is_due: bool = Field(
         default=False, description="Whether the failure threshold is reached and a rollback deployment follows."
     )
-    rollback: DeploymentRollback | None = optional(
-        "How robots go back to the version before; absent: they do not, or not yet."
-    )
-    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
-    failure_reason: str | None = optional("The same in words.")
+    rollback: DeploymentRollback | None = optional("State of the rollback; absent: there is none yet.")
+    failure_code: DeploymentJobErrorCode | None = optional("Failure code of the deployment; absent if it did not fail.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
 
 
 class FleetStanding(_Standing):
@@ -87,4 +85,4 @@ class FleetStanding(_Standing):
     fleet: str = Field(description="Name of the fleet.")
     arn: str = Field(description="ARN of the fleet.")
     robots: tuple[RobotStanding, ...] = Field(description="Robots of the fleet, in order of registration.")
-    deployment: DeploymentStanding | None = optional("Its latest deployment; absent: none.")
+    deployment: DeploymentStanding | None = optional("Latest deployment of the fleet; absent: none.")

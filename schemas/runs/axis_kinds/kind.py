@@ -186,8 +186,8 @@ AxisSpread = Annotated[float, ShapeName("AxisSpread"), Field(gt=0, le=10_000, al
 class NormalDistribution(Shape):
     """Normal distribution truncated to two bounds."""
 
-    mean: AxisBound = Field(description="Its mean, in the unit of the axis.")
-    std: AxisSpread = Field(description="Its standard deviation, in the unit of the axis.")
+    mean: AxisBound = Field(description="Mean, in the unit of the axis.")
+    std: AxisSpread = Field(description="Standard deviation, in the unit of the axis.")
     low: AxisBound | None = optional("Least value; absent: the least that is possible for the kind of axis.")
     high: AxisBound | None = optional("Largest value; absent: the largest that is possible for the kind of axis.")
 
@@ -195,7 +195,7 @@ class NormalDistribution(Shape):
 class Axis(Shape):
     """Base class of kinds of axes: quantities that vary between the trials of a simulation job."""
 
-    kind: Any = Field(description="Name of its kind.")
+    kind: Any = Field(description="Name of the axis's kind.")
 
     varies: ClassVar[str]
     """Description of the varied quantity for the table of kinds in `docs/trials.md`."""

@@ -45,7 +45,7 @@ class CoverageRule(Rule[CoverageRequirement]):
     def __init__(self, asked: CoverageRequirement) -> None:
         super().__init__(asked)
         self.covered: set[int] = set()
-        """Cells that count and were passed over."""
+        """Numbers of the free cells that the robot has passed over."""
         self._cells = 0
         self._area_m2 = 0.0
         self._reached_s: float | None = None

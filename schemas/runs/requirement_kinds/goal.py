@@ -92,13 +92,13 @@ class GoalRule(Rule[GoalRequirement]):
     def __init__(self, asked: GoalRequirement) -> None:
         super().__init__(asked)
         self.reached_s: float | None = None
-        """Simulated time at which it was reached, late or not; None: not yet."""
+        """Simulated time at which the goal was reached, late or not; None: not yet."""
         self._began_s: float | None = None
         """Simulated time of the first check, in seconds: recordings may have no pose at 0."""
         self._before: GoalRule | None = None
-        """The goal that has to be reached first."""
+        """Rule of the goal that has to be reached first."""
         self._nearest_m: float | None = None
-        """Smallest distance since it is its turn; None: it never was."""
+        """Smallest distance since the goal counts, in metres; None: it never counted."""
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
         """Finds the rule of the goal that has to be reached first."""

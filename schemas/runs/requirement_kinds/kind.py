@@ -50,15 +50,17 @@ Look = Callable[[float], None]
 class Requirement(Model):
     """A requirement (pass criterion) of a run, with its outcome in the result."""
 
-    name: str = Field(description="Short name, `rooms_visited`.")
-    satisfied: bool = Field(description="Whether it held.")
-    detail: str = Field(description="Value found and value asked for, in words.")
+    name: str = Field(description="Short name of the requirement, `rooms_visited`.")
+    satisfied: bool = Field(description="Whether the requirement is met.")
+    detail: str = Field(description="Measured and required value, as text.")
     kind: str | None = optional("Kind of requirement; absent: the environment's own.")
     error: str | None = optional("Why it could not be judged; the verdict is ERROR then. Absent: it was judged.")
     counts: bool = Field(
         default=True,
-        description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
-        "job ends its run does not.",
+        description=(
+            "Whether the verdict depends on the requirement; not if goals of the job ended the run before the "
+            "environment's own."
+        ),
     )
     value: float | None = optional("The worst value found.")
     limit: float | None = optional("The value asked for.")
@@ -82,8 +84,8 @@ NOT_READ = "it is judged by the topics that the run records, and there is no rec
 class RequirementKind(Shape):
     """Base class of kinds of requirements (pass criteria of a simulation job)."""
 
-    kind: Any = Field(description="Name of its kind.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
+    kind: Any = Field(description="Name of the requirement's kind.")
+    name: RequirementName = Field(description="Name of the requirement, unique in the run.")
     stop: bool = Field(default=False, description=f"{STOP}.")
 
     violated_when: ClassVar[str]
@@ -314,9 +316,9 @@ class Rule(ABC, Generic[Asked]):
     def __init__(self, asked: Asked) -> None:
         self.asked = asked
         self.violated_s: float | None = None
-        """Simulated time at which it was first found violated; None: never."""
+        """Simulated time of the first violation in seconds; None: there was none."""
         self.error: str | None = None
-        """Reason why it cannot be judged; None: it can."""
+        """Reason why the requirement cannot be judged; None: it can."""
         self._end_s = 0.0
         self._ended_by = ""
 

@@ -124,9 +124,9 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         """Judges an estimated pose by the true pose; an error above the limits is a violation of the requirement.
 
         Args:
-            time_s: simulated time of both poses.
-            estimate: the robot's estimate, in metres and radians; `None`: it has none, which is a violation.
-            truth: true x and y in metres, and yaw in radians.
+            time_s: Simulated time of both poses.
+            estimate: The robot's estimate, in metres and radians; `None`: it has none, which is a violation.
+            truth: True x and y in metres, and yaw in radians.
         """
         self._checks += 1
         if estimate is None:

@@ -42,7 +42,7 @@ class CollisionRule(Rule[CollisionRequirement]):
         super().__init__(asked)
         self.max_force_N = 0.0
         self.hard: Counter[str] = Counter()
-        """Touches harder than allowed, by what was touched."""
+        """Number of contacts harder than the limit, by touched object."""
         self._hardest = ""
         self._touches: dict[str, _Touch] = {}
         self._counts: dict[str, bool] = {}

@@ -30,7 +30,7 @@ class OffRule(Rule[OffRequirement]):
     def __init__(self, asked: OffRequirement) -> None:
         super().__init__(asked)
         self.is_there = False
-        """Whether the environment's `requirements()` have one of this name; its report may have one still."""
+        """Whether the environment's `requirements()` have one of this name; its report may still have one."""
 
     def bind(self, scene: Scene) -> Look:  # noqa: ARG002 - as of other rules
         """Returns a check that does nothing, as this rule measures nothing."""

@@ -72,7 +72,7 @@ class TopicRule(Rule[TopicRequirement]):
         super().__init__(asked)
         self.count = 0
         self.longest_s = 0.0
-        """Longest time without a message so far."""
+        """Longest time without a message so far, in seconds."""
         self.least = math.inf
         self.greatest = -math.inf
         self.errors = 0

@@ -204,9 +204,9 @@ class ActionLogWriter:
         self._kept: list[bytes] = []
         """Actions that are in the file, but not yet compressed."""
         self._first = 0
-        """Number of the first of them."""
+        """Number of the first action in `_kept`."""
         self._settled = hashlib.sha256()
-        """Digest of the part of the file that does not change any more."""
+        """Hash of the part of the file that does not change any more."""
         self._header = header
         path.unlink(missing_ok=True)  # it may be a link that an application has left
         self._file: BinaryIO = path.open("xb", buffering=0)
@@ -281,9 +281,9 @@ class ActionRecorder:
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
-        """Reason why the run has no log; None: it has one."""
+        """Reason why the run has no action log; None: it has one."""
         self.summary: ActionsSummary | None = None
-        """Summary of the log; absent until it is complete."""
+        """Summary of the action log; absent until it is complete."""
         try:
             self._writer = ActionLogWriter(path, header)
         except OSError as error:

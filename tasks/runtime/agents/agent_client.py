@@ -143,19 +143,19 @@ class ArraySpec:
     def __init__(self, description: dict[str, Any]) -> None:
         """Reads the simulation's description of an array."""
         self.path: tuple[str | int, ...] = tuple(description["path"])
-        """Keys that lead to it in nested observations; empty when the observation is this array."""
+        """Keys and indices that lead to the array in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
-        """The environment's description of it; empty where there is none."""
+        """Description of the array by the environment; empty if there is none."""
         self.dtype: str = description["dtype"]
-        """`float64`, `bool`, …: a key of `ITEM_FORMATS`."""
+        """Type of the items: `float64`, `bool`, …, a key of `ITEM_FORMATS`."""
         self.shape: tuple[int, ...] = tuple(description["shape"])
-        """Length of each dimension; empty for a number."""
+        """Length of each dimension; empty for a single number."""
         self.offset: int = description["offset"]
-        """Position of its first byte in a message's content, in bytes."""
+        """Byte offset of the array in a message's content."""
         self.minimum: Any = description.get("minimum")
-        """Smallest value: a number for all, or a list in C order; None where there is none."""
+        """Smallest value: a number for all items, or a list in C order; None if there is no bound."""
         self.maximum: Any = description.get("maximum")
-        """Largest value, in the same form."""
+        """Largest value: a number for all items, or a list in C order; None if there is no bound."""
         self.count = 1
         for length in self.shape:
             self.count *= length
@@ -293,7 +293,7 @@ class Simulation:
         if kind != HELLO or hello.get("protocol") != PROTOCOL:
             raise ProtocolError("the other side does not speak the agent protocol")
         self.hello: dict[str, Any] = hello
-        """All that the simulation said: `job_id`, `run_id`, `seed`, `world_dir`, `control_timestep_s`, …"""
+        """Greeting of the simulation: `job_id`, `run_id`, `seed`, `world_dir`, `control_timestep_s`, …"""
         self._observation = _Layout(hello["observation"])
         self._action = _Layout(hello["action"])
         self._message = bytearray(HEADER.size + self._action.size)

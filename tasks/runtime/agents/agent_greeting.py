@@ -93,7 +93,7 @@ class Greeter:
             return self._greeted(greeting, timeout_s)
         except Stopped:
             if self._stop.reason == AGENT_GONE:
-                raise self._gone() from None
+                raise self._early_end_error() from None
             if self._stop.reason == RunStop.DURATION_LIMIT:
                 raise self._cut() from None
             raise
@@ -120,10 +120,10 @@ class Greeter:
             except (Closed, _MuteError):
                 link.close()
             except TimeoutError:
-                _part(link, self._text(timeout_s))
+                _refuse(link, self._text(timeout_s))
                 raise self._late(timeout_s) from None
             except ProtocolError as error:
-                _part(link, str(error))
+                _refuse(link, str(error))
                 raise LaunchError(f"the program of robot application {self._robot}: {error}", CRASH) from error
             except BaseException:
                 link.close()
@@ -154,7 +154,7 @@ class Greeter:
     def _text(self, timeout_s: float) -> str:
         return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
-    def _gone(self) -> LaunchError:
+    def _early_end_error(self) -> LaunchError:
         """Makes the error for a robot process that exited with code 0 before its greeting; others are crashes."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
@@ -185,7 +185,7 @@ def _never() -> bool:
     return False
 
 
-def _part(link: AgentLink, text: str) -> None:
+def _refuse(link: AgentLink, text: str) -> None:
     """Tells a robot program why it was refused, and closes the connection."""
     link.refuse(text)
     link.close()

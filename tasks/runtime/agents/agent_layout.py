@@ -80,7 +80,7 @@ class Layout:
         """
         self.fields: list[ArrayField] = []
         self.left_out: list[str] = []
-        """Paths of what has no fixed size, such as text."""
+        """Paths of parts of the spec without a fixed size, such as text, which are not sent."""
         offset = header_bytes
         for path, leaf in _leaves(spec):
             dtype = _item_type(leaf)
@@ -95,7 +95,7 @@ class Layout:
             raise ValueError(f"it has {offset} bytes; a message may have {_MAX_CONTENT_BYTES}")
         self.size = offset
         self.spec = spec
-        """The environment's own."""
+        """The environment's own dm_env spec."""
 
     def describe(self) -> dict[str, Any]:
         """Returns the layout's description for the handshake with the robot program."""

@@ -50,7 +50,7 @@ class ObservationWriter:
 
     def __init__(self, layout: Layout) -> None:
         self.message = bytearray(HEADER.size + layout.size)
-        """The message that was written last."""
+        """Buffer with the last encoded message."""
         HEADER.pack_into(self.message, 0, layout.size, OBSERVATION)
         content = memoryview(self.message)[HEADER.size :]
         self._targets = [(field, field.path, field.view(content), field.shape) for field in layout.fields]

@@ -95,7 +95,9 @@ class AgentSocket:
         """
         self.path = agent_socket_path(plan, name)
         self._is_for_any_user = any(program.role == "robot" and program.image_id for program in plan.programs)
-        """A container's user may be another one; only the container has the socket's folder then."""
+        """Whether processes of other users may connect, as those of a container; only the container has the socket's
+        folder then.
+        """
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             make_private(self.path.parent.parent)
@@ -188,7 +190,7 @@ class AgentLink:
         """
         self.limits = limits
         self.waits_at_limit = False
-        """Whether it goes on waiting when the duration limit is reached, until it is interrupted."""
+        """Whether a wait continues when the duration limit is reached, until it is interrupted."""
         self._socket = connection
         self._frames = FrameBuffer(limits)
         self._stop = stop

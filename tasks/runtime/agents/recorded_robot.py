@@ -54,7 +54,7 @@ class RecordedRobot(Observer):
         """
         del context
         layout = action_layout(environment)
-        if _form(header_of(self._log.header.mode, layout)) != _form(self._log.header):
+        if _comparable_parts(header_of(self._log.header.mode, layout)) != _comparable_parts(self._log.header):
             raise LaunchError(
                 f"the recorded actions of robot application {self._robot} are {self._log.header}; this "
                 f"environment takes {layout.summary()}"
@@ -94,6 +94,6 @@ class RecordedRobot(Observer):
         )
 
 
-def _form(header: ActionLogHeader) -> list[tuple[Any, ...]]:
+def _comparable_parts(header: ActionLogHeader) -> list[tuple[Any, ...]]:
     """Returns the parts of an action log's header that have to be equal for recorded actions to fit an environment."""
     return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

@@ -130,9 +130,9 @@ class RemoteAgent:
             about["real_time_factor_asked"] = self._hello.real_time_factor
         elif self._actions:
             about["mean_answer_us"] = round(1e6 * self._waited_s / self._actions, 1)
-        return Findings(extra={"agent": about}, notes=self._silence())
+        return Findings(extra={"agent": about}, notes=self._silence_warning())
 
-    def _silence(self) -> list[str]:
+    def _silence_warning(self) -> list[str]:
         """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does."""
         observations = self._number + 1
         silent = self._number - self._acted_at

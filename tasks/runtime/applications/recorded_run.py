@@ -67,7 +67,7 @@ class RecordedRun(dm_env.Environment):
             calls_functions: Whether requirements may call functions of applications.
 
         Raises:
-            RecordingFault: It cannot be read, or a topic that is named is not there.
+            RecordingFault: The recording cannot be read, or lacks a topic that is named.
         """
         self._sources, self._calls_functions = sources, calls_functions
         self._bag = Bag(path)
@@ -84,7 +84,7 @@ class RecordedRun(dm_env.Environment):
         self._path: list[tuple[float, float, float]] = []
         self._heard: dict[str, int] = {}
         self._held: list[tuple[Message, float]] = []
-        """Contacts and scans of the first moment: requirements begin to look after it."""
+        """Contacts and scans of the first moment, held back because requirements are first checked after it."""
 
     @property
     def physics(self) -> Physics:
@@ -205,7 +205,7 @@ class RecordedRun(dm_env.Environment):
         """Returns whether the time is that of the topic `/clock`.
 
         Raises:
-            RecordingFault: It has to be, and there is none.
+            RecordingFault: The time has to be that of `/clock`, and the recording lacks the topic.
         """
         if self._sources.time != "received" and (why := self._bag.mixed(CLOCK)) is not None:
             raise RecordingFault(f"{self._bag.path}: {why}; time: received would do as well")

@@ -97,7 +97,7 @@ class LateItems(KeepsAttributes, Generic[_Item]):
 
     def __init__(self) -> None:
         self.waiting: deque[tuple[float, _Item]] = deque()
-        """Time in seconds at which each is due, and the item."""
+        """Waiting items, each with the time in seconds at which it is due."""
 
     def add(self, due_s: float, item: _Item) -> None:
         """Adds an item to the queue, with the time from which it is available."""
@@ -143,7 +143,7 @@ class ScaledController:
         """Passes a command on, and returns whether it tells the robot to stand still.
 
         Raises:
-            ActionError: It is no action of this robot.
+            ActionError: The command is no action of this robot.
         """
         return self._controller.command(self._gains.scale(action))
 
@@ -170,7 +170,7 @@ class DelayedController(KeepsAttributes):
     def reset(self) -> None:
         """Drops all waiting commands, so that the robot stands still."""
         self._waiting: list[tuple[int, Any]] = []
-        """For each command how many substeps it still has to wait."""
+        """Waiting commands, each with the number of substeps that it still waits."""
         self._standing = True
         self._controller.reset()
 

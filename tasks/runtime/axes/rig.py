@@ -31,7 +31,7 @@ class ModelRig:
         environment: The environment, before its `reset`.
 
     Raises:
-        AxisError: It has no model.
+        AxisError: The environment has no MuJoCo model.
     """
 
     def __init__(self, environment: Any) -> None:
@@ -43,7 +43,7 @@ class ModelRig:
         self._built = copy(self._model)
         self._owners: dict[str, str] = {}
         self.axis = ""
-        """Name of the axis that is applied now."""
+        """Name of the axis whose value is being applied."""
         self._scaled: set[str] = set()
         self._parts: dict[str, Any] = {}
 

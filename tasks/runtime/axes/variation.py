@@ -71,7 +71,7 @@ class Variation(Observer):
         """Checks once after `reset` that the values are still in effect.
 
         Raises:
-            AxisError: They are not in effect.
+            AxisError: A value is not in effect.
         """
         self._check()
         self.next_time_s = math.inf
@@ -80,7 +80,7 @@ class Variation(Observer):
         """Checks at the end of the run that the values are still in effect.
 
         Raises:
-            AxisError: They are not in effect.
+            AxisError: A value is not in effect.
         """
         self._check()
 

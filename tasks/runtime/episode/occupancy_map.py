@@ -45,10 +45,10 @@ def read_map(path: Path) -> OccupancyMap:
     """Reads an occupancy map: a `map.yaml` with its image.
 
     Args:
-        path: the YAML file.
+        path: The YAML file.
 
     Raises:
-        ValueError: it is no YAML, the map is turned against the world, or a member is missing or wrong.
+        ValueError: The file is no YAML, the map is rotated against the world, or a member is missing or wrong.
     """
     try:
         description = YAML(typ="safe").load(path.read_text())
@@ -83,7 +83,7 @@ def read_world_map(world_dir: Path) -> OccupancyMap:
     """Reads the occupancy map of a world, cached.
 
     Raises:
-        ValueError: see `read_map`.
+        ValueError: See `read_map`.
     """
     return read_map(world_dir / "map.yaml")
 

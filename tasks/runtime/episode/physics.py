@@ -133,7 +133,7 @@ class ClearanceMeter:
 
         Args:
             model: The compiled world with the robot.
-            data: Its state, after `mj_forward`.
+            data: State of the model, after `mj_forward`.
             robot: Mask of the robot's geoms.
             others: Mask of the geoms to measure the distance to.
             names: Name of each geom, for messages.
@@ -224,7 +224,7 @@ class ContactForces:
 
         Args:
             model: The compiled world with the robot.
-            data: Its state, after `mj_forward`.
+            data: State of the model, after `mj_forward`.
             robot: Mask of the robot's geoms.
             names: Name of each geom, for messages.
             is_stale: Whether `data` is between `mj_step1` and `mj_step2` when it is read, as dm_control's `legacy_step`

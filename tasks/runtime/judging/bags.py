@@ -62,7 +62,7 @@ def find_recording(place: Path) -> Path:
         A file, or the folder of a ROS 2 bag.
 
     Raises:
-        RecordingFault: There is none, or there are several.
+        RecordingFault: There is no recording, or there are several.
     """
     if place.is_file():
         if place.suffix in SUFFIXES:
@@ -94,12 +94,12 @@ class Bag:
             path: Path of the recording, from `find_recording`.
 
         Raises:
-            RecordingFault: It cannot be read, is cut off, or is empty.
+            RecordingFault: The recording cannot be read, is cut off, or is empty.
         """
         self.path = path
         self._is_ros1 = path.suffix == ".bag"
         self._reading: list[Any] = []
-        """Readers of messages that nothing has read to the end yet."""
+        """Message readers that have not been read to the end yet, to be closed."""
         self._reader = self._opened()
         try:
             self._look()
@@ -114,15 +114,15 @@ class Bag:
             reader.open()
         # Readers raise what their parts raise: of structures, checksums, SQLite, YAML, and assertions.
         except Exception as error:
-            raise RecordingFault(f"{self.path} cannot be read: {_said(error)}{self._remedy(error)}") from error
+            raise RecordingFault(f"{self.path} cannot be read: {_text_of(error)}{self._remedy(error)}") from error
         return reader
 
     def _look(self) -> None:
         self._connections: list[Connection] = list(self._reader.connections)
         self.counts: dict[str, int] = {}
-        """Messages by topic; a topic that was recorded and never heard has 0."""
+        """Number of messages by topic; 0 for a topic that was recorded but had none."""
         self.types: dict[str, set[str]] = {}
-        """Types by topic."""
+        """ROS message types by topic."""
         for each in self._connections:
             self.counts[each.topic] = self.counts.get(each.topic, 0) + each.msgcount
             self.types.setdefault(each.topic, set()).add(each.msgtype)
@@ -130,9 +130,9 @@ class Bag:
             topics = f" on its topics {self.shown()}" if self.counts else ""
             raise RecordingFault(f"{self.path} is empty: there is no message in it{topics}; record a run")
         self.start_ns: int = self._reader.start_time
-        """Time of receipt of the first message, in nanoseconds."""
+        """Receive time of the first message, in nanoseconds."""
         self.end_ns: int = self._reader.end_time - 1
-        """Time of receipt of the last message, in nanoseconds."""
+        """Receive time of the last message, in nanoseconds."""
         self._store: Any = None
 
     def close(self) -> None:
@@ -209,7 +209,9 @@ class Bag:
                 row = next(rows, None)
             except Exception as error:  # see above
                 where = f"after {seen} messages on {', '.join(sorted(topics))}"
-                raise RecordingFault(f"{self.path} is damaged: {where}: {_said(error)}{self._remedy(error)}") from error
+                raise RecordingFault(
+                    f"{self.path} is damaged: {where}: {_text_of(error)}{self._remedy(error)}"
+                ) from error
             if row is None:
                 break
             connection, time_ns, raw = row
@@ -218,7 +220,7 @@ class Bag:
                 content = read(raw, connection.msgtype)
             except Exception as error:  # what is no such message fails in many ways
                 raise RecordingFault(
-                    f"{self.path}: message {seen} on {connection.topic} is no {connection.msgtype}: {_said(error)}; "
+                    f"{self.path}: message {seen} on {connection.topic} is no {connection.msgtype}: {_text_of(error)}; "
                     "record the topic anew, with the definitions that its publisher has"
                 ) from error
             yield Message(time_ns, connection.topic, connection.msgtype, content)
@@ -240,7 +242,7 @@ class Bag:
                 types |= _definitions(each)
             except Exception as error:  # of the parsers of definitions
                 raise RecordingFault(
-                    f"{self.path}: the definition of {each.msgtype} on {each.topic} cannot be read: {_said(error)}"
+                    f"{self.path}: the definition of {each.msgtype} on {each.topic} cannot be read: {_text_of(error)}"
                 ) from error
         if unknown := [each for each in connections if each.msgtype not in types]:
             raise RecordingFault(
@@ -283,7 +285,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
     return {name: each for part in parts for name, each in get_types_from_idl(part).items()}
 
 
-def _said(error: Exception) -> str:
+def _text_of(error: Exception) -> str:
     """Returns the text of a reader's error; unhelpful texts are replaced by "the file ends within a record"."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"

@@ -30,7 +30,7 @@ class Contacts:
         self._speak_on_touch = sources.contacts_on_touch
         self.sources = [Source(topic, self._longest_silence_s(types[topic], sources)) for topic in topics]
         self._is_own = {topic: MARKERS in types[topic] for topic in topics}
-        """Topics that our recorder wrote: without a contact it writes none, whatever its sensors do."""
+        """Whether each topic was written by this package's recorder, which writes nothing without a contact."""
         self._by_topic = dict(zip(self.topics, self.sources, strict=True))
         self._is_robot_seen = False
         self._others: set[str] = set()
@@ -124,7 +124,7 @@ class Names:
 
     def __init__(self) -> None:
         self.heard: set[str] = set()
-        """Names that contacts had; the floor's is not among them."""
+        """Names of the objects in contacts, without the floor."""
         self._listed: Collection[str] = ()
         self._rules: list[Rule[Any]] = []
 

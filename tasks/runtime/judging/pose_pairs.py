@@ -79,7 +79,7 @@ class PosePairs:
         self._rule, self._asked, self._names = rule, asked, names
         self._max_gap_s, self._is_steady = max_gap_s, is_steady
         self._since: StampedPose | None = None
-        """True pose at the last estimate, or where the requirement began."""
+        """True pose at the last estimate, or at the beginning of the requirement."""
 
     def of(self, estimates: Iterator[StampedPose], truths: Iterator[StampedPose]) -> Iterator[PosePair]:
         """Yields the pairs in the order of the estimates."""

@@ -67,7 +67,7 @@ class Source:
         """Checks that a topic's time stamps do not go backwards.
 
         Raises:
-            RecordingFault: They do.
+            RecordingFault: The time stamps go backwards.
         """
         stamp_s = stamp.sec + stamp.nanosec / 1e9
         if stamp_s < self._stamp_s - min(1.0, self._max_gap_s):
@@ -96,13 +96,13 @@ class Pose:
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
         self.position = [math.nan] * 3
-        """x, y and z in metres; changes in place."""
+        """Position x, y and z in metres; updated in place."""
         self.orientation = [math.nan] * 4
-        """Quaternion, w first; changes in place."""
+        """Orientation as a quaternion, w first; updated in place."""
         self.tilts = False
-        """Whether it was ever tilted in the least: a planar one cannot tell."""
+        """Whether any pose was tilted: planar poses cannot show a tilt."""
         self.rises = False
-        """Whether it was ever at another height: a planar one cannot tell."""
+        """Whether the height ever changed: planar poses cannot show a height."""
         self._first_z_m = math.nan
 
     @property
@@ -126,7 +126,7 @@ class PoseTopic:
         self.source = Source(topic, sources.max_gap_s)
         self.pose = Pose([self.source])
         self.frame = ""
-        """Frame that the poses are in; known from the first pose on."""
+        """Name of the frame in which the poses are given; empty before the first pose."""
 
     def take(self, message: Message, time_s: float, path: object) -> bool:
         """Reads the pose of a message, and returns whether its numbers are valid; invalid poses are ignored."""
@@ -149,7 +149,7 @@ class TransformPoses:
         self._links: dict[str, Source] = {}
         self._poses: dict[tuple[str, ...], Pose] = {}
         self._parents: dict[tuple[str, ...], list[str]] = {}
-        """Parent of each frame in a chain, as it was found."""
+        """Parents of the frames in each chain when it was found."""
 
     def is_static(self, frame: str) -> bool:
         """Returns whether a frame never moves relative to its parent."""
@@ -216,7 +216,7 @@ class Scan:
         self._latest_m = math.inf
         self._sees_rad = 0.0
         self._has_told: Any = None
-        """Rays that ever told anything, also that nothing was there."""
+        """Mask of the rays that ever had a valid value, including "nothing in range"."""
         self._has_seen = False
 
     def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:

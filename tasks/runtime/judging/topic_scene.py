@@ -47,10 +47,10 @@ class Measurements:
         """
         self._bag, self.sources, self._losses = bag, sources, losses or {}
         self._read: list[tuple[Rule[Any], str]] = []
-        """Rules that take silence for good, and the topic that each reads."""
+        """Rules that a silent topic would satisfy, each with its topic."""
         self._tree = FrameTree()
         self._ending: list[Rule[Any]] = []
-        """Rules about the end of the run."""
+        """Rules that are judged at the end of the run."""
         self._is_tf = bag.has(_TF, TRANSFORMS)
         for message in bag.messages([_TF_STATIC]) if bag.has(_TF_STATIC, TRANSFORMS) else ():
             for transform in message.content.transforms:
@@ -58,12 +58,12 @@ class Measurements:
         self._unseen: Iterator[Message] = bag.messages([_TF]) if self._is_tf else iter(())
         self._transforms = TransformPoses(self._tree, sources)
         self._poses: dict[int, Pose] = {}
-        """Poses that rules are about, by the rule's identity."""
+        """Poses that rules measure, by the rule's identity."""
         self._tilted: list[tuple[Rule[Any], Pose]] = []
         self._risen: list[tuple[Rule[Any], Pose]] = []
         self._paired_sources: list[Source] = []
         self._paired: list[PoseTopic] = []
-        """Topics with poses that are compared with others, as they are read."""
+        """Topics with poses that are compared with those of other topics."""
         self._topic_pose = self._find_pose_topic()
         self._contacts = self._find_contacts()
         self._scan = self._find_scan()
@@ -221,7 +221,7 @@ class Measurements:
             return pairs.of(poses_on(topic, timed(estimate), path), poses_on(truths, timed(truth), path))
         chain = self._chain(self.sources.map_frame, self.base) if self._is_tf else None
         if chain is None:
-            raise NotMeasuredError(self._no_way())
+            raise NotMeasuredError(self._not_connected())
         transforms = TransformPoses(self._tree.copy(), self.sources)
         links = transforms.pose(chain).sources
         if not links:
@@ -368,7 +368,7 @@ class Measurements:
     def _no_motion(self, frame: str) -> str:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
-    def _no_way(self, *others: str) -> str:
+    def _not_connected(self, *others: str) -> str:
         """Makes the error text that `/tf` does not connect the robot to the map or to another frame."""
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
@@ -381,7 +381,7 @@ class Measurements:
         self._refuse_mixed(_TF, _ODOM)
         where = f"{self._bag.path.name} does not say where the robot is"
         if sources.pose == _TF or self._is_tf:
-            return f"{self._no_way(_ODOM_FRAME)}, and there is no topic {_ODOM}"
+            return f"{self._not_connected(_ODOM_FRAME)}, and there is no topic {_ODOM}"
         there = self._bag.topics_of(*POSE_TYPES)
         which = f"; {', '.join(there)} may (pose in the sources)" if there else ""
         return f"{where}: it has neither {_TF} nor {_ODOM}{which}"
@@ -430,7 +430,7 @@ class Measurements:
         """Raises an error if a topic of the sources does not exist or has an unsuitable type.
 
         Raises:
-            RecordingFault: It is not in the recording, or has another type.
+            RecordingFault: The topic is not in the recording, or has another type.
         """
         found = self._bag.type_of(topic)
         if found not in types:

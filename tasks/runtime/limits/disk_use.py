@@ -74,16 +74,16 @@ class DiskMeter:
         self._next_look_s = 0.0
         self._next_walk_s = clock() + PAUSE_S
         self._free_bytes = 0
-        """Free space of the disk when the last walk began."""
+        """Free bytes of the disk when the last walk through the folders began."""
         self._headroom_bytes = limit_bytes or 0
-        """Bytes that the run may still write, as of the last complete walk."""
+        """Number of bytes that the run may still write, as of the last complete walk."""
         self._used_bytes = -found.size_bytes
         self._deleted_bytes = 0
-        """Bytes of deleted files that are still open, in this walk."""
+        """Number of bytes in deleted files that are still open, found in the present walk."""
         self._most = (0, 0)
-        """The most that was found in any walk, and what of it was in deleted files."""
+        """Largest number of bytes found in any walk, and the part of it in deleted files."""
         self._biggest: list[tuple[int, str]] = []
-        """The biggest files, the smallest of them first."""
+        """Largest files with their sizes, the smallest of them first."""
 
     def look(self) -> bool:
         """Continues the measurement; returns whether the limit is exceeded."""

@@ -135,7 +135,7 @@ def _size_of(about: os.stat_result) -> int:
 
 def _open(path: str, flags: int) -> int:
     """Opens a folder; if this user's permissions on an own folder are missing, they are added."""
-    place = _reach(path, flags)
+    place = _open_long_path(path, flags)
     try:
         try:
             return os.open(".", os.O_RDONLY | _FOLDER, dir_fd=place)
@@ -147,7 +147,7 @@ def _open(path: str, flags: int) -> int:
         os.close(place)
 
 
-def _reach(path: str, flags: int) -> int:
+def _open_long_path(path: str, flags: int) -> int:
     """Opens a folder as a file descriptor, even if its path is too long for the kernel."""
     try:
         return os.open(path, os.O_PATH | _FOLDER | flags)

@@ -141,7 +141,7 @@ class _Scales:
         self._states: list[ProcessState] = []
         """Processes whose memory is measured, the largest first."""
         self._exact: list[int] = []
-        """Exact memory of the first of them, in bytes."""
+        """Measured memory of the first processes in `_states`, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
         """Returns the measured memory of processes, perhaps slightly outdated; `None` while it is unknown."""

@@ -108,7 +108,7 @@ class CappedLog:
         self.descriptor = os.open(path, flags, 0o644)
         self._max_bytes = max_bytes
         self._kept_bytes: int | None = None
-        """Length of beginning and remark, once it was cut."""
+        """Size in bytes of the kept beginning with the remark, once the log was cut."""
 
     def note(self, text: str) -> None:
         """Appends a line of the runtime to the log; it is lost if the disk is full."""

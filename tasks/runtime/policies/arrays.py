@@ -41,11 +41,11 @@ class ObservedArrays:
     def __init__(self, spec: Any) -> None:
         found = dict(_leaves(spec))
         self.specs: dict[str, specs.Array] = {name: found[name] for name in sorted(found) if _is_numeric(found[name])}
-        """Specs by name, in alphabetical order."""
+        """dm_env specs of the arrays by name, in alphabetical order."""
         self.left_out = sorted(set(found) - set(self.specs))
-        """Names of what is no array of numbers, such as text."""
+        """Names of parts of the observation that are no numeric arrays, such as text."""
         self.size = sum(math.prod(each.shape) for each in self.specs.values())
-        """Numbers in all arrays together."""
+        """Total number of values in all arrays."""
 
     def read(self, observation: Any) -> Observed:
         """Copies the arrays of an observation to a dictionary by name."""

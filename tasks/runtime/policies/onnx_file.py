@@ -71,7 +71,7 @@ class OnnxPolicy:
         try:
             return np.asarray(self._session.run([self._output], feed)[0])
         except Exception as error:  # onnxruntime's exceptions have no common class but this
-            raise RobotProgramError(f"policy {self._policy} cannot be computed: {_words(error)}") from None
+            raise RobotProgramError(f"policy {self._policy} cannot be computed: {_error_in_words(error)}") from None
 
     def _fed(self, into: _Input, numbers: NDArray[Any]) -> NDArray[Any]:
         with np.errstate(over="ignore"):
@@ -158,7 +158,7 @@ def _session(path: Path, policy: str) -> Any:
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's exceptions have no common class but this
-        raise LoadError(f"policy {policy} is no network that onnxruntime can read: {_words(error)}") from None
+        raise LoadError(f"policy {policy} is no network that onnxruntime can read: {_error_in_words(error)}") from None
 
 
 def _fed_shape(declared: list[Any], needed: tuple[int, ...]) -> tuple[int, ...] | None:
@@ -181,7 +181,7 @@ def _shape(declared: list[Any]) -> str:
     return f"[{', '.join('any' if not isinstance(each, int) else str(each) for each in declared)}]"
 
 
-def _words(error: Exception) -> str:
+def _error_in_words(error: Exception) -> str:
     """Returns the first line of an error of onnxruntime, without its code."""
     said = str(error).strip().splitlines() or [type(error).__name__]
     return said[0].rpartition(" : ")[2][:_MAX_WORDS]

@@ -18,7 +18,7 @@ def make_room() -> tuple[Path, int]:
     """Creates a locked temporary folder for the warm-up of a process.
 
     Returns:
-        Its folder, and the file descriptor of the lock.
+        Path of the folder, and the file descriptor of the lock.
     """
     folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -79,7 +79,7 @@ def run_episode(
         wall_clock: Monotonic clock, in seconds of real time.
 
     Returns:
-        How it ended, with the environment's report.
+        Outcome of the episode, with the environment's report.
 
     Raises:
         PhysicsError: The physics diverged.
@@ -133,7 +133,7 @@ class _Loop:
     ) -> None:
         self.ended_by = ""
         self.interrupted: Phase | None = None
-        """Phase that was interrupted, because it did not return after the run was told to stop."""
+        """Phase that was interrupted because code did not return after the run was told to stop."""
         self.agent_runs = False
         self._mark = mark
         self._stop = stop

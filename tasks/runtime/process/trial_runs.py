@@ -90,12 +90,12 @@ class TrialStage:
         self._environment: Any = None
         self._agent: Any = None
         self._variables: Mapping[str, str] = {}
-        """Those that the environment was made with."""
+        """Environment variables with which the environment was made."""
         self._variation = Variation(number_axes(plan.trials)) if plan.trials is not None else Variation({})
         self.unanswered = ""
-        """Message about code that did not answer when a trial was stopped; empty: no answer was awaited."""
+        """Message about code that did not answer when a trial was stopped; empty: none."""
         self._between_substeps: Any = None
-        """Function that its physics called between substeps when it was made."""
+        """Function that the environment's physics called between substeps when it was made."""
 
     def play(self, trial: Trial) -> TrialRow | None:
         """Runs one trial to its end, and returns its results.
@@ -104,7 +104,7 @@ class TrialStage:
             trial: Trial to run.
 
         Returns:
-            Its row; None if it was stopped from outside.
+            Row of results; None if the trial was stopped from outside.
 
         Raises:
             Exception: Any exception of the applications, unless the run's failure behaviour is `Continue`; then only
@@ -130,20 +130,20 @@ class TrialStage:
             if where := failures.explain():
                 error.add_note(where)
             if plan.failure_behavior != "Continue" or isinstance(error, LaunchError | LoadError):
-                error.add_note(f"in {self._told(trial)}")
+                error.add_note(f"in {self._with_hidden_secrets(trial)}")
                 failures.close(None)
                 raise
             log_failure(error)
-            return _broken(self._told(trial), report_of(error, self._progress))
+            return _broken(self._with_hidden_secrets(trial), report_of(error, self._progress))
         if episode.ended_by in _STOPPED:
             self.unanswered = episode.unanswered
             return None
         summary = digest.finish()
         findings = [observer.close(episode.ended_by) for observer in (health, failures, requirements)]
-        row = _row(self._told(trial), make_result(episode, plan.seed, findings), episode, summary)
+        row = _row(self._with_hidden_secrets(trial), make_result(episode, plan.seed, findings), episode, summary)
         return row.model_copy(update={"model_sha256": digest.model_sha256})
 
-    def _told(self, trial: Trial) -> Trial:
+    def _with_hidden_secrets(self, trial: Trial) -> Trial:
         """Returns the trial for logs and tables, with secret values of its axes removed."""
         trials = self._without_secrets
         return trials.trial(trial.number, self._plan.seed) if trials is not None else trial

@@ -49,7 +49,7 @@ def frames_of(environment: Any, model: mujoco.MjModel) -> Mapping[int, str]:
     Args:
         environment: Environment that may have `tf_frames`: frame names by body name, or by the number of bodies without
             a name. Bodies that the model does not have are left out.
-        model: Its model.
+        model: Compiled model of the environment.
 
     Raises:
         TypeError: The `tf_frames` of the environment are not frame names by bodies.

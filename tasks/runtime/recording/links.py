@@ -69,7 +69,7 @@ class Links:
             self.links.append(Link(body, frame, name, _joined(offset, _chain(model, body, parent)), joints))
             seen_from[body] = name, (np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]))
         self.joints = [joint for link in self.links for joint in link.joints]
-        """Those whose positions are asked for."""
+        """Ids of the joints whose positions `poses` needs."""
 
     @property
     def frames(self) -> list[tuple[str, str]]:

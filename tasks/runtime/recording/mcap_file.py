@@ -139,9 +139,9 @@ class McapFile:
         self._chunk_bytes = chunk_bytes
         self._compressor = zstandard.ZstdCompressor(_COMPRESSION_LEVEL)
         self._introductions = bytearray()
-        """Schemas and channels that the next chunk begins with."""
+        """Schema and channel records at the beginning of the next chunk."""
         self._schemas: dict[tuple[str, str], Schema] = {}
-        """Schemas by type and definition: nodes may have different ideas of one type."""
+        """Schemas by type and definition: nodes may have different definitions of one type."""
         self._channels: list[Channel] = []
         self._messages: list[tuple[int, int, bytes]] = []
         """Time, channel and record of the messages that wait for their chunk."""

@@ -53,7 +53,7 @@ class StateSeries:
 
         Args:
             model: The model.
-            data: Its state, read at every sample.
+            data: State of the model, read at every sample.
             joints: Ids of hinges and slides to record.
             base: Id of the free joint of the robot, or of two slides along the world's axes and a hinge; without it
                 `/tf` and `/odom` are not recorded.
@@ -86,7 +86,7 @@ class StateSeries:
         self._capacity = max(1, min(_MAX_SAMPLES, _MAX_BYTES // row_bytes))
         self._times: list[float] = []
         self._samples: tuple[list[bytes], list[bytes], list[bytes]] = ([], [], [])
-        """Positions, velocities and forces."""
+        """Sampled positions, velocities and forces."""
 
     def present(self, wanted: Collection[str]) -> tuple[float, list[list[Sequence[float]]]]:
         """Returns the present state: its time, and the numbers of each topic in the form of `take`.

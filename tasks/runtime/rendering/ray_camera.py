@@ -160,7 +160,7 @@ class _Buffers:
         self._window, self._directions = _Window(0, 0, 0, 0), np.zeros((count, 3))
         rows, columns = (_grid_lines(length) for length in shape)
         self.grid: _Pixels = (rows[:, None] * shape[1] + columns).ravel()
-        """The pixels that are cast first; the last row and column are among them."""
+        """Indices of the pixels that are cast first, including the last row and column."""
         self._grid_shape = len(rows), len(columns)
         self._steps = np.diff(rows), np.diff(columns)
         self._in_grid = np.zeros(count, dtype=bool)

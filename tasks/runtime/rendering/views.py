@@ -311,7 +311,7 @@ def without_unseen(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.Mjv
 
     Args:
         model: Compiled model; its `geom_group` is restored afterwards.
-        data: Its state.
+        data: State of the model.
         scene: Scene with the camera, after `mjv_updateCamera`; it must not show group 5.
         aspect: Width of the picture divided by its height.
     """

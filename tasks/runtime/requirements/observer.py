@@ -103,7 +103,7 @@ class RequirementsObserver(Observer):
                 rule.fail(_NEVER_BEGAN)
         judged = [rule.judged(self._time_s, ended_by) for rule in rules]
         notes = [note for rule in rules if (note := rule.remark()) is not None]
-        if ended_by == RunStop.DURATION_LIMIT and (cut := self._cut(rules)):
+        if ended_by == RunStop.DURATION_LIMIT and (cut := self._cut_in_words(rules)):
             notes.append(cut)
         return Findings(metrics=_metrics(rules), requirements=judged, notes=notes)
 
@@ -123,7 +123,7 @@ class RequirementsObserver(Observer):
         for check in self._checks:
             check.look_if_new(self._time_s)
 
-    def _cut(self, rules: Sequence[Rule[Any]]) -> str:
+    def _cut_in_words(self, rules: Sequence[Rule[Any]]) -> str:
         """Describes how much of the run the job's duration limit has cut off; empty if that is unknown."""
         whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"

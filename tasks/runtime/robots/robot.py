@@ -100,7 +100,7 @@ class Controller(Protocol):
             Whether the robot is told to stand still.
 
         Raises:
-            ActionError: the action does not fit this robot's action spec.
+            ActionError: The action does not fit this robot's action spec.
         """
         ...
 
@@ -116,8 +116,8 @@ class Drive(Protocol):
         """Makes the controller of this drive in a compiled world.
 
         Args:
-            model: the world with the robot.
-            data: its state, after `mj_forward`.
+            model: The world with the robot.
+            data: State of the model, after `mj_forward`.
             prefix: Prefix of all names of the robot.
         """
         ...

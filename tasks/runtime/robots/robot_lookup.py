@@ -68,7 +68,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
         variables: Environment variables of the launch configurations, and of the process.
 
     Raises:
-        LaunchError: the robot that is meant does not exist, or cannot be made.
+        LaunchError: The robot that is meant does not exist, or cannot be made.
     """
     named = variables.get(ROBOT_VARIABLE)
     if named is not None:

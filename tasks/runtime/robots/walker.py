@@ -102,9 +102,9 @@ class TrotGait(KeepsAttributes):
         """Advances the gait by a time step, and returns the joint angles.
 
         Args:
-            dt_s: time since the last call.
-            linear: commanded forward velocity, m/s.
-            angular: commanded turning rate, rad/s.
+            dt_s: Time since the last call.
+            linear: Commanded forward velocity, m/s.
+            angular: Commanded turning rate, rad/s.
             motion: Present velocity of the body.
 
         Returns:

@@ -62,12 +62,12 @@ class BridgeRecorder(Recorder):
         self._static = StaticTransforms()
         self._series: list[_Relayed] = []
         self.sent: dict[str, int] = {}
-        """Messages by topic."""
+        """Number of messages published to nodes, by topic."""
         self._heard: Collection[str] = ()
-        """Topics that nodes listen to, by the names that nodes know."""
+        """Topics to which nodes subscribe, by the names that nodes use."""
         self._unheard: frozenset[str] = frozenset()
         self._after_states: list[tuple[str, bytes]] = []
-        """Messages on demand: nodes need the transforms of their stamp before them."""
+        """Encoded messages that are published after the states: nodes need the transforms at their stamp first."""
 
     @property
     def inner(self) -> Recorder:
@@ -234,9 +234,9 @@ class _Relayed:
         self._keeps, self._publishes = keeps, publishes
         self._encoder = RowEncoder([(number, columns) for number, (_, columns) in enumerate(series.topics)])
         self._kept: list[_Gathered] = []
-        """For the recording."""
+        """Rows of messages that the recording has not taken yet."""
         self._unsent: list[_Gathered] = []
-        """For nodes: the recording may write, and so gather, between two steps."""
+        """Rows that were not published yet; kept separately, as the recording may write between two steps."""
 
     @property
     def topics(self) -> Any:

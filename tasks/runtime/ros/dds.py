@@ -142,7 +142,7 @@ class Participant:
             is_simulation: Whether this is a simulation's participant, whose topics are in its own recording.
 
         Raises:
-            LaunchError: cyclonedds is missing or another release, or the domain cannot be joined; says why.
+            LaunchError: Cyclonedds is missing or another release, or the domain cannot be joined; says why.
         """
         _checked_release()
         from cyclonedds import core
@@ -255,7 +255,7 @@ class Writer:
 
         self._entity, self._write = entity, ddspy_write
         self._recorders: dict[int, bool] = {}
-        """Whether a subscriber is the recorder of topics, by its handle."""
+        """Whether each matched subscriber is a topic recorder, by its handle."""
 
     def write(self, message: bytes) -> None:
         """Publishes a message (CDR with encapsulation header)."""

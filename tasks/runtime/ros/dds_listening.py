@@ -106,7 +106,7 @@ class Listener:
         self._waits = WaitSet(entity)
         self._waits.attach(self._publications)
         self.simulations: set[str] = set()
-        """Participants that are simulations."""
+        """Ids of the participants that are simulations."""
 
     def wait(self, timeout_s: float) -> None:
         """Waits for a new publisher or message, with a time limit."""

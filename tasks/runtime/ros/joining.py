@@ -78,7 +78,7 @@ class Part:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Source] = {}
         self.is_whole = False
-        """Whether it was written to its end; known once it is read."""
+        """Whether the recording is complete; known after it was read."""
 
     def __iter__(self) -> Iterator[Message]:
         """Yields the recording's messages in the order of their times.

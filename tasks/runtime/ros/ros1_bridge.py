@@ -121,7 +121,7 @@ class Link:
         """Returns the next message from the simulation; `None` if none arrives in time.
 
         Raises:
-            Gone: The simulation's side is closed, or sent something else.
+            Gone: The simulation has closed the connection, or sent something else.
         """
         if not self._poll.poll(1000 * timeout_s):
             return None
@@ -134,7 +134,7 @@ class Link:
         """Checks that the simulation is still connected, without reading its messages.
 
         Raises:
-            Gone: Its side is closed.
+            Gone: The simulation has closed the connection.
         """
         if self._poll.poll(0) and not self._socket.recv(1, socket.MSG_PEEK):
             raise Gone("it closed the connection")
@@ -213,7 +213,7 @@ class Meeting:
         """Waits, and returns the connection to the simulation with its first message.
 
         Raises:
-            Gone: The simulation's side is closed.
+            Gone: The simulation has closed the connection.
         """
         hurries_until_s = time.monotonic() + _HASTE_S
         while True:

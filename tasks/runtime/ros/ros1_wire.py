@@ -52,9 +52,9 @@ class Ros1Wire:
         """
         self.name = "ROS 1, whose bridge has not connected yet"
         self.dropped: Counter[str] = Counter()
-        """Messages that the bridge was too slow for, by topic."""
+        """Number of messages dropped because the bridge was too slow, by topic."""
         self.connections = 0
-        """Bridges that have connected, one after the other."""
+        """Number of bridge processes that have connected."""
         self._plan = plan
         self._listener: AgentSocket | None = None
         self._link: _Link | None = None
@@ -232,7 +232,7 @@ class _Link:
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)
-        """The rest of the frame that is being sent."""
+        """Remaining bytes of the frame that is being sent."""
         self._waiting: deque[tuple[Topic, bytes]] = deque()
         self._counts: Counter[str] = Counter()
         self._dropped = dropped

@@ -118,7 +118,7 @@ class Paced:
         self._waits = _Waits(wire, stop, clock)
         self._ahead_s = options.ahead_s
         self._commanded_at_s: float | None = None
-        """Simulated time of the newest command; none before the first and while nodes are silent."""
+        """Simulated time of the newest command; None before the first one, and while nodes are silent."""
         self._waited_s = 0.0
         self._waited_for = self._silences = 0
 
@@ -153,7 +153,7 @@ class Lockstep:
         self._unanswered = self._steps = 0
         self._waited_s = 0.0
         self._last_s = -math.inf
-        """Simulated time of the last step that had to be answered."""
+        """Simulated time of the last step that had to be answered by a command."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
         """Waits for the command that answers the step; see `Timing`."""

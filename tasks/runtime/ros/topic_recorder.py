@@ -182,10 +182,10 @@ class TopicRecorder:
         self._topics: dict[tuple[str, str, str], Recorded] = {}
         self._refused: dict[str, TopicReport] = {}
         self._writers: dict[int, Publisher] = {}
-        """Publishers by their handles, also those that have left: their last messages arrive later."""
+        """Publishers by handle, including those that have left: their last messages may arrive later."""
         self._files = PackageFiles(request.packages)
         self._services: dict[str, set[str]] = {}
-        """Services that tell definitions, by participant."""
+        """Names of services that return type definitions, by participant."""
         self._simulated = SimulatedClock()
         self._clock_reader = (
             listener.subscribe(_CLOCK_TOPIC, _CLOCK_TYPE, _CLOCKS, is_latched=False)

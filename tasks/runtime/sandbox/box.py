@@ -77,7 +77,7 @@ class Furnishing:
         self._show(Sight("/sys", "read"))
         imported = [Sight(str(path), "read") for path in (*python_paths(sys.path), *paths_in(os.environ))]
         self._shown = {*system_sights(), *imported}
-        """Sights that are mounted already, before the job of the box is known."""
+        """Files that are mounted already, before the sandbox's job is known."""
         for sight in ordered(imported):
             self._show(sight)
 
@@ -198,7 +198,9 @@ class Box:
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._network: BoxNetwork = "full"
         self.doors: list[tuple[socket.socket, int]] = []
-        """Sockets that listen in the box for servers outside, each with the server's port; for who forwards them."""
+        """Sockets that listen in the sandbox for servers outside, each with the server's port, for the forwarding
+        process.
+        """
         with theirs:
             try:
                 self.keeper = _orphan(lambda: _unshare_all(), lambda: _keep(theirs))
@@ -238,7 +240,7 @@ class Box:
             become: Function that the process runs; it must not return.
 
         Returns:
-            Its pid, as this process sees it, whose child it is.
+            Process id of the new process, a child of this one.
 
         Raises:
             BoxError: The process cannot be forked.

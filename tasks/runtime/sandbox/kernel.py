@@ -165,7 +165,7 @@ def restrict(rules: Sequence[Rules]) -> None:
         rules: Files and folders that stay accessible; missing ones are left out.
 
     Raises:
-        OSError: the kernel refuses.
+        OSError: The kernel refuses.
     """
     version = landlock_version()
     handled = _FIRST_VERSION

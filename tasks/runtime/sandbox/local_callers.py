@@ -38,7 +38,7 @@ def mark_run(folder: Path, job: str) -> None:
         job: ARN of the job.
 
     Raises:
-        OSError: the record cannot be written.
+        OSError: The record cannot be written.
     """
     process = process_state(os.getpid())
     assert process is not None

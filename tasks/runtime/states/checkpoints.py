@@ -236,7 +236,7 @@ class Checkpointer:
             parts: Newly made parts; the environment has been reset.
 
         Returns:
-            Where the loop goes on.
+            State of the simulation loop at the checkpoint.
 
         Raises:
             CheckpointError: A part of the run cannot be restored.

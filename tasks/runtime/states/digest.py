@@ -73,11 +73,11 @@ class StateDigest:
         self._looks = 0
         self._last_s = 0.0
         self.model_sha256: str | None = None
-        """Digest of the first model."""
+        """Hash of the first model."""
         self.joints: list[JointPlace] = []
         """Joints of the first model."""
         self.positions = 0
-        """Number that the first model has."""
+        """Number of positions in the first model."""
 
     def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Adds the current state to the hash chain.

@@ -71,7 +71,7 @@ def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[
             continue
         places = _places(getattr(module, "__spec__", None))
         is_outside = not any(place.is_relative_to(folder) for place in places for folder in application_dirs)
-        if places and is_outside and (what := _what(name, places)) is not None:
+        if places and is_outside and (what := _identity_of(name, places)) is not None:
             found[name] = what
     return found
 
@@ -84,7 +84,7 @@ def changed_code(recorded: Mapping[str, str]) -> str | None:
 def _code_here(name: str) -> str:
     try:
         places = _places(find_spec(name))
-        return (_what(name, places) if places else None) or ""
+        return (_identity_of(name, places) if places else None) or ""
     except (ImportError, OSError, ValueError):
         return ""
 
@@ -98,7 +98,7 @@ def _places(spec: ModuleSpec | None) -> list[Path]:
     return [Path(spec.origin)] if spec.has_location and spec.origin else []
 
 
-def _what(name: str, places: Sequence[Path]) -> str | None:
+def _identity_of(name: str, places: Sequence[Path]) -> str | None:
     """Returns a version or hash that identifies a module's code; None: it is part of Python or of a package.
 
     Compiled modules may load parts of themselves under a name without dots.

@@ -105,14 +105,15 @@ class _Supervisors:
         self._rehearse = rehearse
         self._fork_ahead_after_s = fork_ahead_after_s
         self._alive: dict[int, tuple[int, int]] = {}
-        """Living processes by pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
-        the launcher until the run's last process is gone."""
+        """Living supervisors by pidfd: process id, and a copy of the supervisor's end of the connection to the
+        launcher, which keeps the connection open until the run's last process has ended.
+        """
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
         """Forks supervisors for runs, and reaps them, until the launcher closes the socket."""
         while True:
-            ready = wait([self._control, *self._alive], self._patience_s())
+            ready = wait([self._control, *self._alive], self._quiet_time_s())
             if not ready:
                 try:
                     self._standing_by = self._fork()
@@ -131,7 +132,7 @@ class _Supervisors:
         if self._standing_by:
             self._dismiss(self._standing_by)
 
-    def _patience_s(self) -> float | None:
+    def _quiet_time_s(self) -> float | None:
         """Returns the seconds without events before a process is to be forked in advance; None: none is needed."""
         if self._standing_by:
             return None

@@ -212,8 +212,8 @@ class Launcher:
             clock: Monotonic clock in seconds, for the duration limit.
 
         Returns:
-            How it ended. The outputs are in the plan's output folder; `result.json` is there only when
-            the run came to its end or was stopped in time to write it.
+            Outcome of the run. The outputs are in the plan's output folder; `result.json` exists only if
+            the run ended by itself, or was stopped in time to write it.
 
         Raises:
             LaunchError: The run could not be started.
@@ -317,7 +317,7 @@ class _Server:
             kind = LaunchInterruptedError if process.returncode == -signal.SIGKILL else LaunchError
             raise kind(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
         self.confinement = Confinement(*json.loads(answer.removeprefix(READY)))
-        """Confinement of runs on this machine."""
+        """Sandbox level of runs on this machine."""
 
     def alive(self) -> bool:
         return self._process.poll() is None

@@ -73,32 +73,32 @@ class Supervision:
         self._tell = tell
         self._run_pid: int | None = None
         self._run_ended: int | None = None
-        """A pidfd of the run's process while it lives."""
+        """Pidfd of the run's process while it lives."""
         self._run_status: int | None = None
         self._programs: list[Program] = []
         self._logs: list[CappedLog] = []
         self._others = frozenset({box.keeper}) if box else frozenset[int]()
-        """Processes below this one that are no part of the run."""
+        """Ids of processes below this one that do not belong to the run."""
         self._meter = Meter(self._plan.compute, self._others)
         self._disk = disk_meter(self._plan, _pids_of_run)
         self._disk_writer: int | None = None
-        """The session of processes that had written most when the run's folders held too much."""
+        """Session of the processes that had written most when the run's folders exceeded their limit."""
         self._next_look_s = 0.0
         self._timers: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._is_over = False
         self._is_stopping = False
         self._was_asked = False
-        """Whether the run was asked to end."""
+        """Whether the run was told to end."""
         self._is_stopped = False
-        """Whether the launcher stops the run."""
+        """Whether the launcher stopped the run."""
         self._is_completed = False
         """Whether an application ended with exit code 0, in a run without an episode."""
         self._forwarder = os.getpid()
-        """A process in the applications' network."""
+        """Id of a process in the applications' network."""
         self._crash: Crash | None = None
         self._has_crashed = False
-        """Whether something crashed and the run goes on nevertheless."""
+        """Whether a program crashed and the run continues nevertheless."""
         self._told_trials = 0
         self._next_tell_s = 0.0
 
@@ -359,7 +359,7 @@ class Supervision:
         """Ends all processes of the run, and cleans up.
 
         Returns:
-            How it ended.
+            End of the run as observed.
         """
         statuses = kill_children()
         if self._run_pid is not None and self._run_status is None:

@@ -41,9 +41,9 @@ class LaunchWatch:
         self._offset = self._size()
         self._part = b""
         self._died: dict[bytes, bytes] = {}
-        """Nodes of ROS 2 that died, and the words that say so."""
+        """Names of ROS 2 nodes that died, each with the log line that says so."""
         self._awaited: Callable[[bytes], bytes | None] | None = None
-        """The reader of the line after one that does not say all."""
+        """Function that handles the log line after an ambiguous one; None: no such line is awaited."""
 
     def look(self) -> str | None:
         """Returns the first new log line that reports a failed launch or a dead required node."""
@@ -138,9 +138,9 @@ class Program:
         self.plan = plan
         self._fork = fork
         self.pid: int | None = None
-        """The process, until it was reaped; None before it was started and while it waits to be started again."""
+        """Process id until the program is reaped; None before its start, and between restarts."""
         self.ended: int | None = None
-        """A pidfd that becomes readable when it ends; None when it does not run."""
+        """Pidfd that becomes readable when the program ends; None while it is not running."""
         self._environment = environment
         self._confine = confine
         self._clock = clock
@@ -261,7 +261,7 @@ def spawn(
         fork: Function that forks the process.
 
     Returns:
-        Its pid.
+        Process id of the new process.
 
     Raises:
         StartError: The executable cannot be started.

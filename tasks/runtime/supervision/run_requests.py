@@ -250,7 +250,7 @@ class Cores:
             count: Number of cores; None: all available ones.
 
         Yields:
-            Their numbers; None for all, which needs no confinement.
+            Numbers of the cores; None for all cores.
         """
         if count is None or count >= len(self._runs):
             yield None

@@ -47,11 +47,11 @@ class TrialJournal:
             take: Called with each row that the journal already has.
 
         Raises:
-            OSError: It cannot be read or written.
+            OSError: The journal cannot be read or written.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self.rows, size_bytes = 0, 0
-        """Number of trials."""
+        """Number of trials in the journal."""
         for row, end in _rows(path):
             take(row)
             self.rows, size_bytes = self.rows + 1, end
@@ -120,7 +120,7 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
         recorded: Numbers of the trials that have an output folder.
 
     Returns:
-        How many rows it has.
+        Number of rows in the table.
 
     Raises:
         OSError: The journal cannot be read or the table cannot be written.
@@ -205,7 +205,7 @@ def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
         ended_by: Cause of the run's end; None: it failed, and gets no result.
 
     Raises:
-        OSError: They cannot be written.
+        OSError: The table or the result cannot be written.
     """
     assert plan.trials is not None
     table, result = plan.output_dir / TRIALS_FILE, plan.output_dir / RESULT_FILE

@@ -63,7 +63,7 @@ class Tally:
         self.rows = 0
         """Number of counted trials."""
         self.unanswered = ""
-        """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
+        """Message about code that did not answer when the job was stopped in a trial; empty: none."""
 
     def take(self, row: TrialRow) -> None:
         """Adds one trial's results to the job's counts."""

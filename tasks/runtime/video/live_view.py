@@ -61,9 +61,9 @@ class LiveFrames:
             settings: Camera and size.
         """
         self.camera = settings.camera
-        """`follow`, `top`, `both`, or the name of a camera of the model."""
+        """Name of the view: `follow`, `top`, `both`, or a camera of the model."""
         self.problem = ""
-        """Reason why the run has no pictures; empty if it has."""
+        """Reason why the live view has no images; empty if it has."""
         self.closed = False
         """Whether the run is over."""
         self._backend, self._settings = backend or RAYS, settings

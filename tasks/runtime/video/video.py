@@ -136,7 +136,7 @@ class ViewRenderer:
             said_by: Source of the name, for the error message.
 
         Raises:
-            CameraNameError: There is no such camera.
+            CameraNameError: The model has no camera of that name.
         """
         width, height = self.size
         self._view, self._small_view = choose_views(self.model, name, said_by, width / height)

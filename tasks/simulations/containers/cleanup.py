@@ -76,7 +76,7 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
         environ: Environment variables with the container engine's address; absent: those of this process.
 
     Returns:
-        What did not work, which is logged too: the run is over nevertheless.
+        Error texts, which are logged, too; the run is over nevertheless.
     """
     if not (notes := _notes(folder)):
         return []
@@ -134,7 +134,7 @@ def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) 
     """Makes this user the owner of files that a container wrote as root, which could not be deleted otherwise.
 
     Raises:
-        EngineError: the image does not have what is needed, or the engine does not answer.
+        EngineError: The image does not have what is needed, or the engine does not answer.
     """
     if os.geteuid() == 0 or not _has_files_of_others(root):
         return
@@ -195,7 +195,7 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
     Args:
         folder: Folder of the run.
         output_dir: Folder of the run's outputs.
-        problems: further problems to write to the log.
+        problems: Further problems to write to the log.
     """
     notes = list(problems)
     for role in ROLES:

@@ -175,7 +175,7 @@ def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
     Args:
         name: Name of the temporary container.
         image: An image with a shell, `chown`, `chmod` and `stat`.
-        folder: the folder.
+        folder: The folder.
     """
     options = {
         "--name": name,

@@ -58,7 +58,7 @@ class Engine:
 
     Args:
         program: Path of the engine's executable.
-        environment: environment variables of its calls.
+        environment: Environment variables of its calls.
         is_podman: Whether it is podman, even if the executable is called docker.
         instead_of: Reason why another engine was not used, as text.
     """
@@ -84,7 +84,7 @@ class Engine:
             through: Command line that wraps the engine's command line.
 
         Raises:
-            EngineError: the command failed, took too long, or was `stopped`.
+            EngineError: The command failed, took too long, or was `stopped`.
         """
         try:
             process = subprocess.Popen(
@@ -137,7 +137,7 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
         which: Function that finds a program on the path.
 
     Raises:
-        LaunchError: no container engine is installed, or none answers; the message has the answer of each.
+        LaunchError: No container engine is installed, or none answers; the message has the answer of each.
     """
     named = environ.get(ENGINE_VARIABLE)
     said = []
@@ -175,14 +175,14 @@ def get_image(
     have it.
 
     Args:
-        engine: the container engine that pulls the image.
-        uri: name of the image.
-        role: role of the application, for failure codes.
-        digest: expected digest of the image; `None`: the one that the name refers to now.
+        engine: The container engine that pulls the image.
+        uri: Name of the image.
+        role: Role of the application, for failure codes.
+        digest: Expected digest of the image; `None`: the one that the name refers to now.
         stopped: Function called several times a second; true cancels the pull.
 
     Raises:
-        LaunchError: the image cannot be pulled, differs from the one of the application's version, or breaks the rules
+        LaunchError: The image cannot be pulled, differs from the one of the application's version, or breaks the rules
             for images.
     """
     if uri.startswith("-"):  # an option, to an engine
@@ -231,14 +231,14 @@ def copy_out(
     caller, and the image's `USER` may write to them.
 
     Args:
-        engine: the container engine that has the image.
+        engine: The container engine that has the image.
         uri: Name of the image.
         name: Name of the temporary container.
-        folders: local folders by the paths in the image.
+        folders: Local folders by the paths in the image.
         stopped: Function called several times a second; true cancels the copy.
 
     Raises:
-        LaunchError: the engine refuses, or it was `stopped`.
+        LaunchError: The engine refuses, or it was `stopped`.
     """
     owners = "same" if os.geteuid() == 0 and not engine.is_podman else "no-same"
     try:

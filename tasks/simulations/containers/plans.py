@@ -70,16 +70,16 @@ def plan_container(
 
     Args:
         role: Role of the application.
-        application: the application or application version.
-        uri: name of the application's image.
-        config: entry of the application in the job's request.
-        run_environment: folders, variables and limits of the run.
+        application: The application or application version.
+        uri: Name of the application's image.
+        config: Entry of the application in the job's request.
+        run_environment: Folders, variables and limits of the run.
         drives: Whether the application is a robot application that drives a simulation over a socket.
         variables: Default environment variables, which the launch configuration may override.
         bridge: ROS bridge of the job, if it has one.
 
     Raises:
-        LaunchError: no container engine answers, the image cannot be pulled or may not be run, or the container cannot
+        LaunchError: No container engine answers, the image cannot be pulled or may not be run, or the container cannot
             be created.
     """
     launch = config["launchConfig"]
@@ -198,7 +198,7 @@ def check_gpu(container: Container, name: str) -> None:
     """Checks with a test container whether the engine can give a GPU to containers.
 
     Raises:
-        LaunchError: the engine cannot give containers a GPU; the message says why.
+        LaunchError: The engine cannot give containers a GPU; the message says why.
     """
     engine = container.engine
     try:

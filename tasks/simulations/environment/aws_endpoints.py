@@ -72,10 +72,10 @@ def endpoint_variables(
     The files that the variables name are written.
 
     Args:
-        variables: environment variables of the run so far.
+        variables: Environment variables of the run so far.
         role: ARN of the role that the job's request names.
         sandbox: Folders of the run.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         environ: Environment variables of this process.
         has_role_keys: Whether the role has credentials.
     """

@@ -41,7 +41,7 @@ class Sandbox:
         """Converts an absolute path of the job to the path on this machine.
 
         Raises:
-            ValueError: the path is not absolute, or leads upwards.
+            ValueError: The path is not absolute, or leads upwards.
         """
         absolute = PurePosixPath(path)
         if not absolute.is_absolute() or ".." in absolute.parts:

@@ -31,8 +31,8 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
     """Returns the service with the object-store access of the role that a request names.
 
     Raises:
-        LaunchError: the role does not exist, or its credentials are refused.
-        StorageUnavailableError: the store does not answer.
+        LaunchError: The role does not exist, or its credentials are refused.
+        StorageUnavailableError: The store does not answer.
     """
     try:
         return service.acting_as(role_of(request))
@@ -46,10 +46,10 @@ def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Servi
     Args:
         request: Request of the job.
         sandbox: Folders of the run.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        LaunchError: the role has no credentials.
+        LaunchError: The role has no credentials.
     """
     endpoint, keys = store_server(service.settings), role_keys(request, service)
     if endpoint is None and keys is None:
@@ -74,15 +74,15 @@ def access_variables(
     role has credentials, as SDKs would use them for the object store.
 
     Args:
-        variables: environment variables of the run.
+        variables: Environment variables of the run.
         request: Request of the job.
         sandbox: Folders of the run.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         environ: Environment variables of this process.
 
     Raises:
-        LaunchError: the role has no credentials.
-        StorageUnavailableError: the server does not answer.
+        LaunchError: The role has no credentials.
+        StorageUnavailableError: The server does not answer.
     """
     keys, store = role_keys(request, service), store_variables(request, sandbox, service)
     if store:
@@ -189,13 +189,13 @@ def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every
 
     Args:
         request: Request of the job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         folder: Folder of the run.
         every_s: Seconds between two checks whether the credentials have changed.
 
     Raises:
-        LaunchError: the role gives no credentials.
-        StorageUnavailableError: the server does not answer.
+        LaunchError: The role gives no credentials.
+        StorageUnavailableError: The server does not answer.
     """
     keys = role_keys(request, service)
     if keys is None:

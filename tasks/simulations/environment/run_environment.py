@@ -27,7 +27,7 @@ def process_variables(
         sandbox: Folders of the run.
         settings: Settings of the service.
         environ: Environment variables of this process.
-        caller: see `service_variables`.
+        caller: See `service_variables`.
     """
     return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),
@@ -187,7 +187,7 @@ def compute_limits(
         nice: Niceness of the run's processes.
 
     Raises:
-        LaunchError: the job needs a GPU, and this machine has none.
+        LaunchError: The job needs a GPU, and this machine has none.
     """
     compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
     wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0

@@ -47,8 +47,8 @@ def unpack_colcon_bundle(folder: Path) -> None:
         folder: Folder of the unpacked outer archive.
 
     Raises:
-        BundleError: the colcon bundle is of another version, damaged or incomplete.
-        StorageError: the disk is full, or the folder cannot be written.
+        BundleError: The colcon bundle is of another version, damaged or incomplete.
+        StorageError: The disk is full, or the folder cannot be written.
     """
     try:
         unpack_overlays(folder, _unpack_system_tree)
@@ -70,7 +70,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
     """Returns the local folder of a world's files, after downloading them if necessary.
 
     Raises:
-        StorageError: the world's files cannot be downloaded.
+        StorageError: The world's files cannot be downloaded.
     """
     bundle = WorldDocument.of(world).bundle
     if bundle is None:
@@ -89,12 +89,12 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
     Args:
         source: `s3Bucket`, `s3Key` and the `etag` of the archive when the application or its version was created.
         role: `Robot` or `Simulation`, for failure codes.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         is_pinned: Whether the archive must have that ETag, as for a numbered version; `$LATEST` is the present archive.
 
     Raises:
-        LaunchError: the archive was deleted or changed, may not be read, or cannot be unpacked.
-        StorageError: the object store does not answer.
+        LaunchError: The archive was deleted or changed, may not be read, or cannot be unpacked.
+        StorageError: The object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
     try:
@@ -226,8 +226,8 @@ def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
     """Returns the rooms of a world; `None` if they cannot be read now.
 
     Args:
-        world: the world.
-        service: the service, with its catalog and object store.
+        world: The world.
+        service: The service, with its catalog and object store.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:

@@ -34,12 +34,12 @@ def resolve_data_sources(
 
     Args:
         configs: Data sources of a request.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         role: ARN of the role that reads them.
 
     Raises:
-        InvalidParameterException: an object does not exist or cannot be read, or there are too many.
-        StorageUnavailableError: the object store does not answer.
+        InvalidParameterException: An object does not exist or cannot be read, or there are too many.
+        StorageUnavailableError: The object store does not answer.
     """
     resolved: list[ResolvedDataSource] = []
     objects: list[ObjectInfo] = []

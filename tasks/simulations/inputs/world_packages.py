@@ -38,13 +38,13 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
     """Generates ROS packages of a job's world in a run's folders, read-only.
 
     Args:
-        world: the job's world.
+        world: The job's world.
         sandbox: Folders of the run.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        LaunchError: the packages cannot be written.
-        StorageError: the world's bundle cannot be fetched.
+        LaunchError: The packages cannot be written.
+        StorageError: The world's bundle cannot be fetched.
     """
     from ...worldforge.exports.export import archive_name  # brings MuJoCo
 
@@ -68,7 +68,7 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
 
     Args:
         packages: Folder of the packages.
-        variables: other environment variables of the programs.
+        variables: Other environment variables of the programs.
         in_container: Whether the programs run in a container, where the job's folders are at the root.
     """
     prefix = f"{WORLD_PACKAGES}/{_PREFIX}" if in_container else str(packages.prefix)
@@ -88,7 +88,7 @@ def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
 
     Args:
         folder: Copy of the workspace that belongs to the run.
-        packages: folder of the packages of the job's world.
+        packages: Folder of the packages of the job's world.
     """
     for start in package_folders(folder):
         for parent, _, files in os.walk(start):

@@ -57,7 +57,7 @@ class LeftOut:
         self.files = 0
         self.size_bytes = 0
         self.beyond_limits = 0
-        """Number of files that were left out for the limits of size and number."""
+        """Number of files left out because of limits of size and number."""
         self._named: list[dict[str, JsonValue]] = []
 
     @property
@@ -69,9 +69,9 @@ class LeftOut:
         """Records a file that is not uploaded.
 
         Args:
-            name: path of the file among the outputs.
-            why: reason, as a predicate.
-            size_bytes: size of the file in bytes.
+            name: Path of the file among the outputs.
+            why: Reason, as a predicate.
+            size_bytes: Size of the file in bytes.
         """
         self.count(1, size_bytes)
         if len(self._named) < _MOST_NAMED:
@@ -156,7 +156,7 @@ def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never
 
     Raises:
         TransferStoppedError: `ended` said so.
-        StorageError: the folder of the outputs does not exist.
+        StorageError: The folder of the outputs does not exist.
     """
     count = size_bytes = 0
 
@@ -253,10 +253,10 @@ class _Names:
 
     def _add(self, name: str) -> None:
         self._files.add(name)
-        self._folders.update(_above(name))
+        self._folders.update(_parent_folders(name))
 
     def _is_free(self, name: str) -> bool:
-        return name not in self._files and name not in self._folders and self._files.isdisjoint(_above(name))
+        return name not in self._files and name not in self._folders and self._files.isdisjoint(_parent_folders(name))
 
 
 def _like(name: str) -> Iterator[str]:
@@ -269,6 +269,6 @@ def _like(name: str) -> Iterator[str]:
         yield f"{folder}.{number}/{rest}"
 
 
-def _above(name: str) -> list[str]:
+def _parent_folders(name: str) -> list[str]:
     """Lists the parent folders in a file's name."""
     return [str(parent) for parent in PurePosixPath(name).parents if parent.name]

@@ -36,7 +36,7 @@ def check_output_location(location: Mapping[str, Any] | None) -> None:
         location: `s3Bucket` and `s3Prefix` of a request, either may be absent.
 
     Raises:
-        InvalidParameterException: names the member and what is wrong with it.
+        InvalidParameterException: Names the member and what is wrong with it.
     """
     given = location or {}
     try:
@@ -94,7 +94,7 @@ def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
     The bucket is created anyway, as programs rely on it.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         bucket: Name of the bucket for the job's outputs.
         folder: Folder of the run.
     """
@@ -146,7 +146,7 @@ class UploadEnd:
     Args:
         job: ARN of the job.
         batch: ARN of its batch; `None`: it has none.
-        catalog: the catalog.
+        catalog: The catalog.
         why_stop: Function that returns the reason why the job has to end, or `None`.
     """
 

@@ -36,10 +36,10 @@ class RollingUploads:
     Args:
         uploads: Upload configurations; see `rolling_only`.
         folder: Folder of the run.
-        store: object store that files are uploaded to.
-        bucket: name of the bucket.
-        prefix: prefix of the run's outputs.
-        every_s: seconds between two polls for finished files.
+        store: Object store that files are uploaded to.
+        bucket: Name of the bucket.
+        prefix: Prefix of the run's outputs.
+        every_s: Seconds between two polls for finished files.
         room: Space left for files of the run; files without space wait for the end, where they are recorded as left
             out.
     """

@@ -48,10 +48,10 @@ class RunOutputs:
     """Uploads the outputs of one run of a simulation job.
 
     Args:
-        job: the job.
+        job: The job.
         run_id: Id of the run.
         folder: Folder of the run.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         sleep: Function that waits for some seconds.
     """
 
@@ -69,7 +69,7 @@ class RunOutputs:
         self._service = service
         self._sleep = sleep
         self._planned: list[FolderFile] | None = None
-        """Files to store; `None`: they are not listed yet."""
+        """Files to upload; `None`: they have not been listed yet."""
 
         self._arrived: dict[str, ManifestFile | None] = {}
         self._left_out = LeftOut()
@@ -93,7 +93,7 @@ class RunOutputs:
         """Checks before a long run that its outputs can be uploaded.
 
         Raises:
-            LaunchError: the bucket does not exist, the job's role may not write to it, or the role does not exist.
+            LaunchError: The bucket does not exist, the job's role may not write to it, or the role does not exist.
         """
         service = acting_service(self._request, self._service)
         try:
@@ -141,8 +141,8 @@ class RunOutputs:
 
         Raises:
             TransferStoppedError: `outdated` or `ended` returned true.
-            StorageError: the outputs cannot be stored.
-            OSError: the outputs cannot be read.
+            StorageError: The outputs cannot be stored.
+            OSError: The outputs cannot be read.
         """
         service = self._patient(stopped)
         uploaded = self._stage(ended)
@@ -237,10 +237,10 @@ class RunOutputs:
         """Checks that the outputs were uploaded completely.
 
         Args:
-            stopped: see `store`.
+            stopped: See `store`.
 
         Raises:
-            StorageError: the outputs were not uploaded completely.
+            StorageError: The outputs were not uploaded completely.
         """
         read_manifest(self._patient(stopped).store, self.bucket, self.prefix)
 
@@ -262,7 +262,7 @@ class RunOutputs:
         """Makes the manifest's description of the run, and of the output files that were not stored.
 
         Args:
-            about: further members of the description.
+            about: Further members of the description.
         """
         job = {"job": self._job.arn, "run": self._run_id, "seed": SimulationJobDocument.of(self._job).seed}
         return {**job, **about, **self._left_out.about()}

@@ -34,7 +34,7 @@ def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
 
     Args:
         root: Folder to which absolute globs are relative.
-        glob: pattern of the files.
+        glob: Pattern of the files.
         visit: Function that is called; see `Visit`; it may remove the file.
     """
     with _opened_below(root, glob.fixed_folder) as folder:
@@ -93,11 +93,11 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
 
     Args:
         folder: Descriptor of the file's folder.
-        name: name of the file there.
+        name: Name of the file there.
         target: Path of the second file; its folder is created.
 
     Raises:
-        OSError: the file does not exist, is not a regular file, or may not be read.
+        OSError: The file does not exist, is not a regular file, or may not be read.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)

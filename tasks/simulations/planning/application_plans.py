@@ -49,7 +49,7 @@ def with_ros_companions(
     Args:
         programs: Applications that are programs, and tools.
         ros: First of the programs that a ROS launch starts; `None`: there is none.
-        run_environment: folders, variables and limits of the run.
+        run_environment: Folders, variables and limits of the run.
         wants_topics: Whether all ROS 1 topics are to be recorded; for ROS 2 that is planned later.
     """
     found = list(programs)
@@ -140,11 +140,11 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 
     Args:
         request: Request of the job.
-        run_environment: folders, variables and limits of the run.
+        run_environment: Folders, variables and limits of the run.
 
     Raises:
-        LaunchError: an application cannot be downloaded or started; the error carries the job's failure code.
-        StorageError: the object store does not answer.
+        LaunchError: An application cannot be downloaded or started; the error carries the job's failure code.
+        StorageError: The object store does not answer.
     """
     planned = Applications()
     launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}

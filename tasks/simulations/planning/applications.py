@@ -39,15 +39,15 @@ def find_application(reference: str, role: ApplicationRole, version: str | None,
 
     Args:
         reference: ARN or name of the application.
-        role: kind of the application, robot or simulation.
+        role: Kind of the application, robot or simulation.
         version: Number of the version; `None` or `$LATEST`: the present state of the application.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         The application; or the version, with the application's ARN and tags.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such application, or the application has no such version.
+        ResourceNotFoundException: The catalog has no such application, or the application has no such version.
     """
     kind = f"{role}-application"
     if reference.startswith("arn:"):
@@ -81,7 +81,7 @@ def check_environment(uri: str) -> None:
     """Raises an error if an application's environment is neither a Python package nor a container image.
 
     Raises:
-        InvalidParameterException: the environment is neither.
+        InvalidParameterException: The environment is neither.
     """
     scheme, separator, module = uri.partition("://")
     is_package = scheme == _PYTHON and all(part.isidentifier() for part in module.split("."))
@@ -103,7 +103,7 @@ def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[s
     """Adds the archive's current ETag to an application's source.
 
     Raises:
-        InvalidParameterException: the archive does not exist, or cannot be read.
+        InvalidParameterException: The archive does not exist, or cannot be read.
     """
     place = f"s3://{source['s3Bucket']}/{source['s3Key']}"
     try:

@@ -48,7 +48,7 @@ class CurrentApplications:
     """Looks applications up in the catalog, each only once for many jobs.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         planned: Applications that replace those of the catalog, by ARN, and by role and name.
     """
 
@@ -62,7 +62,7 @@ class CurrentApplications:
         """Finds an application by ARN or name, or one version of it.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such application or version.
+            ResourceNotFoundException: The catalog has no such application or version.
         """
         planned = self._planned.get(reference) or self._planned.get(f"{role} {reference}")
         if planned is not None and version in (None, LATEST):
@@ -76,7 +76,7 @@ class CurrentApplications:
         """Returns a text that identifies an application's content, such as its archive's ETag; empty if unknown.
 
         Raises:
-            StorageError: the archive of the application cannot be read.
+            StorageError: The archive of the application cannot be read.
         """
         document = ApplicationDocument.of(application)
         key = (application.arn, document.version, document.revision_id)
@@ -89,8 +89,8 @@ def contents_of_plan(plan: RunPlan, request: Mapping[str, Any]) -> MadeOf:
     """Returns hashes of the world and applications in a run's plan.
 
     Args:
-        plan: the run, with everything it needs on this machine.
-        request: the request of its job.
+        plan: The run, with everything it needs on this machine.
+        request: The request of its job.
     """
     robot, simulation = map(_content_of_plan, (plan.robot_application, plan.simulation_application))
     world = plan.world_dir.name if plan.world_dir else None
@@ -104,13 +104,13 @@ def contents_of_request(
     """Returns hashes of the world and applications that a request would use now.
 
     Args:
-        request: the request of a job.
-        service: the service, with its catalog and object store.
-        applications: source of applications; absent: the catalog.
+        request: The request of a job.
+        service: The service, with its catalog and object store.
+        applications: Source of applications; absent: the catalog.
 
     Raises:
-        ResourceNotFoundException: the world or an application does not exist.
-        StorageError: the archive of an application cannot be read.
+        ResourceNotFoundException: The world or an application does not exist.
+        StorageError: The archive of an application cannot be read.
     """
     current = applications or CurrentApplications(service)
     contents: dict[ApplicationRole, str] = {}

@@ -70,13 +70,13 @@ def resolve_launch(
 
     Args:
         code: Code of the application.
-        launch: launch configuration of the application.
+        launch: Launch configuration of the application.
         which: Function that finds programs which are not in the archive.
         python: Python interpreter for scripts.
         has_master: Whether another application of the job provides the ROS 1 master.
 
     Raises:
-        LaunchError: the function or program does not exist, or cannot be started on this machine.
+        LaunchError: The function or program does not exist, or cannot be started on this machine.
     """
     if command := launch.get("command"):
         return Program(_with_overlays(code, (_find_program(code, command[0], which), *command[1:])))
@@ -96,11 +96,11 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
     """Raises an error if the simulation application does not make the environment that the robot needs.
 
     Args:
-        simulation: name and launch of the simulation application; `None`: the built-in one.
-        robot: name and launch of the robot application; `None`: the built-in one, where an environment is made.
+        simulation: Name and launch of the simulation application; `None`: the built-in one.
+        robot: Name and launch of the robot application; `None`: the built-in one, where an environment is made.
 
     Raises:
-        LaunchError: the simulation application makes no environment for a robot application that needs one.
+        LaunchError: The simulation application makes no environment for a robot application that needs one.
     """
     if simulation is None or robot is None:
         return

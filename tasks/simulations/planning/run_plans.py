@@ -54,7 +54,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
         application: Simulation application, whose launch configuration may set the interval in seconds, or 0 for none.
 
     Raises:
-        LaunchError: the launch variable is not a number of seconds.
+        LaunchError: The launch variable is not a number of seconds.
     """
     variables: Mapping[str, str] = application.environment_variables if application else {}
     text = variables.get(EVERY_VARIABLE)
@@ -133,7 +133,7 @@ def run_plan(
     """Downloads everything a simulation run needs, and makes its plan.
 
     Args:
-        job: the simulation job.
+        job: The simulation job.
         run_id: Id of the run.
         folder: Empty folder of the run.
         service: Service that stores worlds, applications and data; the last two are read as the role of the request.
@@ -141,8 +141,8 @@ def run_plan(
         stopped: Function called during long operations; true cancels them.
 
     Raises:
-        LaunchError: an input cannot be downloaded; the error carries the job's failure code.
-        StorageUnavailableError: the object store does not answer.
+        LaunchError: An input cannot be downloaded; the error carries the job's failure code.
+        StorageUnavailableError: The object store does not answer.
     """
     document = SimulationJobDocument.of(job)
     request = document.request

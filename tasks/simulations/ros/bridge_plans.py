@@ -80,8 +80,8 @@ def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
     """Whether rospy is installed, which the bridge to ROS 1 nodes needs.
 
     Args:
-        python: command line of ROS's own Python.
-        variables: environment variables of the application that may be nodes.
+        python: Command line of ROS's own Python.
+        variables: Environment variables of the application that may be nodes.
     """
     argv = [*python, "-c", "import importlib.util as u, sys; sys.exit(not u.find_spec('rospy'))"]
     try:

@@ -36,7 +36,7 @@ def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> b
 
     Args:
         argv: Command line of `service_node.py make` with the Python of that ROS.
-        variables: environment variables of the launch.
+        variables: Environment variables of the launch.
     """
     environment = {"PATH": os.defpath, **variables}
     try:
@@ -63,7 +63,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
     Args:
         root: Root folder of the run.
         arn: ARN of the job; the services act on no other job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     folder = root / FOLDER if root is not None else None
     if folder is None or not folder.is_dir():
@@ -94,7 +94,7 @@ def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
         question: Object with the member `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with
             `keys`, or `list_tags`.
         arn: ARN of the calling job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     members: Mapping[str, Any] = question if isinstance(question, dict) else {}
     tags: Mapping[str, str] = {}

@@ -37,7 +37,7 @@ class IndoorNavigation(ResumableEnvironment):
         super().__init__(physics, task, control_timestep=CONTROL_TIMESTEP_S, legacy_step=False)
         self._navigation = task
         self.robot = robot
-        """The robot in the world; agents that plan ask it for its limits."""
+        """Robot in the world; agents that plan paths read its limits."""
         if robot.video_camera is not None:
             # The robot's own `follow` by its full name is a camera that tips over with it.
             self.video_camera = FOLLOW if robot.video_camera == FOLLOW else f"{robot.prefix}{robot.video_camera}"
@@ -75,7 +75,7 @@ class IndoorNavigation(ResumableEnvironment):
         """Returns verdict, requirements, metrics, rooms, collisions and path of the run.
 
         Raises:
-            RuntimeError: no run has begun.
+            RuntimeError: No run has begun.
         """
         if self._reset_next_step and self._step_count == 0:
             raise RuntimeError("there is no run to report on; call reset first")

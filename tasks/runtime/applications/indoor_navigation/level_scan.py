@@ -53,8 +53,8 @@ class Fan:
                 180 degrees wide.
 
         Returns:
-            How many rays go through each sector; and sector after sector the numbers of these rays, counting on after
-            the last ray, and their directions.
+            Number of rays through each sector; ray numbers, sector after sector, which continue to count after the last
+            ray; and the directions of these rays.
         """
         per_rad = self._per_rad
         begin = np.arctan2(begins.imag, begins.real)
@@ -132,7 +132,7 @@ class Frame:
         Args:
             origin: Position of the robot on the floor plan, as a complex number.
             x_axis: The robot's x axis seen from above; shorter than 1 if the robot is tilted.
-            y_axis: its y axis likewise.
+            y_axis: The robot's y axis seen from above; shorter than 1 if the robot is tilted.
         """
         self.origin = origin
         doubled = 2 * (x_axis.conjugate() * y_axis).imag
@@ -277,9 +277,9 @@ class LevelScan:
         """Computes the floor plan of the model's fixed walls and furniture.
 
         Args:
-            model: the compiled world with the robot.
-            data: its state, after `mj_forward`; read at every measurement.
-            body_id: the robot's root body, which rays start in and do not hit.
+            model: The compiled world with the robot.
+            data: State of the model, after `mj_forward`; read at every measurement.
+            body_id: The robot's root body, which rays start in and do not hit.
             height_m: Height of the lidar on the body's z axis; also its height over the floor when the body is level.
             fan: Rays of the lidar.
             range_max_m: Range of the lidar.

@@ -36,13 +36,13 @@ class RangeFinder:
         """Prepares the buffers.
 
         Args:
-            model: the compiled world with the robot.
-            data: its state, read at every measurement.
-            body_id: the robot's root body; rays start on its z axis.
+            model: The compiled world with the robot.
+            data: State of the model, read at every measurement.
+            body_id: The robot's root body; rays start on its z axis.
             height_m: Height of the rays' origin on the body's z axis.
-            angles_rad: directions of the rays, counter-clockwise from the robot's x axis.
+            angles_rad: Directions of the rays, counter-clockwise from the robot's x axis.
             range_max_m: Range of the lidar; farther surfaces are not measured.
-            hidden_group: geom group that no ray can hit, from `hide_geoms_from_lidar`.
+            hidden_group: Geom group that no ray can hit, from `hide_geoms_from_lidar`.
         """
         self._model, self._data, self._body_id = model, data, body_id
         self._rotation = data.xmat[body_id].reshape(3, 3)
@@ -95,8 +95,8 @@ def hide_geoms_from_lidar(
     moved, into a rendered group that the world does not use, so that pictures stay the same.
 
     Args:
-        model: its `geom_group` is changed in place.
-        data: a state of it, after `mj_forward`.
+        model: Compiled model, whose `geom_group` is changed in place.
+        data: A state of it, after `mj_forward`.
         height_m: Height of the lidar's plane over the floor.
         tolerance_m: Change of the plane's height at the sensor's range when the robot tilts.
 

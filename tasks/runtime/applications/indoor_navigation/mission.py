@@ -38,8 +38,8 @@ class Mission(KeepsAttributes):
         """Creates a mission in which no room is visited.
 
         Args:
-            rooms: the rooms to visit, in any order.
-            time_limit_s: simulated time that ends the run.
+            rooms: The rooms to visit, in any order.
+            time_limit_s: Simulated time that ends the run.
         """
         self._rooms = rooms
         self._unvisited = {index: (_bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
@@ -64,8 +64,8 @@ class Mission(KeepsAttributes):
         """Records the robot's state: path, tilt and visited rooms.
 
         Args:
-            state: the state now.
-            tilt_rad: angle between the robot's axis and the vertical.
+            state: The state now.
+            tilt_rad: Angle between the robot's axis and the vertical.
 
         Returns:
             Number of rooms that were entered for the first time.
@@ -204,10 +204,10 @@ class CollisionMonitor(KeepsAttributes):
         """Looks up the bodies and geoms.
 
         Args:
-            model: the compiled world with the robot.
-            data: its state, after `mj_forward`.
-            robot_body_id: the robot's root body.
-            furniture_ids: prefixes of geom names that name pieces of furniture.
+            model: The compiled world with the robot.
+            data: State of the model, after `mj_forward`.
+            robot_body_id: The robot's root body.
+            furniture_ids: Prefixes of geom names that name pieces of furniture.
             on_touch: Called at every sample in which the robot has a contact.
         """
         self._data = data
@@ -215,13 +215,13 @@ class CollisionMonitor(KeepsAttributes):
         self._position = data.xpos[robot_body_id]
         robot = robot_geoms(model, robot_body_id)
         self.can_touch = can_touch(model, robot)
-        """Whether the robot has a shape that collides with anything else."""
+        """Whether the robot has a geom that collides with anything else."""
         self._contacts = ContactForces(model, data, robot, geom_names(model, furniture_ids))
         self._open: dict[str, _Touch] = {}
         self.collisions: list[Collision] = []
-        """Touches that are over, in order of their end; complete after `finish`; at most `MAX_REPORTED`."""
+        """Finished collisions in order of their end, at most `MAX_REPORTED`; complete after `finish`."""
         self.count = 0
-        """All touches so far, those that go on and those over the limit included."""
+        """Number of all collisions so far, including current ones and those over the limit."""
         self.max_force_N = 0.0
 
     def sample(self) -> None:

@@ -72,7 +72,7 @@ class NavigationTask(Task):
             robot: Robot that was put into the world.
             rng: Random generator for the first heading and for the lidar's noise.
             recorder: Recorder of ROS 2 messages.
-            time_limit_s: simulated time that ends a run.
+            time_limit_s: Simulated time that ends a run.
             known: The world's map, for the recording.
         """
         self._world = world
@@ -82,7 +82,7 @@ class NavigationTask(Task):
         self._telemetry = Telemetry(recorder, robot, known)
         self.time_limit_s = time_limit_s
         self.lidar_errors = LidarErrors(robot.lidar.noise_std_m) if robot.lidar else None
-        """Errors of the lidar; None: the robot has none."""
+        """Errors of the robot's lidar; None: the robot has none."""
         self.command_delay = CommandDelay()
         self.command_gains = CommandGains(turn=1.0 if isinstance(robot.drive, VelocityDrive) else None)
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
@@ -121,10 +121,10 @@ class NavigationTask(Task):
 
         Args:
             action: Command in the form of `action_spec`.
-            physics: unused; the task is bound to it.
+            physics: Unused; the task is bound to it.
 
         Raises:
-            ActionError: it is not an action of this robot.
+            ActionError: The action does not fit this robot.
         """
         del physics
         standing = self._controller.command(action)

@@ -37,7 +37,7 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, 
     """Makes ROS markers for the goals: a disc and a name in each room, green once visited.
 
     Args:
-        rooms: the rooms, each with its goal.
+        rooms: The rooms, each with its goal.
         visited: Whether the robot has been in each room.
         time_s: Simulated time of the message.
         frame: Name of the map's ROS frame.
@@ -73,10 +73,10 @@ class ContactMarkers:
 
         Args:
             recorder: Recorder that gets the markers.
-            model: the compiled world with the robot.
-            data: its state, after `mj_forward`.
-            robot_body_id: a body of the robot.
-            furniture_ids: prefixes of geom names that name pieces of furniture.
+            model: The compiled world with the robot.
+            data: State of the model, after `mj_forward`.
+            robot_body_id: A body of the robot.
+            furniture_ids: Prefixes of geom names that name pieces of furniture.
         """
         self._recorder, self._model, self._data = recorder, model, data
         self._robot, self._floor = robot_geoms(model, robot_body_id), floor_geoms(model, data)
@@ -148,8 +148,8 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
     """Makes ROS markers that show the fixed parts of a world: floors, walls, furniture.
 
     Args:
-        model: the compiled world.
-        data: its state, after `mj_forward`.
+        model: The compiled world.
+        data: State of the model, after `mj_forward`.
         frame_id: ROS frame of the world.
         stamp: Simulated time of the message.
     """
@@ -165,8 +165,8 @@ def robot_markers(
     """Makes ROS markers for a robot's shape; each part moves with the ROS frame of its body.
 
     Args:
-        model: the compiled world with the robot.
-        data: its state, after `mj_forward`.
+        model: The compiled world with the robot.
+        data: State of the model, after `mj_forward`.
         frames: ROS frame name by body number, the base's first; rigidly attached parts use their body's frame.
         wheels: Bodies without ROS frames that are drawn in the base's frame, since they look the same at every angle.
         stamp: Simulated time of the message.

@@ -98,7 +98,7 @@ class Telemetry(KeepsAttributes):
         self._scans: RowSeries | None = None
         self._readings: dict[type[SensorKind], RowSeries] = {}
         self._sites: dict[type[SensorKind], int] = {}
-        """Sites of sensors in the model, which may be on parts that move."""
+        """Ids of the sensors' sites in the model, by kind of sensor; they may be on moving parts."""
         self._shown: mujoco.MjModel | None = None
         self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
 
@@ -111,8 +111,8 @@ class Telemetry(KeepsAttributes):
         """Publishes static topics and the first state.
 
         Args:
-            model: the world with the robot.
-            data: its state, after `mj_forward`.
+            model: The world with the robot.
+            data: State of the model, after `mj_forward`.
         """
         self._model, self._data = model, data
         self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
@@ -156,7 +156,7 @@ class Telemetry(KeepsAttributes):
         base = model.body(moving_body(robot)).id
         known = frames_of_bodies(robot, model, frames)
         fixed_to = {int(model.body_weldid[body]): body for body in known}
-        """Bodies that have frames, by what moves with them."""
+        """Body with a ROS frame, by the body to which it is rigidly attached."""
 
         def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64], body: int = base) -> None:
             """Adds a static ROS frame that is fixed to a body, from its position and axes in the world."""
@@ -202,8 +202,8 @@ class Telemetry(KeepsAttributes):
         """Publishes markers for the rooms' goals.
 
         Args:
-            rooms: the rooms, each with its goal.
-            visited: which of them the robot has been in.
+            rooms: The rooms, each with its goal.
+            visited: Whether the robot has been in each room.
         """
         time_s = self._data.time
         self._recorder.write("/goals", goal_markers(rooms, visited, time_s, self.frames.map), time_s)

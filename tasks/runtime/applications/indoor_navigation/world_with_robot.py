@@ -69,7 +69,7 @@ class ScenePhysics(Physics):
         """Advances the simulation by `nstep` physics steps.
 
         Raises:
-            PhysicsError: the state became invalid.
+            PhysicsError: The state became invalid.
         """
         model, data, look = self.model.ptr, self.data.ptr, self.between_substeps
         # What dm_control's `check_invalid_state` does, at a fifth of its cost.
@@ -118,7 +118,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
     for geom in own.geoms:
         if geom.group < _DRAWN_GROUPS:
             geom.group = 0  # leaves a group over for what range sensors do not see
-    _let_slide(own, world)
+    _raise_slide_priority(own, world)
     if dropped := options_for_world(own, world):
         said = "physics options are those of the world, the robot's own are not used"
         _logger.warning("%s: %s: %s", robot.name, said, ", ".join(dropped))
@@ -126,8 +126,8 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
     return world.compile()
 
 
-def _let_slide(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
-    """Raises the contact priority of robot parts over that of floors whose friction varies."""
+def _raise_slide_priority(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
+    """Raises the contact priority of robot parts that have one (slides) above that of the world's floors."""
     most = max((geom.priority for geom in world.geoms), default=0)
     for geom in own.geoms:
         if geom.priority > 0:

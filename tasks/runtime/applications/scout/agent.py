@@ -105,7 +105,7 @@ def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -
         recorder: Recorder of the run.
         goal: Goal of the path, metres.
         path: Points of the path, shape (n, 2), metres.
-        time_s: simulated time.
+        time_s: Simulated time.
     """
     if not recorder.enabled:
         return
@@ -199,7 +199,7 @@ class Scout(KeepsAttributes):
         self._anchor = _Anchor(0.0, (0.0, 0.0, 0.0))
         self._done_s = math.inf
         self.given_up: list[str] = []
-        """Rooms that could not be reached."""
+        """Names of the rooms that could not be reached."""
 
     def state(self) -> dict[str, Any]:
         """Returns the agent's state for a checkpoint; planned paths are computed again."""
@@ -219,7 +219,7 @@ class Scout(KeepsAttributes):
         """Computes the velocity command for a time step: forward velocity (m/s) and turning rate (rad/s).
 
         Raises:
-            StopIteration: the robot has been standing still for a second with nothing left to do.
+            StopIteration: The robot has been standing still for a second with nothing left to do.
         """
         observation = timestep.observation
         x, y, yaw = observation["pose"].tolist()
@@ -334,7 +334,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         environment: The environment `indoor-navigation`, or another one with the same observations and actions.
 
     Raises:
-        LaunchError: there is no world or its map cannot be read, or the environment is of another kind.
+        LaunchError: There is no world or its map cannot be read, or the environment is of another kind.
     """
     if context.world is None or context.world_dir is None:
         raise LaunchError(

@@ -57,10 +57,10 @@ class PathFollower:
         """Computes a velocity command from the robot's pose.
 
         Args:
-            x: position, metres.
-            y: position, metres.
-            yaw: heading, radians.
-            speed: present forward speed, m/s; sets how far ahead to aim.
+            x: Position, metres.
+            y: Position, metres.
+            yaw: Heading, radians.
+            speed: Present forward speed, m/s; sets how far ahead to aim.
             speed_limit: Maximum speed that is allowed now, m/s.
 
         Returns:

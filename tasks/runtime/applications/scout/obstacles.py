@@ -46,7 +46,7 @@ class ObstacleMemory(KeepsAttributes):
             now_s: Time of the measurement.
 
         Returns:
-            Those of the hits that the map does not show, as points of shape (n, 2), metres.
+            Hits that the map does not show, as points of shape (n, 2), metres.
         """
         if not hits.size:
             return np.zeros((0, 2))
@@ -76,8 +76,8 @@ def near_hits(
 
     Args:
         rays: Directions of the rays, from `ray_directions`.
-        scan: the lidar's ranges, metres.
-        proximity: the bumper's ranges, metres.
+        scan: The lidar's ranges, metres.
+        proximity: The bumper's ranges, metres.
 
     Returns:
         Points in the robot's frame, metres: forward is the real part, left the imaginary one.
@@ -91,8 +91,8 @@ def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
     """Returns how far a disc can move straight ahead before it touches a hit, in metres.
 
     Args:
-        hits: points in the robot's frame.
-        half_width_m: the disc's radius.
+        hits: Points in the robot's frame.
+        half_width_m: The disc's radius.
     """
     ahead = hits[(np.abs(hits.imag) < half_width_m) & (hits.real > 0)]
     if not ahead.size:

@@ -114,7 +114,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         default_name: Name of the robot if `robot.yaml` has none.
 
     Raises:
-        LaunchError: the model cannot be read, or a name in the mapping is not in it.
+        LaunchError: The model cannot be read, or a name in the mapping is not in it.
     """
     builder = ModelBuilder(mapping, files)
     model = builder.compile()

@@ -35,7 +35,7 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
         where: Name of the `robot.yaml` file, for messages.
 
     Raises:
-        LaunchError: a name is not in the model, or is no velocity actuator, or a wheel is no wheel.
+        LaunchError: A name is not in the model, or is no velocity actuator, or a wheel is no wheel.
     """
     drive = mapping.drive
     if drive.kind == "differential":
@@ -53,7 +53,7 @@ def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tup
     """Returns the slide and hinge joints that move a robot's base over the floor.
 
     Raises:
-        LaunchError: the joints are not two slides and a hinge along the axes.
+        LaunchError: The joints are not two slides and a hinge along the axes.
     """
     drive = mapping.drive
     if drive.kind != "velocity" or drive.frame != "world":
@@ -135,7 +135,7 @@ class _Actuators:
         """Returns an actuator's id by name.
 
         Raises:
-            LaunchError: the model has no actuator of this name.
+            LaunchError: The model has no actuator of this name.
         """
         if name in self._names:
             return self._names.index(name)
@@ -158,7 +158,7 @@ class _Actuators:
         """Raises an error for an actuator that is not velocity-controlled.
 
         Raises:
-            LaunchError: the actuator is not a velocity actuator.
+            LaunchError: The actuator is not a velocity actuator.
         """
         gain, bias = self.model.actuator_gainprm[actuator], self.model.actuator_biasprm[actuator]
         if bias[1] != 0 or bias[2] >= 0 or not np.isclose(gain[0], -bias[2]):

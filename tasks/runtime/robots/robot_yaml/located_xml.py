@@ -22,10 +22,10 @@ def parse_located(path: Path) -> Located:
     """Parses an XML file into elements that know their line; names keep prefixes such as `xacro:`.
 
     Args:
-        path: the file.
+        path: The file.
 
     Raises:
-        LaunchError: the file cannot be read, or is not XML.
+        LaunchError: The file cannot be read, or is not XML.
     """
     builder = ET.TreeBuilder(element_factory=Located)
     # Without namespaces: a prefix that is bound to nothing is no error, and `xacro:` can be told.

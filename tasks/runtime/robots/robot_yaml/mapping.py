@@ -46,7 +46,7 @@ def placed(error: LaunchError, path: Path) -> LaunchError:
     Args:
         error: Error whose message begins with the file's name and the member, as `invalid` writes it; other errors are
             returned unchanged.
-        path: the YAML file.
+        path: The YAML file.
     """
     said = str(error).removeprefix(f"{path.name}: ")
     member = _MEMBER.match(said)
@@ -64,7 +64,7 @@ def read_mapping(path: Path) -> RobotModel:
         path: Path of `robot.yaml`.
 
     Raises:
-        LaunchError: with everything that is wrong: file, line, member, value and what would be right.
+        LaunchError: With everything that is wrong: file, line, member, value and what would be right.
     """
     try:
         root = parse(path.read_text(encoding="utf-8"), path.name)

@@ -36,10 +36,10 @@ def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFil
 
     Args:
         reference: Text of the form `menagerie:<model>/<file>`.
-        variables: environment variables of the launch configurations, and of the process.
+        variables: Environment variables of the launch configurations, and of the process.
 
     Raises:
-        LaunchError: the model or file does not exist, or the model has not been downloaded.
+        LaunchError: The model or file does not exist, or the model has not been downloaded.
     """
     name, _, file = reference.removeprefix(MENAGERIE).partition("/")
     folder = _folder(name, variables)
@@ -54,14 +54,14 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
 
     Args:
         reference: Text of the form `menagerie:<model>`.
-        variables: environment variables of the launch configurations, and of the process.
+        variables: Environment variables of the launch configurations, and of the process.
 
     Returns:
         The file, and the mapping where it is derived; then the file is where one would be.
 
     Raises:
-        LaunchError: there is no such model, it has not been fetched, or it does not say enough for a mapping; then the
-            message says what to write.
+        LaunchError: The model does not exist, has not been downloaded, or does not say enough to derive a `robot.yaml`;
+            then the message says what to write.
     """
     name = reference.removeprefix(MENAGERIE)
     folder = _folder(name, variables)

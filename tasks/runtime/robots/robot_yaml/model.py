@@ -35,7 +35,7 @@ def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mu
         reading: State of reading a URDF or SDF.
 
     Raises:
-        LaunchError: the file is not a robot model, or names files outside the folder.
+        LaunchError: The file is not a robot model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
@@ -135,7 +135,7 @@ class ModelBuilder:
         self.where = files.mapping.name
         self.reading = UrdfReading(from_geometry=mapping.impossible_inertia == "from_geometry")
         self.carrier = mapping.base
-        """Body that moves over the floor; not the base when the base's own joints are inside."""
+        """Name of the body that moves over the floor; differs from the base if the base's own joints are below it."""
 
         self.footprint_z_m = -mapping.spawn.height_m
         """Height of the floor in the carrier's frame at the start, in metres."""
@@ -147,7 +147,7 @@ class ModelBuilder:
         """Returns the robot's model with the additions of its `robot.yaml`.
 
         Raises:
-            LaunchError: a file or a name is wrong.
+            LaunchError: A file or a name is wrong.
         """
         spec = load_model(self._files.model, self._files.root, self.reading)
         base = self._keep_robot_only(spec)
@@ -170,7 +170,7 @@ class ModelBuilder:
         """Compiles the robot without a world; unusable visual meshes are left out.
 
         Raises:
-            LaunchError: a file or a name is wrong, or MuJoCo cannot compile it.
+            LaunchError: A file or a name is wrong, or MuJoCo cannot compile it.
         """
         spec = self.build()
         try:
@@ -185,7 +185,7 @@ class ModelBuilder:
         """Finds a part of the model by name.
 
         Raises:
-            LaunchError: the model has no such part; the message names the field and the parts that the model has.
+            LaunchError: The model has no such part; the message names the field and the parts that the model has.
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:

@@ -35,11 +35,11 @@ def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> Non
     Args:
         mentioned_in: File that names the other file, with the line if known.
         file: Path of the file.
-        root: the robot's folder.
-        name: the file's name as it is written.
+        root: The robot's folder.
+        name: The file's name as it is written.
 
     Raises:
-        LaunchError: the file is outside the robot's folder.
+        LaunchError: The file is outside the robot's folder.
     """
     if not file.resolve().is_relative_to(root.resolve()):
         raise invalid(mentioned_in, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
@@ -57,7 +57,7 @@ def find_file(name: str, where: str, folder: Path, root: Path) -> Path:
         root: Folder that has to contain all files.
 
     Raises:
-        LaunchError: the file does not exist or is outside the folder; the message suggests a file of a similar name.
+        LaunchError: The file does not exist or is outside the folder; the message suggests a file of a similar name.
     """
     bare = name.removeprefix(_FILE)
     if not name.startswith((_PACKAGE, _MODEL)) and Path(bare).is_absolute():

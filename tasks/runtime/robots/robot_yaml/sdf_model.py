@@ -51,8 +51,8 @@ def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
         reading: State of reading the file: options and problems.
 
     Raises:
-        LaunchError: it cannot be read, a file is missing or outside of the folder, an inertia is impossible, or it is
-            not one model whose joints are one tree.
+        LaunchError: The file cannot be read, a file is missing or outside of the folder, an inertia is impossible, or
+            the file is not one model whose joints are one tree.
     """
     folders = folders_between(path.parent, root)
     try:
@@ -131,7 +131,7 @@ class _Writer:
     def _check_root(self) -> None:
         """Raises an error for links that are not connected to the robot: only one tree is put into a world."""
         hanging = {name for name, joint in self._joints.items() if joint.parent != "world"}
-        roots = [_own(name) for name in self._links if name not in hanging]
+        roots = [_without_model_name(name) for name in self._links if name not in hanging]
         if len(roots) > 1:
             raise invalid(
                 self._path,
@@ -156,7 +156,7 @@ class _Writer:
     def _body(self, link: Link, joint: Joint | None, above: Any, around: Pose | None) -> Any:
         # The outermost link stands at the origin, as that of a URDF: robot.yaml says how high it is.
         pose = identity() if around is None else around.inverse() @ link.pose
-        body = above.add_body(name=_own(link.path), pos=pose.position, quat=_quaternion(pose.rotation))
+        body = above.add_body(name=_without_model_name(link.path), pos=pose.position, quat=_quaternion(pose.rotation))
         inside = link.pose.inverse()
         if joint is not None and joint.kind != "fixed":
             self._joint(body, joint, inside)
@@ -175,7 +175,7 @@ class _Writer:
         return body
 
     def _joint(self, body: Any, joint: Joint, inside: Pose) -> None:
-        name = _numbered(_own(joint.path), self._joint_names)
+        name = _numbered(_without_model_name(joint.path), self._joint_names)
         made = body.add_joint(name=name, type=_KINDS[joint.kind], pos=(inside @ joint.pose).position)
         made.damping = [max(joint.damping, 0.0), 0.0, 0.0]  # linear in the speed, as Gazebo has it
         made.frictionloss = max(joint.friction, 0.0)
@@ -202,7 +202,9 @@ class _Writer:
         else:
             geom = body.add_geom(type=_SHAPES[geometry.kind], size=_size(geometry))
         geom.pos, geom.quat = pose.position, _quaternion(pose.rotation)
-        geom.name = _numbered(_own(part.name) if collides else f"{_own(part.name)}_drawn", self._geom_names)
+        geom.name = _numbered(
+            _without_model_name(part.name) if collides else f"{_without_model_name(part.name)}_drawn", self._geom_names
+        )
         if isinstance(part, Collision):
             geom.friction = [part.friction, 0.005, 0.0001]
             geom.group = _SOLID_GROUP if link.visuals else _DRAWN_GROUP
@@ -245,7 +247,7 @@ def _numbered(name: str, taken: set[str]) -> str:
     return found
 
 
-def _own(path: str) -> str:
+def _without_model_name(path: str) -> str:
     """Returns a name without the prefix of the model's own name."""
     return path.partition("::")[2] or path
 

@@ -118,7 +118,7 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
         reading: State of reading the file: options and problems.
 
     Raises:
-        LaunchError: it is not expanded, a file is missing or of a form that MuJoCo does not read, an inertia is
+        LaunchError: The URDF is not expanded, a file is missing or of a form that MuJoCo does not read, an inertia is
             impossible, or MuJoCo refuses it; with the file's own line.
     """
     reading = reading or UrdfReading()
@@ -170,7 +170,7 @@ def check_expanded(robot: Located, path: Path) -> None:
         path: Path of the URDF.
 
     Raises:
-        LaunchError: macros, properties or expressions have not been replaced; with the command that does it.
+        LaunchError: Macros, properties or expressions have not been replaced; with the command that does it.
     """
     prefixes = tuple(
         f"{prefix}:"
