@@ -176,13 +176,24 @@ def planned_trials(request: Mapping[str, Any]) -> int:
     Args:
         request: checked or not; what cannot be understood counts as no trials.
     """
+    found = _understood(request)
+    return found.count if found else 0
+
+
+def trials_seeds(request: Mapping[str, Any]) -> int:
+    """Counts the seeds that the trials of a raw request take, 1 for a single episode; see `planned_trials`."""
+    found = _understood(request)
+    return found.seeds if found else 1
+
+
+def _understood(request: Mapping[str, Any]) -> Trials | None:
     for given in (request.get("trials"), *_texts(request)):
         with suppress(ValidationError, InvalidParameterException):
             if isinstance(given, str):
-                return _parse(load_strict(given, TRIALS_VARIABLE, MAX_VARIABLE_CHARACTERS), TRIALS_VARIABLE).count
+                return _parse(load_strict(given, TRIALS_VARIABLE, MAX_VARIABLE_CHARACTERS), TRIALS_VARIABLE)
             if given is not None:
-                return Trials.model_validate(given).count
-    return 0
+                return Trials.model_validate(given)
+    return None
 
 
 def _texts(request: Mapping[str, Any]) -> Iterator[str]:
