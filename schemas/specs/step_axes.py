@@ -13,7 +13,6 @@ Members and designs are those of trials. What an axis varies is where its name s
 its cell in its tags, which keep it through batches, reruns and records.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,8 +20,8 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, ValidationError, WithJsonSchema
 
-from ..runs.axes import MAX_AXES
-from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, Value, differ
+from ..runs.axes import AXIS_TAG, MAX_AXES, tag_value
+from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, differ
 from ..runs.trial_designs import CellAxis, Cells, TrialDesign
 from ..runs.trials import trials_seeds
 from ..runs.variables import secret_names
@@ -36,8 +35,6 @@ VALUE = "value"
 AXES_KEYS = (AXES, "design", "points", "include", "exclude", "seeds", VALUE)
 MAX_JOBS = 100_000
 """Limit on the jobs of a step: all their requests are in memory together, at a few kilobytes each."""
-AXIS_TAG = "robomaker:axis:"
-"""Beginning of the tags of a job that say its cell; the name of the axis follows."""
 _MAX_TAG_CHARACTERS = 256
 """As of all values of tags."""
 
@@ -283,39 +280,6 @@ def clashing_words(name: str) -> str:
 def points_seed(written: object) -> int:
     """Returns the seed on which drawn points depend: that of `value` if it is written there, else 0."""
     return written if isinstance(written, int) and not isinstance(written, bool) else 0
-
-
-_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?")
-_ALLOWED = re.compile(r"[^a-zA-Z0-9 _.\-/+:]")
-_ESCAPED = re.compile(r"(?:=[0-9A-F]{2})+")
-
-
-def tag_value(value: Scalar) -> str:
-    """Returns the tag that says a value of an axis: a number as it is, a text with `=2C` for a comma."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
-    text = _ALLOWED.sub(lambda found: "".join(f"={byte:02X}" for byte in found[0].encode()), value)
-    return f"={ord(text[0]):02X}{text[1:]}" if _NUMBER.fullmatch(text) else text
-
-
-def cell_in_tags(tags: object) -> dict[str, Value]:
-    """Returns the cell that a job's tags say; empty for a job of no axes.
-
-    Args:
-        tags: The tags of a request, if it has any.
-    """
-    found = tags.items() if is_mapping(tags) else ()
-    return {
-        str(name).removeprefix(AXIS_TAG): _said(str(text)) for name, text in found if str(name).startswith(AXIS_TAG)
-    }
-
-
-def _said(text: str) -> Value:
-    if _NUMBER.fullmatch(text):
-        return float(text)
-    return _ESCAPED.sub(lambda found: bytes.fromhex(found[0].replace("=", "")).decode(errors="replace"), text)
 
 
 def is_axes_location(location: Location) -> bool:

@@ -184,7 +184,11 @@ class InputCheck:
             return self._unknown(location, annotation)
         for name in clashing_axes([*axes.kinds], plain(value) if isinstance(value, MappingNode) else {}):
             self._report_at((*location, VALUE, "trials", "axes", name), clashing_words(name), at_key=True)
-        return [self._walk(value, (*location, 0), inner(annotation, 0), {**scope, **axes.kinds})]
+        made = self._walk(value, (*location, 0), inner(annotation, 0), {**scope, **axes.kinds})
+        for name in axes.kinds.keys() - self.names:
+            words = f"nothing in value refers to it, so that its jobs would be the same; write ${{{{ {name} }}}} there"
+            self._report_at((*location, "axes", name), words, at_key=True)
+        return [made]
 
     def _variables(self, construct: MappingNode, item: Kind, problems: list[RequestProblem]) -> dict[str, Kind]:
         """The variables that the value of a `forEach` may use; of a wrong one only that it is there."""
