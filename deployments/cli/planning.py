@@ -195,7 +195,7 @@ def _worlds(step: CheckedStep, jobs: int) -> set[str]:
 
 def _worlds_of_axes(construct: MappingNode, world: str, jobs: int) -> set[str]:
     """Names for the worlds of axes: one for each value of the first axis on which the world depends."""
-    axes = construct.entries[AXES]
+    axes = child(construct, AXES)
     named = _names(world)
     values = (
         [child(axes.entries[name], "values") for name in axes.entries if name in named]
@@ -235,13 +235,15 @@ def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | Non
 
 def _size_of_axes(construct: MappingNode, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
     """The number of jobs of axes, with how it comes about: `12 simulation jobs: 6 cells of robot × world, 2 seeds`."""
-    axes = construct.entries[AXES]
+    axes = child(construct, AXES)
     names = " × ".join(axes.entries) if isinstance(axes, MappingNode) else ""
     try:
         cells = written_cells(construct, outputs)
     except SpecError:
         return None, f"a simulation job for each cell of {names}"
     jobs = cells.count * cells.seeds
+    if not names:
+        return jobs, f"{counted(jobs, 'simulation job')}, one for each seed"
     seeds = f", {counted(cells.seeds, 'seed')} each" if cells.seeds > 1 else ""
     return jobs, f"{counted(jobs, 'simulation job')}: {counted(cells.count, 'cell')} of {names}{seeds}"
 

@@ -15,7 +15,7 @@ from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .model import FOR_EACH, REUSABLE, Spec, Step
 from .parameters import Parameter
-from .step_axes import AXES, VALUE, StepAxes, StepAxis
+from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 
@@ -143,7 +143,8 @@ def _axes(item: dict[str, Any]) -> dict[str, Any]:
     return {
         "type": "object",
         "description": "One job for each combination of the values of axes, and for each seed.",
-        "required": [AXES, VALUE],
+        "required": [VALUE],
+        "anyOf": [{"required": [AXES]}, {"required": [SEEDS]}],
         "additionalProperties": False,
         "properties": {**flexible, VALUE: {**item, "description": "The request of each job; may refer to the axes."}},
     }

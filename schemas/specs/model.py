@@ -31,7 +31,7 @@ from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
 from .sabotages import Sabotage
-from .step_axes import AXES
+from .step_axes import AXES, SEEDS
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
@@ -187,7 +187,9 @@ def for_each_of(node: Node) -> MappingNode | None:
 
 def axes_of(node: Node) -> MappingNode | None:
     """Returns the node if it is axes of a step, in place of a list of job requests, else `None`."""
-    return node if isinstance(node, MappingNode) and AXES in node.entries and FOR_EACH not in node.entries else None
+    if not isinstance(node, MappingNode) or FOR_EACH in node.entries:
+        return None
+    return node if AXES in node.entries or SEEDS in node.entries else None
 
 
 def made_list_of(node: Node) -> MappingNode | None:

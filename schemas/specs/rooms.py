@@ -85,7 +85,7 @@ def _requests(step: CheckedStep) -> Iterator[_Request]:
         if isinstance(made, MappingNode):
             yield _Request(made, (_REQUESTS, "value"), {variable_of(construct): construct.entries[FOR_EACH]})
     elif requests is not None and (construct := axes_of(requests)) is not None:
-        made, axes = child(construct, VALUE), construct.entries[AXES]
+        made, axes = child(construct, VALUE), child(construct, AXES)
         named = axes.entries.items() if isinstance(axes, MappingNode) else ()
         sources = {name: values for name, axis in named if (values := child(axis, "values")) is not None}
         if isinstance(made, MappingNode):

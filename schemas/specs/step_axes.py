@@ -31,8 +31,9 @@ from ..wire.json_values import is_mapping
 from ..wire.request_problems import Location, RequestProblem, placed_by_its_path, problems_of
 
 AXES = "axes"
+SEEDS = "seeds"
 VALUE = "value"
-AXES_KEYS = (AXES, "design", "points", "include", "exclude", "seeds", VALUE)
+AXES_KEYS = (AXES, "design", "points", "include", "exclude", SEEDS, VALUE)
 MAX_JOBS = 100_000
 """Limit on the jobs of a step: all their requests are in memory together, at a few kilobytes each."""
 _MAX_TAG_CHARACTERS = 256
@@ -71,7 +72,7 @@ class StepAxes(Model):
     """Axes of a step with their design: the members of a step's trials, and the request that each job has."""
 
     axes: dict[str, StepAxis] = Field(
-        min_length=1, max_length=MAX_AXES, description="The axes by name, which references in `value` use."
+        default={}, max_length=MAX_AXES, description="The axes by name, which references in `value` use."
     )
     design: TrialDesign = Field(default="grid", description="How cells are chosen, as of trials.")
     points: AxisCount | None = optional("How many cells there are, of a design that is no grid.")

@@ -79,7 +79,7 @@ class _Arm:
     unpaired: int
     same_states: bool
     rate: RateChange | None
-    """Of the pairs that were judged."""
+    """Pass rates of the pairs that were judged; None: none was."""
     strict: RateChange | None
     """The same if what broke counts as failed."""
 
@@ -123,7 +123,7 @@ class _Axis:
                 yield arm
 
     def note(self, compared: int) -> str:
-        """Why there are no comparisons, or of which values there are none."""
+        """Says why there are no comparisons, or that some values have none."""
         values = len(self.values)
         if self._worlds.keys() >= set(self.values):
             return ""  # pairs are of one world each

@@ -35,7 +35,7 @@ class WrittenAxes:
         Args:
             scope: Names that mean something else already.
         """
-        if not isinstance(self.construct.entries[AXES], MappingNode):
+        if not isinstance(self.construct.entries.get(AXES, self.construct), MappingNode):
             words = "has to be a mapping of names with values, range or normal: robot: {values: [scout, rover]}"
             return [RequestProblem((AXES,), words)]
         _, found = axes_problems(self._written)
@@ -46,8 +46,8 @@ class WrittenAxes:
     @cached_property
     def kinds(self) -> dict[str, Kind]:
         """Types of the values of each axis, as references in `value` see them."""
-        assert AXES in self._written  # so that all references are known
-        axes = self.construct.entries[AXES]
+        assert self._written is not None  # so that all references are known
+        axes = self.construct.entries.get(AXES)
         named = axes.entries.items() if isinstance(axes, MappingNode) else ()
         return {name: self._kind(axis, name) for name, axis in named}
 

@@ -119,7 +119,8 @@ def test_values_have_their_types_and_come_from_earlier_steps() -> None:
     assert [each["maxJobDurationInSeconds"] for each in made] == [30, 30, 60, 60]
     assert [each["simulationApplications"][0]["worldConfigs"][0]["world"] for each in made] == WORLDS * 2
     assert {each["robotApplications"][0]["application"] for each in made} == {"scout"}
-    assert {each["seed"] for each in made} == {0}  # without one each job would draw its own, and none had a partner
+    # Without a seed each job would draw its own, and none had a partner.
+    assert [each["seed"] for each in requests_of(spec_of(axes, value, seeds=2))] == [0, 1] * 4
 
 
 def test_designs_are_those_of_trials() -> None:
@@ -230,3 +231,10 @@ def test_the_plan_says_how_many_jobs_there_are() -> None:
 
     assert step.jobs == math.prod((2, 3, 4))
     assert step.detail.startswith("24 simulation jobs: 6 cells of robot × speed, 4 seeds each")
+
+
+def test_seeds_alone_make_jobs_that_differ_in_nothing_else() -> None:
+    text = spec_of({}, {"seed": 7}, seeds=3).replace('"axes": {},', "")
+
+    assert [(each["seed"], each["tags"]) for each in requests_of(text)] == [(7, {}), (8, {}), (9, {})]
+    assert jobs_of_axes(load_spec(text, "axes.yaml")) == 3
