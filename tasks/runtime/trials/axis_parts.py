@@ -1,4 +1,4 @@
-"""What a job's trials say of an axis: the part of it that each lies in, and whether it changes anything."""
+"""Axes of a job as its trials show them: the part of an axis that each trial lies in, and axes without an effect."""
 
 from bisect import bisect_right
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """An axis that changes nothing is told, also where it stands beside axes that do."""
 
-# ruff: noqa: E501 - a case in a line reads best
-
 from collections.abc import Callable, Mapping
 
 from helpers.variable_axes import variables
