@@ -125,6 +125,11 @@ class ArmComparison(Model):
     same_states: bool = Field(default=False, description="Whether each pair went through the same states.")
     rate: RateChange | None = optional("Both pass rates with the test; `before` is the baseline.")
 
+    @property
+    def result(self) -> str:
+        """Says of the other value how trials with it end: `passes more often`."""
+        return {"better": "passes more often", "worse": "passes less often"}.get(self.answer, self.answer)
+
 
 class AxisResult(Model):
     """Results of a step's jobs by the values of one of its axes."""
