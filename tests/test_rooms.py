@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = ("schemas", "tasks", "flows", "deployments")
 MOST_MODULES = 15
 """Side by side in one folder; the resources of the service are 12, with what they share."""
-ONE_FILE_FOR_ONE_KIND = ("schemas.runs.requirement_kinds",)
+ONE_FILE_FOR_ONE_KIND = ("schemas.runs.axis_kinds", "schemas.runs.requirement_kinds")
 """Rooms in which a module is a kind, so that they grow with the kinds there are."""
 
 

@@ -14,6 +14,7 @@ from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE
 from prefect_robomaker.schemas.specs.model import DEFAULT_VARIABLE, FOR_EACH_KEYS, INDEX, IfExists, Spec, Step
 from prefect_robomaker.schemas.specs.parameters import Parameter, ValueType
 from prefect_robomaker.schemas.specs.references import parse_template
+from prefect_robomaker.schemas.specs.step_axes import AXES_KEYS
 from prefect_robomaker.schemas.worlds.step_operations import STEP_OPERATIONS
 
 PAGE = REPOSITORY / "docs" / "specification.md"
@@ -33,7 +34,7 @@ def extensions() -> set[str]:
 
 
 def test_every_member_of_the_language_is_named() -> None:
-    members = {*Spec.model_fields, *Step.model_fields, *Parameter.model_fields, *FOR_EACH_KEYS}
+    members = {*Spec.model_fields, *Step.model_fields, *Parameter.model_fields, *FOR_EACH_KEYS, *AXES_KEYS}
     values = {INDEX, DEFAULT_VARIABLE, *get_args(IfExists), *get_args(ValueType), *STEP_OPERATIONS, "axes"}
 
     assert members | values | extensions() <= in_code(TEXT)

@@ -6,9 +6,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.runs.trials import planned_trials
-from ...schemas.specs.model import FOR_EACH, INDEX, CheckedSpec, CheckedStep, for_each_of, variable_of
+from ...schemas.specs.model import (
+    FOR_EACH,
+    INDEX,
+    CheckedSpec,
+    CheckedStep,
+    axes_of,
+    for_each_of,
+    made_list_of,
+    variable_of,
+)
 from ...schemas.specs.references import ReferenceMistake, parse_template
-from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
+from ...schemas.specs.resolving import written_cells
+from ...schemas.specs.step_axes import AXES
+from ...schemas.specs.text import ListNode, MappingNode, Node, ScalarNode, child, plain
+from ...schemas.wire.errors import SpecError
 from .output.answers import duration
 
 if TYPE_CHECKING:
@@ -58,10 +70,22 @@ def planned(spec: CheckedSpec) -> list[PlannedStep]:
     for name in spec.order:
         step = _planned_step(spec.steps[name], outputs)
         # As if every world succeeded: enough to count what later steps make of them.
-        worlds = [_SOME_WORLD] * (step.worlds or 0)
+        worlds = [f"{_SOME_WORLD} {number} of {name}" for number in range(step.worlds or 0)]
         outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}, "worlds": worlds} if worlds else {}
         steps.append(step)
     return steps
+
+
+def jobs_of_axes(spec: CheckedSpec) -> int | None:
+    """Counts the simulation jobs that axes of a specification's steps make; `None`: there are none, or a run tells."""
+    of_axes = {
+        name
+        for name, step in spec.steps.items()
+        if (requests := child(step.input, "createSimulationJobRequests")) and axes_of(requests)
+    }
+    jobs = [step.jobs for step in planned(spec) if step.step in of_axes] if of_axes else []
+    known = [count for count in jobs if count is not None]
+    return sum(known) if known and len(known) == len(jobs) else None
 
 
 def planned_trials_of(spec: CheckedSpec, steps: Sequence[PlannedStep]) -> "PlannedTrials | None":
@@ -138,7 +162,7 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
 
 def _written(requests: Node) -> list[Node]:
     """Returns the requests for jobs that are written in a specification file."""
-    construct = for_each_of(requests)
+    construct = made_list_of(requests)
     return [construct.entries["value"]] if construct else list(requests.items) if isinstance(requests, ListNode) else []
 
 
@@ -151,7 +175,7 @@ def _trials(request: Node) -> int:
 def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
     """Returns the number of trials of all jobs of a batch; `None` if it is only known during the run."""
     written = _written(requests)
-    if for_each_of(requests) is None:
+    if made_list_of(requests) is None:
         return sum(map(_trials, written)) or None
     return None if jobs is None else jobs * _trials(written[0])
 
@@ -160,11 +184,29 @@ def _worlds(step: CheckedStep, jobs: int) -> set[str]:
     """Returns names for the different worlds that a step's jobs use, equal for steps with the same worlds."""
     requests = child(step.input, "createSimulationJobRequests") or ListNode(step.place, (step.input,))
     written = [_world(each) for each in _written(requests)]
+    if (axes := axes_of(requests)) is not None:
+        return _worlds_of_axes(axes, written[0], jobs)
     construct = for_each_of(requests)
     if construct is None or not _names(written[0]).intersection((variable_of(construct), INDEX)):
         return set(written)
     source = json.dumps(plain(construct.entries[FOR_EACH]))
     return {f"{source} {number}" for number in range(jobs)}
+
+
+def _worlds_of_axes(construct: MappingNode, world: str, jobs: int) -> set[str]:
+    """Names for the worlds of axes: one for each value of the first axis on which the world depends."""
+    axes = child(construct, AXES)
+    named = _names(world)
+    values = (
+        [child(axes.entries[name], "values") for name in axes.entries if name in named]
+        if isinstance(axes, MappingNode)
+        else []
+    )
+    if not values or values[0] is None:
+        return {f"{world} {number}" for number in range(jobs)} if values else {world}
+    if isinstance(values[0], ListNode):
+        return {str(plain(each)) for each in values[0].items}
+    return {f"{plain(values[0])} {number}" for number in range(jobs)}
 
 
 def _world(request: Node) -> str:
@@ -181,12 +223,29 @@ def _names(text: str) -> set[str]:
 
 def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
     """Returns the number of jobs, or `None` if it cannot be computed before the run, and a text that says it."""
+    if (axes := axes_of(requests)) is not None:
+        return _size_of_axes(axes, outputs)
     construct = for_each_of(requests)
     entries = _entries(construct.entries[FOR_EACH] if construct else requests, outputs)
     if entries is None:
         return None, f"a simulation job for each of {plain(construct.entries[FOR_EACH] if construct else requests)}"
-    each = ", one for each world" if entries and all(entry == _SOME_WORLD for entry in entries) else ""
+    each = ", one for each world" if entries and all(str(entry).startswith(_SOME_WORLD) for entry in entries) else ""
     return len(entries), counted(len(entries), "simulation job") + each
+
+
+def _size_of_axes(construct: MappingNode, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
+    """The number of jobs of axes, with how it comes about: `12 simulation jobs: 6 cells of robot × world, 2 seeds`."""
+    axes = child(construct, AXES)
+    names = " × ".join(axes.entries) if isinstance(axes, MappingNode) else ""
+    try:
+        cells = written_cells(construct, outputs)
+    except SpecError:
+        return None, f"a simulation job for each cell of {names}"
+    jobs = cells.count * cells.seeds
+    if not names:
+        return jobs, f"{counted(jobs, 'simulation job')}, one for each seed"
+    seeds = f", {counted(cells.seeds, 'seed')} each" if cells.seeds > 1 else ""
+    return jobs, f"{counted(jobs, 'simulation job')}: {counted(cells.count, 'cell')} of {names}{seeds}"
 
 
 def _entries(node: Node, outputs: dict[str, dict[str, Any]]) -> list[Any] | None:

@@ -7,11 +7,14 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..job_owners import JobOwner
+from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
+from .against import Answer
 from .challenge import Challenge
 from .changes import SinceLastRun
+from .comparison import RateChange
 from .forecast import ForecastCheck
 from .run_record import CaseOutcome as CaseOutcome
 from .run_record import JobInputs
@@ -80,11 +83,65 @@ class ReportedJob(Model):
     known: str = Field(
         default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )
+    axes: dict[str, Value] = Field(
+        default={},
+        description="Values of its step's axes by name, a world by its content; empty: its step has none.",
+    )
     reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
     carried_out_by: JobOwner | None = optional(
         "The process that carried it out last; absent: none has begun, or it is not known."
     )
     earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
+
+
+class Share(Model):
+    """A pass rate: number of successes of a total, with its confidence interval."""
+
+    name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
+    passed: int = Field(description="Went well.")
+    failed: int = Field(description="Went badly.")
+    errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
+    rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
+    low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
+    high: float | None = optional("Upper end of it.")
+    worst_margin: float | None = optional(
+        "Smallest margin that was left, of a requirement; negative when it was missed."
+    )
+    unit: str | None = optional("Unit of the margin.")
+    worst_job: str | None = optional("Job with the smallest margin.")
+
+
+class ArmComparison(Model):
+    """Comparison of two values of a step's axis within one run, by pairs of trials that differ in nothing else."""
+
+    baseline: str = Field(description="The first value of the axis, with which others are compared.")
+    value: str = Field(description="The other value.")
+    answer: Answer = Field(description="Whether trials with the other value pass more often, or less.")
+    why: str = Field(description="The answer's reason in words.")
+    pairs: int = Field(description="Pairs of trials of the same world, seed and values of all other axes.")
+    unpaired: int = Field(description="Trials of the two values that have no partner.")
+    unjudged: int = Field(description="Pairs of which a side has no verdict: it broke, was canceled or not judged.")
+    other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
+    adjusted_p_value: float | None = optional(
+        "p-value of the test by Holm's method, for all comparisons of the run together; absent: nothing was judged."
+    )
+    same_states: bool = Field(default=False, description="Whether each pair went through the same states.")
+    rate: RateChange | None = optional("Both pass rates with the test; `before` is the baseline.")
+
+    @property
+    def result(self) -> str:
+        """Says of the other value how trials with it end: `passes more often`."""
+        return {"better": "passes more often", "worse": "passes less often"}.get(self.answer, self.answer)
+
+
+class AxisResult(Model):
+    """Results of a step's jobs by the values of one of its axes."""
+
+    step: str = Field(description="The step.")
+    axis: str = Field(description="The axis.")
+    shares: list[Share] = Field(description="Pass rates by value, or by fifths of many numbers.")
+    comparisons: list[ArmComparison] = Field(description="The first value against each other one, in pairs.")
+    note: str = Field(default="", description="Why there are no comparisons, or what they do not say.")
 
 
 class Report(Model):
@@ -118,23 +175,7 @@ class Report(Model):
         "Changes since the last run of the specification; absent: it was not looked up."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
-
-
-class Share(Model):
-    """A pass rate: number of successes of a total, with its confidence interval."""
-
-    name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
-    passed: int = Field(description="Went well.")
-    failed: int = Field(description="Went badly.")
-    errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
-    rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
-    low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
-    high: float | None = optional("Upper end of it.")
-    worst_margin: float | None = optional(
-        "Smallest margin that was left, of a requirement; negative when it was missed."
-    )
-    unit: str | None = optional("Unit of the margin.")
-    worst_job: str | None = optional("Job with the smallest margin.")
+    axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
 
 
 class JobCase(Model):
@@ -209,6 +250,7 @@ class ReportSummary(Model):
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
+    axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."
     )

@@ -11,6 +11,7 @@ from pydantic import Field
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
 from ..known_failures import KnownFailure
+from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
@@ -158,6 +159,10 @@ class JobRecord(Model):
         default=[], description="Requirements that it was judged by, from `result.json`."
     )
     inputs: JobInputs | None = optional("Inputs that decide its result; absent: its job was deleted.")
+    axes: dict[str, Value] = Field(
+        default={},
+        description="Values of its step's axes by name, a world by its content; empty: its step has none.",
+    )
     reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
     earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
     carried_out_by: JobOwner | None = optional(

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, TypeAlias, cast
 
+from ..runs.axes import cell_in_tags, value_text
 from ..runs.variables import hide_secrets
 from ..wire.arns import ResourceArn
 from ..wire.errors import InvalidParameterException
@@ -22,19 +23,28 @@ _APPLICATIONS = {"robotApplications": "robot", "simulationApplications": "simula
 def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
     """Describes how each simulation job request differs from the others: `SPEED=2, seed=7`; secrets are left out.
 
+    A job of a step's axes is described by its cell and its seed, on which all else depends.
+
     Args:
         requests: Requests of simulation jobs, as JSON.
 
     Returns:
         One text for each request; empty where it has nothing of its own.
     """
-    all_settings = [dict(_settings(hide_secrets(request))) for request in requests]
+    all_settings = [_of_cell(request) or dict(_settings(hide_secrets(request))) for request in requests]
     names = dict.fromkeys(name for settings in all_settings for name in settings)
     differing = [name for name in names if len({settings.get(name) for settings in all_settings}) > 1]
     counts = Counter((name, settings[name]) for settings in all_settings for name in differing if name in settings)
     return [
         _named({name: settings[name] for name in differing if name in settings}, counts) for settings in all_settings
     ]
+
+
+def _of_cell(request: Mapping[str, Any]) -> dict[_Path, str]:
+    """The cell of a request that axes of a step made, with its seed; its world has a column of its own."""
+    cell = cell_in_tags(request.get("tags"))
+    settings = {(name,): _short(value_text(value)) for name, value in cell.items() if ":world/" not in str(value)}
+    return {**settings, ("seed",): str(request.get("seed"))} if cell else {}
 
 
 def _named(settings: Mapping[_Path, str], counts: Mapping[tuple[_Path, str], int]) -> str:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field
 from ..discovery import classes_of
 from ..wire.base import Model, ShapeName
 from ..wire.common import raise_all, text
+from ..wire.json_values import is_mapping
 from . import axis_kinds
 from .axis_kinds.kind import Axis, AxisValue, NumberAxis, Value
 
@@ -107,3 +108,38 @@ def subject_of(kind: str) -> str:
 def value_text(value: Value) -> str:
     """Formats a value of an axis for people: a number with six digits at most."""
     return value if isinstance(value, str) else f"{value:.6g}"
+
+
+AXIS_TAG = "robomaker:axis:"
+"""Beginning of the tags of a job that say its cell, of the axes of its step; the name of the axis follows."""
+_TAG_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?")
+_ALLOWED = re.compile(r"[^a-zA-Z0-9 _.\-/+:]")
+_ESCAPED = re.compile(r"(?:=[0-9A-F]{2})+")
+
+
+def tag_value(value: Value) -> str:
+    """Returns the tag that says a value of an axis: a number as it is, a text with `=2C` for a comma."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    text = _ALLOWED.sub(lambda found: "".join(f"={byte:02X}" for byte in found[0].encode()), value)
+    return f"={ord(text[0]):02X}{text[1:]}" if _TAG_NUMBER.fullmatch(text) else text
+
+
+def cell_in_tags(tags: object) -> dict[str, Value]:
+    """Returns the cell that a job's tags say; empty for a job of no axes.
+
+    Args:
+        tags: The tags of a request, if it has any.
+    """
+    found = tags.items() if is_mapping(tags) else ()
+    return {
+        str(name).removeprefix(AXIS_TAG): _said(str(text)) for name, text in found if str(name).startswith(AXIS_TAG)
+    }
+
+
+def _said(text: str) -> Value:
+    if _TAG_NUMBER.fullmatch(text):
+        return float(text)
+    return _ESCAPED.sub(lambda found: bytes.fromhex(found[0].replace("=", "")).decode(errors="replace"), text)

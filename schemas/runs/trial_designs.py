@@ -1,16 +1,18 @@
-"""Designs of trials: the combinations of axis values (cells) that a job tries.
+"""Designs: which combinations of the values of axes the trials of a job, or the jobs of a step, have.
 
 A grid has all combinations except excluded ones; other designs have a requested number of points. Explicitly included
 cells come after all others.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from math import prod
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 from ..wire.base import ShapeName
-from .axis_kinds.kind import Axis, Value
+from ..wire.request_problems import nearest
+from .axis_kinds.kind import Value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,11 +23,174 @@ TrialDesign = Annotated[Literal["grid", "random", "latin-hypercube", "sobol"], S
 Cell = Mapping[str, Value]
 """Values of axes by name; axes that are missing keep their default value."""
 
+
+class CellAxis(Protocol):
+    """Interface to an axis, as far as designs ask it for values."""
+
+    @property
+    def listed(self) -> Sequence[Value] | None:
+        """Its values, if it lists them."""
+        ...
+
+    def parse(self, text: Any) -> Value:
+        """Returns the value that a cell of a request means.
+
+        Raises:
+            ValueError: It is no possible value.
+        """
+        ...
+
+    def at(self, share: float) -> Value:
+        """Returns the value below which a share, 0 to 1, of its values lies."""
+        ...
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells that axes and a design make, each of which is run with so many seeds."""
+
+    axes: Mapping[str, CellAxis]
+    design: str
+    points: int | None
+    """Number of cells of a design that is no grid."""
+    include: Sequence[Mapping[str, Any]]
+    """Cells beside those of the design, with values as the request has them."""
+    exclude: Sequence[Mapping[str, Any]]
+    """Combinations of values that a grid does without."""
+    seeds: int
+    most: int
+    """Limit on cells times seeds."""
+    counted: str = "trials"
+    """Word for what has one cell and one seed."""
+    holder: str = "a job"
+    """Words for what has so many of them."""
+
+    def problems(self) -> list[str]:
+        """Returns everything that is wrong, each after the path of its member."""
+        return [*self._wrong_design(), *self._wrong_cells()] or [*self._wrong_count()]
+
+    @property
+    def count(self) -> int:
+        """Number of cells."""
+        return self._drawn + len(self.include)
+
+    @property
+    def first(self) -> dict[str, Value]:
+        """The first cell of a grid."""
+        return grid_cell(self.axes, self._kept[0] if self._kept else 0)
+
+    def cell(self, place: int, seed: int) -> Cell:
+        """Returns the cell of a given number, from 0.
+
+        Args:
+            place: Its number.
+            seed: The seed on which drawn points depend.
+        """
+        if place >= self._drawn:
+            return self._included[place - self._drawn]
+        if self.design == "grid":
+            return grid_cell(self.axes, self._kept[place])
+        return point(self.axes, self.design, self._drawn, seed, place)
+
+    def _wrong_design(self) -> Iterator[str]:
+        """Finds what a design needs and lacks, or has and cannot use."""
+        if not self.axes:
+            named = [name for name in ("include", "exclude") if getattr(self, name)]
+            yield from (f"{name}: its cells are of axes, and there are none; give axes" for name in named)
+        if self.design == "grid":
+            for name, axis in self.axes.items():
+                if axis.listed is None:
+                    yield (
+                        f"axes.{name}: a grid has values, and this is a range or a distribution; list `values`, or "
+                        "choose a design such as sobol and how many points it has"
+                    )
+            if self.points is not None:
+                yield "points: a grid has as many cells as its values make; leave it out, or give a design"
+            return
+        if not self.axes:
+            yield f"design: {self.design} spreads points over axes, and there are none; give axes"
+        if self.points is None:
+            yield f"points is missing: a {self.design} design has as many cells as it says"
+        if self.exclude:
+            yield f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own"
+
+    def _wrong_cells(self) -> Iterator[str]:
+        """Finds cells that name what is not there, or are there twice, and grids that are too large."""
+        if grid_size(self.axes) > self.most and self.design == "grid":
+            cells = grid_size(self.axes)
+            yield f"axes: a grid of them has {cells} cells; {self.holder} has at most {self.most} {self.counted}"
+        if not self.axes:
+            return
+        included: list[Cell] = []
+        for number, cell in enumerate(self.include):
+            parsed, wrong = self._parsed(cell, f"include[{number}]")
+            yield from wrong
+            if not wrong and parsed in included:
+                yield f"include[{number}]: it is there twice; cells have to differ"
+            included.append(parsed)
+        are_listed = self.design == "grid" and all(axis.listed is not None for axis in self.axes.values())
+        for number, cell in enumerate(self.exclude):
+            parsed, wrong = self._parsed(cell, f"exclude[{number}]")
+            yield from wrong or (wrong_excluded(self.axes, parsed, f"exclude[{number}]") if are_listed else ())
+
+    def _wrong_count(self) -> Iterator[str]:
+        """Finds grids without a cell or with one twice, and wrong numbers of trials, where all else is right."""
+        if self.exclude and not self._kept and not self.include:
+            yield "exclude: it leaves no cell; exclude fewer, or include some"
+            return
+        for number, cell in enumerate(self._included if self.design == "grid" else ()):
+            if self._has_cell(cell):
+                yield f"include[{number}]: the grid has this cell already; leave it out"
+        if (found := self.seeds * self.count) > self.most:
+            yield (
+                f"{self.seeds} seeds for each of {self.count} cells are {found} {self.counted}; {self.holder} has at "
+                f"most {self.most}"
+            )
+
+    def _has_cell(self, cell: Cell) -> bool:
+        """Whether a grid has a cell of its own that is the same."""
+        listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self.axes.items())
+        return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
+
+    @property
+    def _drawn(self) -> int:
+        """Number of cells besides those that are included."""
+        return len(self._kept) if self.points is None else self.points
+
+    @cached_property
+    def _kept(self) -> Sequence[int]:
+        """Numbers of the cells of a grid that are not excluded."""
+        return kept_cells(self.axes, self._excluded)
+
+    @cached_property
+    def _excluded(self) -> list[Cell]:
+        return [self._parsed(cell, "")[0] for cell in self.exclude]
+
+    @cached_property
+    def _included(self) -> list[Cell]:
+        return [self._parsed(cell, "")[0] for cell in self.include]
+
+    def _parsed(self, cell: Mapping[str, Any], place: str) -> tuple[Cell, list[str]]:
+        """The values that a cell of the request means, and what is wrong with others, each after its path."""
+        parsed: dict[str, Value] = {}
+        wrong: list[str] = []
+        for name, given in cell.items():
+            if name not in self.axes:
+                hint = nearest(name, self.axes) or f"; there are {', '.join(self.axes) or 'none'}"
+                wrong.append(f"{place}.{name}: there is no axis {name!r}{hint}")
+                continue
+            try:
+                parsed[name] = self.axes[name].parse(given)
+            except ValueError as error:
+                wrong.append(f"{place}.{name}: {error}")
+        return parsed, wrong
+
+
 _STREAM = 0x61786573  # "axes" in ASCII
 """Constant in the seed of designs, so that they differ from the random numbers of trials with the same seed."""
 
 
-def wrong_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], place: str) -> Iterator[str]:
+def wrong_excluded(axes: Mapping[str, CellAxis], excluded: Mapping[str, Value], place: str) -> Iterator[str]:
     """Yields reasons why an excluded combination matches no cell of a grid: unknown axis, or unknown value.
 
     Args:
@@ -41,12 +206,12 @@ def wrong_excluded(axes: Mapping[str, Axis], excluded: Mapping[str, Value], plac
             yield f"{place}.{name}: the axis has no value {value!r}; it has {shown}"
 
 
-def grid_size(axes: Mapping[str, Axis]) -> int:
+def grid_size(axes: Mapping[str, CellAxis]) -> int:
     """Returns the number of cells of a grid, including excluded ones; 1 without axes."""
     return prod(len(axis.listed or ()) for axis in axes.values())
 
 
-def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]) -> Sequence[int]:
+def kept_cells(axes: Mapping[str, CellAxis], excluded: Sequence[Mapping[str, Value]]) -> Sequence[int]:
     """Returns the numbers of the cells of a grid that are not excluded.
 
     The last axis changes from each cell to the next.
@@ -67,24 +232,24 @@ def kept_cells(axes: Mapping[str, Axis], excluded: Sequence[Mapping[str, Value]]
     return np.flatnonzero(kept).tolist()
 
 
-def grid_cell(axes: dict[str, Axis], number: int) -> dict[str, Value]:
+def grid_cell(axes: Mapping[str, CellAxis], number: int) -> dict[str, Value]:
     """Returns a cell (combination of axis values) of a grid by its number."""
     chosen: dict[str, Value] = {}
-    for name, axis in reversed(axes.items()):
+    for name, axis in reversed([*axes.items()]):
         listed = axis.listed or ()
         number, index = divmod(number, len(listed))
         chosen[name] = listed[index]
-    return dict(reversed(chosen.items()))
+    return dict(reversed([*chosen.items()]))
 
 
-def point(axes: Mapping[str, Axis], design: str, points: int, seed: int, number: int) -> dict[str, Value]:
+def point(axes: Mapping[str, CellAxis], design: str, points: int, seed: int, number: int) -> dict[str, Value]:
     """Returns a point of a design that samples its points.
 
     Args:
         axes: The axes.
         design: `random`, `latin-hypercube` or `sobol`.
         points: Number of points.
-        seed: Seed of the job, which determines all points.
+        seed: The seed on which all of them depend, that of the job.
         number: Number of the point, from 0.
     """
     shares = _shares(design, points, len(axes), seed)[number].tolist()

@@ -5,7 +5,7 @@ variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each cell (combination 
 job's seed and those after it. The seed changes from trial to trial, then the cell.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,10 +18,10 @@ from ..wire.common import MAX_SEED, raise_all
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping, load_strict
-from ..wire.request_problems import nearest, parsed_member
+from ..wire.request_problems import parsed_member
 from .axes import CellList, TrialAxes, value_text
-from .axis_kinds.kind import Axis, Value
-from .trial_designs import Cell, TrialDesign, grid_cell, grid_size, kept_cells, point, wrong_excluded
+from .axis_kinds.kind import Value
+from .trial_designs import Cell, Cells, TrialDesign
 
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """Name of the launch variable with trials as JSON."""
@@ -72,76 +72,18 @@ class Trials(Shape):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        raise_all([*self._wrong_design(), *self._wrong_cells()] or self._wrong_count())
+        raise_all(self._cells.problems() or self._wrong_records())
         return self
 
-    def _wrong_design(self) -> Iterator[str]:
-        """Yields problems of a design: missing members, and members that it does not use."""
-        if not self._axes:
-            named = [name for name in ("include", "exclude") if getattr(self, name)]
-            yield from (f"{name}: its cells are of axes, and there are none; give axes" for name in named)
-        if self.design == "grid":
-            for name, axis in self._axes.items():
-                if axis.listed is None:
-                    yield (
-                        f"axes.{name}: a grid has values, and this is a range or a distribution; list `values`, or "
-                        "choose a design such as sobol and how many points it has"
-                    )
-            if self.points is not None:
-                yield "points: a grid has as many cells as its values make; leave it out, or give a design"
-            return
-        if not self._axes:
-            yield f"design: {self.design} spreads points over axes, and there are none; give axes"
-        if self.points is None:
-            yield f"points is missing: a {self.design} design has as many cells as it says"
-        if self.exclude:
-            yield f"exclude: it leaves cells out of a grid, and a {self.design} design has none of its own"
-
-    def _wrong_cells(self) -> Iterator[str]:
-        """Yields problems of cells with unknown axes or values or that occur twice, and of too large grids."""
-        if grid_size(self._axes) > MAX_TRIALS and self.design == "grid":
-            cells = grid_size(self._axes)
-            yield f"axes: a grid of them has {cells} cells; a job has at most {MAX_TRIALS} trials"
-        if not self._axes:
-            return
-        included: list[Cell] = []
-        for number, cell in enumerate(self.include or ()):
-            parsed, wrong = self._parsed(cell, f"include[{number}]")
-            yield from wrong
-            if not wrong and parsed in included:
-                yield f"include[{number}]: it is there twice; cells have to differ"
-            included.append(parsed)
-        are_listed = self.design == "grid" and all(axis.listed is not None for axis in self._axes.values())
-        for number, cell in enumerate(self.exclude or ()):
-            parsed, wrong = self._parsed(cell, f"exclude[{number}]")
-            yield from wrong or (wrong_excluded(self._axes, parsed, f"exclude[{number}]") if are_listed else ())
-
-    def _wrong_count(self) -> Iterator[str]:
-        """Yields problems of grids without cells or with duplicate cells, and of wrong numbers of trials."""
-        if self.exclude and not self._kept and not self.include:
-            yield "exclude: it leaves no cell; exclude fewer, or include some"
-            return
-        for number, cell in enumerate(self._included if self.design == "grid" else ()):
-            if self._has_cell(cell):
-                yield f"include[{number}]: the grid has this cell already; leave it out"
-        if self.count > MAX_TRIALS:
-            yield (
-                f"{self.seeds} seeds for each of {self.cells} cells are {self.count} trials; a job has at most "
-                f"{MAX_TRIALS}"
-            )
+    def _wrong_records(self) -> Iterator[str]:
         for place, number in enumerate(self.record or ()):
             if number >= self.count:
                 yield f"record[{place}]: there is no trial {number}; the trials are 0 to {self.count - 1}"
 
-    def _has_cell(self, cell: Cell) -> bool:
-        """Returns whether a grid of axis values contains a given cell."""
-        listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self._axes.items())
-        return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
-
     @property
     def cells(self) -> int:
         """Number of cells (combinations of axis values); 1 without axes."""
-        return self._drawn + len(self.include or ())
+        return self._cells.count
 
     @property
     def count(self) -> int:
@@ -151,8 +93,8 @@ class Trials(Shape):
     @property
     def first_values(self) -> dict[str, Any]:
         """Axes of a grid as plain values, each with only the value of the first cell."""
-        first = grid_cell(self._axes, self._kept[0] if self._kept else 0)
-        return {name: {**axis.to_wire(), "values": [first[name]]} for name, axis in self._axes.items()}
+        first = self._cells.first
+        return {name: {**axis.to_wire(), "values": [first[name]]} for name, axis in (self.axes or {}).items()}
 
     def trial(self, number: int, first_seed: int) -> "Trial":
         """Returns the trial of a given number, with its seed and the values of its axes.
@@ -168,52 +110,19 @@ class Trials(Shape):
             raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")
         place, offset = divmod(number, self.seeds)
         # Seeds are a ring, so that the largest one may be followed too.
-        return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cell(place, first_seed))
-
-    def _cell(self, place: int, seed: int) -> Cell:
-        """Returns a cell (combination of axis values) by its number, from 0."""
-        if place >= self._drawn:
-            return self._included[place - self._drawn]
-        if self.design == "grid":
-            return grid_cell(self._axes, self._kept[place])
-        return point(self._axes, self.design, self._drawn, seed, place)
-
-    @property
-    def _axes(self) -> dict[str, Axis]:
-        return self.axes or {}
-
-    @property
-    def _drawn(self) -> int:
-        """Number of cells without the explicitly included ones."""
-        return len(self._kept) if self.points is None else self.points
+        return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cells.cell(place, first_seed))
 
     @cached_property
-    def _kept(self) -> Sequence[int]:
-        """Numbers of the cells of a grid that are not excluded."""
-        return kept_cells(self._axes, self._excluded)
-
-    @cached_property
-    def _excluded(self) -> list[Cell]:
-        return [self._parsed(cell, "")[0] for cell in self.exclude or ()]
-
-    @cached_property
-    def _included(self) -> list[Cell]:
-        return [self._parsed(cell, "")[0] for cell in self.include or ()]
-
-    def _parsed(self, cell: Mapping[str, str], place: str) -> tuple[Cell, list[str]]:
-        """Converts the values of a cell in the request, and returns the problems of invalid ones with their paths."""
-        parsed: dict[str, Value] = {}
-        wrong: list[str] = []
-        for name, text in cell.items():
-            if name not in self._axes:
-                hint = nearest(name, self._axes) or f"; there are {', '.join(self._axes) or 'none'}"
-                wrong.append(f"{place}.{name}: there is no axis {name!r}{hint}")
-                continue
-            try:
-                parsed[name] = self._axes[name].parse(text)
-            except ValueError as error:
-                wrong.append(f"{place}.{name}: {error}")
-        return parsed, wrong
+    def _cells(self) -> Cells:
+        return Cells(
+            axes=self.axes or {},
+            design=self.design,
+            points=self.points,
+            include=self.include or (),
+            exclude=self.exclude or (),
+            seeds=self.seeds,
+            most=MAX_TRIALS,
+        )
 
 
 @dataclass(frozen=True)
@@ -267,13 +176,24 @@ def planned_trials(request: Mapping[str, Any]) -> int:
     Args:
         request: Request, checked or not; invalid trials count as none.
     """
+    found = _understood(request)
+    return found.count if found else 0
+
+
+def trials_seeds(request: Mapping[str, Any]) -> int:
+    """Counts the seeds that the trials of a raw request take, 1 for a single episode; see `planned_trials`."""
+    found = _understood(request)
+    return found.seeds if found else 1
+
+
+def _understood(request: Mapping[str, Any]) -> Trials | None:
     for given in (request.get("trials"), *_texts(request)):
         with suppress(ValidationError, InvalidParameterException):
             if isinstance(given, str):
-                return _parse(load_strict(given, TRIALS_VARIABLE, MAX_VARIABLE_CHARACTERS), TRIALS_VARIABLE).count
+                return _parse(load_strict(given, TRIALS_VARIABLE, MAX_VARIABLE_CHARACTERS), TRIALS_VARIABLE)
             if given is not None:
-                return Trials.model_validate(given).count
-    return 0
+                return Trials.model_validate(given)
+    return None
 
 
 def _texts(request: Mapping[str, Any]) -> Iterator[str]:

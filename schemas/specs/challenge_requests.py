@@ -16,7 +16,7 @@ from ..wire.errors import Place, Problem, SpecError
 from ..wire.job_configs import LaunchConfig, is_program
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import path_text
-from .model import CheckedSpec, CheckedStep, for_each_of
+from .model import CheckedSpec, CheckedStep, made_list_of
 from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
 from .references import parse_template
 from .sabotages import Sabotage, challenged_trials
@@ -78,7 +78,7 @@ class ChallengeCut:
             jobs: Maximum number of challenged jobs.
         """
         requests = [child(step.input, _REQUESTS) for step in spec.steps.values() if step.operation == BATCH]
-        counts = all(node is not None and for_each_of(node) for node in requests)
+        counts = all(node is not None and made_list_of(node) for node in requests)
         return cls(sabotages, jobs, len(requests), jobs if counts else None)
 
     def __call__(self, operation: str, request: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .model import FOR_EACH, REUSABLE, Spec, Step
 from .parameters import Parameter
+from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 
@@ -31,7 +32,7 @@ _DEFINITIONS: dict[str, Any] = {
 
 def spec_schema() -> dict[str, Any]:
     """Generates the JSON schema of specification files from the models, for editors."""
-    models = [Spec, WorldTemplateBody, *(operation.request for operation in STEPS.values())]
+    models = [Spec, WorldTemplateBody, StepAxis, *(operation.request for operation in STEPS.values())]
     _, document = models_json_schema([(model, "validation") for model in models], ref_template=_REF)
     # These stay as they are; everything else may be written with references.
     own = (Spec.__name__, Step.__name__, Parameter.__name__)
@@ -40,6 +41,8 @@ def spec_schema() -> dict[str, Any]:
     }
     definitions |= _DEFINITIONS
     _allow_body(definitions)
+    axis = definitions[StepAxis.__name__]["properties"]
+    definitions[StepAxis.__name__]["properties"] = {name: _written_out(each) for name, each in axis.items()}
     definitions["Step"] = _step(definitions["Step"])
     spec = definitions.pop("Spec")
     return {
@@ -84,6 +87,9 @@ def _single() -> dict[str, Any]:
 def _with_references(schema: dict[str, Any]) -> dict[str, Any]:
     """Allows references in a structure's members, and `forEach` in lists."""
     properties = {name: _flexible(each) for name, each in schema.get("properties", {}).items()}
+    if requests := properties.get("createSimulationJobRequests"):
+        [items] = [each["items"] for each in requests["anyOf"] if each.get("type") == "array"]
+        properties["createSimulationJobRequests"] = {**requests, "anyOf": [*requests["anyOf"], _axes(items)]}
     return {**schema, "properties": properties} if properties else schema
 
 
@@ -127,6 +133,27 @@ def _for_each(item: dict[str, Any]) -> dict[str, Any]:
             "value": {**item, "description": "The new entry; may refer to the variable."},
         },
     }
+
+
+def _axes(item: dict[str, Any]) -> dict[str, Any]:
+    """Axes in place of a list of job requests."""
+    members = StepAxes.model_json_schema(ref_template=_REF)["properties"]
+    flexible = {name: _written_out(_flexible(each)) for name, each in members.items()}
+    flexible[AXES]["anyOf"] = [each for each in flexible[AXES]["anyOf"] if each != _REFERENCE]
+    return {
+        "type": "object",
+        "description": "One job for each combination of the values of axes, and for each seed.",
+        "required": [VALUE],
+        "anyOf": [{"required": [AXES]}, {"required": [SEEDS]}],
+        "additionalProperties": False,
+        "properties": {**flexible, VALUE: {**item, "description": "The request of each job; may refer to the axes."}},
+    }
+
+
+def _written_out(schema: dict[str, Any]) -> dict[str, Any]:
+    """A member of axes, whose lists no `forEach` makes."""
+    forms = [each for each in schema["anyOf"] if FOR_EACH not in each.get("properties", {})]
+    return {**schema, "anyOf": forms}
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:

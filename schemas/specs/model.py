@@ -32,6 +32,7 @@ from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
 from .sabotages import Sabotage
+from .step_axes import AXES, SEEDS
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
@@ -196,6 +197,18 @@ def for_each_of(node: Node) -> MappingNode | None:
     return node if isinstance(node, MappingNode) and FOR_EACH in node.entries else None
 
 
+def axes_of(node: Node) -> MappingNode | None:
+    """Returns the node if it is axes of a step, in place of a list of job requests, else `None`."""
+    if not isinstance(node, MappingNode) or FOR_EACH in node.entries:
+        return None
+    return node if AXES in node.entries or SEEDS in node.entries else None
+
+
+def made_list_of(node: Node) -> MappingNode | None:
+    """Returns the node if it makes a list by `forEach` or by axes, else `None`; `value` is what it makes it of."""
+    return for_each_of(node) or axes_of(node)
+
+
 def is_step_name(name: str) -> bool:
     """Returns whether a name is allowed for a step or a variable of a specification."""
     return re.fullmatch(_NAME, name) is not None
@@ -222,7 +235,7 @@ def _seeded(step: CheckedStep, seed: int) -> Node:
     if "seed" in STEPS[step.operation].request.model_fields:
         return _with_entry(step.input, "seed", value)
     requests = child(step.input, "createSimulationJobRequests")
-    if construct := requests and for_each_of(requests):
+    if (construct := requests and made_list_of(requests)) and "value" in construct.entries:
         seeded: Node = _with_entry(construct, "value", _with_entry(construct.entries["value"], "seed", value))
     elif isinstance(requests, ListNode):
         seeded = ListNode(requests.place, tuple(_with_entry(item, "seed", value) for item in requests.items))
@@ -238,12 +251,12 @@ def _with_entry(node: Node, key: str, value: Node) -> Node:
 def as_written(node: Node, location: Location) -> Location:
     """Maps a location in the resolved request to the location in the file.
 
-    All items that one `forEach` made have the same location in the file.
+    Entries that one `forEach`, or one step's axes, made share one origin.
     """
     written: list[str | int] = []
     following: Node | None = node
     for step in location:
-        made = following is not None and isinstance(step, int) and for_each_of(following)
+        made = following is not None and isinstance(step, int) and made_list_of(following)
         written.append("value" if made else step)
         following = child(following, written[-1]) if following is not None else None
     return tuple(written)

@@ -11,13 +11,15 @@ from typing import Any, NamedTuple, NoReturn
 from pydantic import ValidationError
 
 from ..operations.registry import STEPS
+from ..runs.trial_designs import Cells
 from ..runs.trials import TrialCounts, planned_trials
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, path_text, problems_of
-from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
+from .model import FOR_EACH, INDEX, CheckedStep, axes_of, for_each_of, place_of, variable_of
 from .references import PARAMETERS, ReferenceMistake, parse_template
-from .text import ListNode, MappingNode, Node
+from .step_axes import VALUE, axes_problems, cells_of, clashing_axes, clashing_words, job_of_cell, points_seed
+from .text import ListNode, MappingNode, Node, child, key_place, plain, value_place
 
 _OPERATION = "StartSimulationJobBatch"
 _REQUESTS = "createSimulationJobRequests"
@@ -186,6 +188,8 @@ def _check(part: Part, step: CheckedStep) -> None:
 def _resolve(node: Node, scope: Mapping[str, Any], location: Location) -> Any:
     if construct := for_each_of(node):
         return _resolve_for_each(construct, scope, location)
+    if location[-1:] == (_REQUESTS,) and (construct := axes_of(node)):
+        return _resolve_axes(construct, scope, location)
     if isinstance(node, MappingNode):
         return {key: _resolve(value, scope, (*location, key)) for key, value in node.entries.items()}
     if isinstance(node, ListNode):
@@ -208,6 +212,49 @@ def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location
         _resolve(value, {**scope, variable: entry, INDEX: index}, (*location, "value"))
         for index, entry in enumerate(entries)
     ]
+
+
+def _resolve_axes(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
+    """The job requests of all cells: those of one cell after each other, with one seed after the other."""
+    cells = written_cells(construct, scope, location)
+    value = construct.entries[VALUE]
+    seed = child(value, "seed")
+    requests: list[dict[str, Any]] = []
+    for cell in cells_of(cells, points_seed(plain(seed) if seed else None)):
+        request = _resolve(value, {**scope, **cell}, (*location, VALUE))
+        if not is_object(request):
+            _fail(value.place, (*location, VALUE), f"is {str(request)[:80]!r}; it has to be a mapping")
+        if clashing := clashing_axes(cell, request):
+            _fail(value.place, (*location, VALUE, "trials", "axes", clashing[0]), clashing_words(clashing[0]))
+        requests += [job_of_cell(request, cell, number) for number in range(cells.seeds)]
+    return requests
+
+
+def written_cells(construct: MappingNode, scope: Mapping[str, Any], location: Location = ()) -> Cells:
+    """Returns the cells that axes of a step have.
+
+    Args:
+        construct: The axes, as they are written.
+        scope: What references give.
+        location: Where they are in the file.
+
+    Raises:
+        SpecError: A reference gives nothing, or something that does not fit.
+    """
+    written = {key: _resolve(node, scope, (*location, key)) for key, node in construct.entries.items() if key != VALUE}
+    cells, problems = axes_problems(written)
+    if cells is None:
+        raise SpecError(
+            [
+                Problem(
+                    (key_place if each.about_key else value_place)(construct, each.location),
+                    path_text((*location, *each.location)),
+                    each.message,
+                )
+                for each in problems
+            ]
+        )
+    return cells
 
 
 def _fail(place: Place, location: Location, message: str) -> NoReturn:

@@ -15,8 +15,9 @@ from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem, SpecError
 from ..wire.request_problems import Location, path_text
-from .model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of, variable_of
+from .model import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
 from .references import ReferenceMistake, parse_template
+from .step_axes import AXES, VALUE
 from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
@@ -83,6 +84,12 @@ def _requests(step: CheckedStep) -> Iterator[_Request]:
         made = child(construct, "value")
         if isinstance(made, MappingNode):
             yield _Request(made, (_REQUESTS, "value"), {variable_of(construct): construct.entries[FOR_EACH]})
+    elif requests is not None and (construct := axes_of(requests)) is not None:
+        made, axes = child(construct, VALUE), child(construct, AXES)
+        named = axes.entries.items() if isinstance(axes, MappingNode) else ()
+        sources = {name: values for name, axis in named if (values := child(axis, "values")) is not None}
+        if isinstance(made, MappingNode):
+            yield _Request(made, (_REQUESTS, VALUE), sources)
     elif isinstance(requests, ListNode):
         for index, item in enumerate(requests.items):
             if isinstance(item, MappingNode):

@@ -194,10 +194,17 @@ def _rule_problems(details: ErrorDetails) -> list[RequestProblem]:
     if location[-1:] == ("[key]",):
         return [RequestProblem(location[:-1], str(details.get("ctx", {})["error"]), about_key=True)]
     lines = str(details.get("ctx", {})["error"]).splitlines() or [""]
-    return [_placed_by_its_path(line, location, details["input"]) for line in lines]
+    return [placed_by_its_path(line, location, details["input"]) for line in lines]
 
 
-def _placed_by_its_path(line: str, location: Location, value: object) -> RequestProblem:
+def placed_by_its_path(line: str, location: Location, value: object) -> RequestProblem:
+    """Returns the problem that a line of a rule's text tells: about the member with whose path it begins, if any.
+
+    Args:
+        line: the text.
+        location: where the value that the rule is about stands.
+        value: that value.
+    """
     found = _LEADING_PATH.match(line)
     steps = _PATH_STEP.finditer(found[0]) if found else ()
     inside = tuple(step[1] or int(step[2]) for step in steps)

@@ -20,8 +20,8 @@ from ..reporting import Outcome
 from ..results.rates import margin_units
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .e_processes import fewest_worlds
+from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_parameters
-from .looked_at_runs import answer_while_running
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials

@@ -13,6 +13,7 @@ import numpy as np
 from ...schemas.reports.against import AgainstAnswer
 from ...schemas.reports.changes import CellName
 from ...schemas.reports.run_record import JobRecord, RunRecord, RunState, SourceCommit
+from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome, classify
 from ..results.table import RESULTS_FILE, ResultTable
 
@@ -26,7 +27,7 @@ HEALTH = "health"
 TRIALS = "trials"
 """Name of the requirement of a job with trials that counts instead of those of its trials."""
 
-GroupKey = tuple[str, str, int | None]
+GroupKey = tuple[str, str, int | None, tuple[tuple[str, Value], ...]]
 
 
 @dataclass(frozen=True)
@@ -123,9 +124,9 @@ class NightRun:
 class CellTable:
     """Matches simulation jobs over several runs of a specification: the same job gets the same cell number.
 
-    Jobs are the same if they have the same step, world content, and seed (if the request has one). If several match,
-    those with the same request are the same; the others are matched in request order. Runs have to be added in the
-    order in which they ran.
+    Jobs are the same when they are of the same step, drive in a world of the same content, have the same values of the
+    step's axes, and the same seed where the request names one. Of several such jobs those with the same request are the
+    same; what is left is taken in the order of the requests. Runs have to be placed in the order in which they ran.
     """
 
     def __init__(self) -> None:
@@ -177,7 +178,8 @@ class CellTable:
 def _group_of(job: JobRecord) -> GroupKey | None:
     if job.inputs is None:
         return None
-    return job.step or "", job.inputs.world or "", job.inputs.seed if job.inputs.seed_given else None
+    seed = job.inputs.seed if job.inputs.seed_given else None
+    return job.step or "", job.inputs.world or "", seed, tuple(sorted(job.axes.items()))
 
 
 def _request_of(job: JobRecord) -> str:

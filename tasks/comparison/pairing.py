@@ -1,7 +1,7 @@
 """Pairs of jobs, and of their trials, that two runs have in common."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -181,7 +181,9 @@ class TrialPairs:
         return self.before.numbers(column)[self.before_rows], self.after.numbers(column)[self.after_rows]
 
 
-def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> TrialPairs:
+def pair_trials(
+    pairs: Sequence[Pair], before: NightRun, after: NightRun, *, ignoring: Collection[str] = ()
+) -> TrialPairs:
     """Matches the trials of two runs by job, seed and axes.
 
     Two jobs without trials are one pair. Otherwise, trials with the same seed and axes are a pair; if several of one
@@ -191,9 +193,10 @@ def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> Tri
         pairs: Jobs that both runs have.
         before: First run.
         after: Second run.
+        ignoring: axes whose values do not matter.
     """
     tables = before.results, after.results
-    keys = [_keys_of(table) for table in tables]
+    keys = [_keys_of(table, ignoring) for table in tables]
     alone = [np.isnan(table.numbers("trial")) for table in tables]
     worlds: dict[str, int] = {}
     found: list[tuple[int, int, int, int]] = []
@@ -218,10 +221,10 @@ def outcomes_of(table: ResultTable) -> NDArray[np.int8]:
     return known[codes] if len(codes) else np.zeros(0, np.int8)
 
 
-def _keys_of(table: ResultTable) -> list[tuple[float, tuple[tuple[str, Value], ...]]]:
+def _keys_of(table: ResultTable, ignoring: Collection[str]) -> list[tuple[float, tuple[tuple[str, Value], ...]]]:
     """Returns seed and axis values of each trial, by which trials are matched."""
     seeds = table.numbers("seed").tolist()
-    names = sorted(table.axes)
+    names = sorted(set(table.axes).difference(ignoring))
     if not names:
         return [(seed, ()) for seed in seeds]
     values = zip(*(table.values(name) for name in names), strict=True)

@@ -44,6 +44,25 @@ def mcnemar_p_value(worse: int, better: int) -> float:
     return min(1.0, 2.0 * float(bdtr(min(worse, better), worse + better, 0.5))) if worse + better else 1.0
 
 
+def holm_adjusted(p_values: Sequence[float]) -> list[float]:
+    """Adjusts the p-values of several tests by Holm's method, so that all of them together have the error of one.
+
+    Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979).
+
+    Args:
+        p_values: p-value of each test.
+
+    Returns:
+        The adjusted ones in the same order, each at least the given one and at most 1.
+    """
+    adjusted = [1.0] * len(p_values)
+    largest = 0.0
+    for rank, place in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[place]))
+        adjusted[place] = largest
+    return adjusted
+
+
 def paired_rate_difference(both: int, worse: int, better: int, neither: int, alpha: float = 0.05) -> Interval:
     """Computes the difference of two paired pass rates (after minus before) with its confidence interval.
 

@@ -14,6 +14,8 @@ from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.report import ReportedFile, ReportedJob
 from ...schemas.reports.run_record import JobInputs, JobRecord, UsedApplication
+from ...schemas.runs.axes import cell_in_tags
+from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
@@ -178,7 +180,24 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
         used = _used_applications(document.outputs, service) if document else []
         inputs.append(found and found.model_copy(update={"world": world, "applications": used}))
     completed = _completed(inputs, [_names(documents.get(job.arn or "")) for job in jobs])
-    return [job.model_copy(update={"inputs": each}) for job, each in zip(jobs, completed, strict=True)]
+    return [
+        job.model_copy(update={"inputs": each, "axes": _axes_of(job, each)})
+        for job, each in zip(jobs, completed, strict=True)
+    ]
+
+
+def _axes_of(job: ReportedJob, inputs: JobInputs | None) -> dict[str, Value]:
+    """The cell of a job, by names that are the same every night: its world by the content, other ARNs by the name."""
+    world = (inputs and inputs.world) or ""
+    cell = cell_in_tags(job.request.get("tags"))
+    return {name: world if value == job.world_arn and world else _named(value) for name, value in cell.items()}
+
+
+def _named(value: Value) -> Value:
+    if isinstance(value, str):
+        with suppress(InvalidParameterException):
+            return ResourceArn.parse(value).name
+    return value
 
 
 def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs:

@@ -5,6 +5,7 @@ import platform
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,15 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.against import in_words
 from ...schemas.reports.challenge import Challenge
-from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
+from ...schemas.reports.report import (
+    AxisResult,
+    Report,
+    ReportedJob,
+    ReportedStep,
+    ReportedWorld,
+    ReportSummary,
+    RunState,
+)
 from ...schemas.reports.run_record import (
     JobRecord,
     RerunOf,
@@ -120,10 +129,26 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
     results = write_results(jobs, places, service, record.run_dir)
+    report = report.model_copy(update={"axes": _axis_results(record, jobs, results, report)})
     if record.challenge is not None:
         challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
         report = report.model_copy(update={"challenge": challenge})
     return report, jobs, results
+
+
+def _axis_results(
+    record: RunRecord, jobs: Sequence[JobRecord], results: ResultTable, report: Report
+) -> list[AxisResult]:
+    """The results by the axes of the run's steps; the arms of a challenge are compared by its own table."""
+    if record.challenge is not None or not any(job.axes for job in jobs):
+        return []
+    from ..comparison.arms import axis_results  # imports scipy, which other runs do without
+
+    run = replace(NightRun.of(record.model_copy(update={"jobs": list(jobs)})), table=results)
+    digests = {
+        job.label: job.result.state_digest for job in report.jobs if job.result is not None and job.result.state_digest
+    }
+    return axis_results(run, digests)
 
 
 def _told_of_known(report: Report, jobs: Sequence[JobRecord], notes: list[str]) -> Report:
@@ -455,6 +480,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         test=name,
         requirements=result.requirements if result else [],
         inputs=job.inputs,
+        axes=job.axes,
         reused_from=job.reused_from,
         earlier=job.earlier,
         carried_out_by=job.carried_out_by,

@@ -17,8 +17,7 @@ from ...schemas.specs.resolving import step_of
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
 from ..comparison.e_processes import fewest_pairs
-from ..comparison.early_stops import Outcomes, PairedTrials, decide
-from ..comparison.looked_at_runs import told_decision
+from ..comparison.early_stops import Outcomes, PairedTrials, decide, told_decision
 from ..comparison.nights import NightRun
 from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
 from ..jobs.request_order import mixed_order
@@ -228,7 +227,7 @@ class RunBeside:
                 for place, request in enumerate(requests)
             ]
             records = [
-                JobRecord(label=each.label, status=each.status, step=each.step, inputs=each.inputs)
+                JobRecord(label=each.label, status=each.status, step=each.step, inputs=each.inputs, axes=each.axes)
                 for each in with_inputs(reported, self._service)
             ]
             self._requests[arn] = _Asked(step.name, records, order)

@@ -18,6 +18,8 @@ _MOST_REQUIREMENTS = 10
 _LONGEST = 200
 """Maximum number of characters of a reason, as GitHub accepts at most 65,536 characters in a comment."""
 _MOST_LOST = 5
+_MOST_COMPARED = 20
+"""Comparisons that a comment has, as of jobs."""
 
 
 def markdown_report(summary: ReportSummary) -> str:
@@ -50,7 +52,14 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """Yields the tables of missed requirements and of jobs that did not pass."""
+    """The tables of values in pairs, of requirements that were missed, and of jobs that did not pass."""
+    if found := [(axis, each) for axis in summary.axes for each in axis.comparisons]:
+        rows = [
+            f"| {_code(axis.step)} | {_code(f'{axis.axis}: {each.value} instead of {each.baseline}')} "
+            f"| {each.result} | {_code(each.why)} |"
+            for axis, each in found[:_MOST_COMPARED]
+        ]
+        yield "\n".join(("| step | in pairs | result | why |", "| --- | --- | --- | --- |", *rows))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
         yield "\n".join(_requirements(missed))
     if bad := [job for step in summary.steps for job in step.jobs if job.outcome != Outcome.PASSED.value]:

@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.run_states import case_outcome
+from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement
 from ...schemas.runs.trial_rows import TrialRow, trial_folder
@@ -78,6 +79,7 @@ class ResultTable:
         add_those_alone()
         if not tables:
             tables = [_rows_of([])]
+        tables = _of_one_type(tables)
         table = pa.concat_tables(tables, promote_options="permissive").combine_chunks()
         return cls(table.column_names, table.num_rows, table.column)
 
@@ -234,11 +236,16 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
     """Makes the rows of jobs without trials, one for each job."""
     import pyarrow as pa
 
+    axes = {
+        name: all(isinstance(job.axes.get(name, 0.0), float | int) for job in jobs)
+        for name in dict.fromkeys(name for job in jobs for name in job.axes)
+    }
     rows = [
         TrialRow(
             trial=0,
             seed=(job.inputs and job.inputs.seed) or 0,
             verdict=job.verdict or "NONE",
+            axes={name: value if axes[name] else value_text(value) for name, value in job.axes.items()},
             reason=job.verdict_reason or job.failure_reason or "",
             failure_code=job.failure_code,
             wall_time_s=job.duration_s or 0.0,
@@ -263,7 +270,7 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
         }
         for job, row, known in zip(jobs, rows, seed_known, strict=True)
     ]
-    return pa.Table.from_pylist(columns, pa.schema([*of_jobs, *schema_of({}, names)]))
+    return pa.Table.from_pylist(columns, pa.schema([*of_jobs, *schema_of(axes, names)]))
 
 
 def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
@@ -282,8 +289,31 @@ def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
         name: pa.repeat(pa.scalar(value, pa.string()), count) for name, value in _place(job).items()
     }
     of_job |= {"outcome": pa.array(outcomes, pa.string()), "output": pa.array(outputs, pa.string())}
-    columns = {name: of_job[name] for name in _OF_JOBS} | {name: trials[name] for name in trials.column_names}
+    # Its own axes come first: what a trial itself says of one of that name is nearer to it.
+    of_step = {f"axis.{name}": pa.repeat(pa.scalar(value), count) for name, value in job.axes.items()}
+    columns = {name: of_job[name] for name in _OF_JOBS} | of_step
+    columns |= {name: trials[name] for name in trials.column_names}
     return pa.table(columns)
+
+
+def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
+    """Tables whose axes of one name have one type: text, where steps or jobs have numbers and texts."""
+    import pyarrow as pa
+
+    types: dict[str, set[Any]] = {}
+    for table in tables:
+        for field in table.schema:
+            if field.name.startswith("axis."):
+                types.setdefault(field.name, set()).add(field.type)
+    mixed = {name for name, found in types.items() if len(found) > 1}
+
+    def as_text(table: pa.Table) -> pa.Table:
+        for name in mixed.intersection(table.column_names):
+            texts = [None if value is None else value_text(value) for value in table[name].to_pylist()]
+            table = table.set_column(table.column_names.index(name), name, pa.array(texts, pa.string()))
+        return table
+
+    return [as_text(table) for table in tables]
 
 
 def _place(job: JobRecord) -> dict[str, str | None]:

@@ -82,6 +82,18 @@ class CommandGains(Protocol):
     """Additional factor on turning rates; None: commands have no turning rate."""
 
 
+class WheelSlip(Protocol):
+    """Interface to the slip of an environment's wheels, which its next episode begins with."""
+
+    slip: float
+
+
+class OdometryErrors(Protocol):
+    """Interface to the errors of the pose that an environment tells, which its next episode begins with."""
+
+    drift_std_m: float
+
+
 class Rig(Protocol):
     """Interface to a simulated robot with its sensors and its floor, as axes change them.
 
@@ -131,6 +143,16 @@ class Rig(Protocol):
     @property
     def command_gains(self) -> CommandGains:
         """Factors by which the agent's commands to the robot are multiplied."""
+        ...
+
+    @property
+    def wheels(self) -> WheelSlip:
+        """Slip of the robot's wheels."""
+        ...
+
+    @property
+    def odometry(self) -> OdometryErrors:
+        """Errors of the pose that the robot is told."""
         ...
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:

@@ -16,7 +16,17 @@ from ...wire.errors import InvalidParameterException, Place, Problem
 from ...wire.json_values import is_object, load_strict
 from ...wire.request_problems import Location, RequestProblem, nearest, path_text
 from ..folding import is_folded
-from ..model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..model import (
+    FOR_EACH,
+    FOR_EACH_KEYS,
+    INDEX,
+    as_written,
+    axes_of,
+    for_each_of,
+    is_step_name,
+    place_of,
+    variable_of,
+)
 from ..reference_typing import (
     ANYTHING,
     TEXT,
@@ -30,10 +40,12 @@ from ..reference_typing import (
 )
 from ..references import PARAMETERS, ReferenceMistake, parse_template
 from ..resolving import parts_of
-from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from ..step_axes import VALUE, clashing_axes, clashing_words, is_axes_location
+from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
+from .written_axes import WrittenAxes
 
 Scope: TypeAlias = Mapping[str, Kind]
 
@@ -104,6 +116,8 @@ class InputCheck:
         """Converts a node of the request to plain values with placeholders; locations are those in the request."""
         if construct := for_each_of(node):
             return self._for_each(construct, location, annotation, scope)
+        if is_axes_location(location) and (construct := axes_of(node)):
+            return self._axes(construct, location, annotation, scope)
         if isinstance(node, MappingNode):
             tag = node.entries.get(KIND)
             annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
@@ -158,6 +172,23 @@ class InputCheck:
             return self._unknown(location, annotation)
         inner_scope = {**scope, **self._variables(construct, item, problems), INDEX: WHOLE_NUMBER}
         return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
+
+    def _axes(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        """The request of a job of axes, as the list of it; what is wrong with the axes themselves is told here."""
+        axes = WrittenAxes(construct, lambda text, at: self._kind(text, (*location, *at), scope))
+        for problem in axes.problems(scope):
+            self._report_at((*location, *problem.location), problem.message, at_key=problem.about_key)
+        value = construct.entries.get(VALUE)
+        if value is None:
+            self._report_at(location, "axes need a value: the request of each job")
+            return self._unknown(location, annotation)
+        for name in clashing_axes([*axes.kinds], plain(value) if isinstance(value, MappingNode) else {}):
+            self._report_at((*location, VALUE, "trials", "axes", name), clashing_words(name), at_key=True)
+        made = self._walk(value, (*location, 0), inner(annotation, 0), {**scope, **axes.kinds})
+        for name in axes.kinds.keys() - self.names:
+            words = f"nothing in value refers to it, so that its jobs would be the same; write ${{{{ {name} }}}} there"
+            self._report_at((*location, "axes", name), words, at_key=True)
+        return [made]
 
     def _variables(self, construct: MappingNode, item: Kind, problems: list[RequestProblem]) -> dict[str, Kind]:
         """Returns the variables that a `forEach` defines; of an invalid one, only their existence."""

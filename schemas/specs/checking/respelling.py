@@ -7,6 +7,7 @@ from typing import Any
 from ...wire.request_problems import Location, closest
 from ..model import FOR_EACH, FOR_EACH_KEYS
 from ..reference_typing import ListOf, Structure, kind_of
+from ..step_axes import AXES, AXES_KEYS, VALUE, StepAxes
 from ..text import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
 
@@ -73,6 +74,8 @@ def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
         return {name: inner(annotation, name) for name in kind.model.model_fields}
     if isinstance(kind, ListOf) and any(key == FOR_EACH or closest(FOR_EACH, [key]) for key in node.entries):
         return {**dict.fromkeys(FOR_EACH_KEYS, Any), "value": inner(annotation, 0)}
+    if isinstance(kind, ListOf) and any(key == AXES or closest(AXES, [key]) for key in node.entries):
+        return {**{name: inner(StepAxes, name) for name in AXES_KEYS}, VALUE: inner(annotation, 0)}
     return {}
 
 

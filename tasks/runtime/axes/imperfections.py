@@ -1,7 +1,7 @@
-"""Errors of a robot that are not part of its MuJoCo model: lidar errors, delay and gains of commands.
+"""Imperfections of a robot that are no part of its model: of its lidar, its commands, its wheels and its odometry.
 
-Axes of trials can change them in an environment that has `lidar_errors`, `command_delay` and `command_gains`. Changes
-take effect at the next `reset`.
+An environment that has them as `lidar_errors`, `command_delay`, `command_gains`, `wheel_slip` and `odometry_errors`
+lets axes of trials change them. They count from the next `reset` on.
 """
 
 import math
@@ -85,6 +85,66 @@ class CommandGains:
         if self.turn is not None and values.shape == (2,):
             values[1] *= self.turn
         return values
+
+
+@dataclass
+class WheelSlip:
+    """Slip of wheels."""
+
+    slip: float = 0.0
+    """Share of their turning that does not move the robot, 0 to below 1."""
+
+    @property
+    def transmitted(self) -> float:
+        """Share that does."""
+        return 1.0 - self.slip
+
+
+@dataclass
+class OdometryErrors:
+    """Errors of the pose that a robot is told."""
+
+    drift_std_m: float = 0.0
+    """Standard deviation of x and y in metres, and of the heading in radians, after one metre of way."""
+
+
+class OdometryDrift(KeepsAttributes):
+    """Random walk of the error of a pose: it grows with the way that was driven, and not while the robot stands."""
+
+    KEPT = ("_error", "_last")
+
+    def __init__(self, errors: OdometryErrors, chance: np.random.Generator) -> None:
+        """Starts without an error.
+
+        Args:
+            errors: The errors, as they are now.
+            chance: Source of the steps.
+        """
+        self._std = errors.drift_std_m
+        self._chance = chance
+        self._error = (0.0, 0.0, 0.0)
+        self._last: tuple[float, float] | None = None
+
+    def told(self, x: float, y: float, yaw: float) -> tuple[float, float, float]:
+        """Returns the pose that a robot is told that has moved on to a pose; to be called at each control step."""
+        if self._std == 0.0:
+            return x, y, yaw
+        last, self._last = self._last or (x, y), (x, y)
+        way_m = math.hypot(x - last[0], y - last[1])
+        if way_m > 0.0:
+            steps = self._chance.normal(0.0, self._std * math.sqrt(way_m), 3).tolist()
+            self._error = (self._error[0] + steps[0], self._error[1] + steps[1], self._error[2] + steps[2])
+        wrong = self._error
+        return x + wrong[0], y + wrong[1], math.remainder(yaw + wrong[2], math.tau)
+
+    def state(self) -> Any:
+        """Returns the error and the generator, for a checkpoint."""
+        return super().state(), self._chance.bit_generator.state
+
+    def restore(self, state: Any) -> None:
+        """Restores both from a checkpoint."""
+        own, self._chance.bit_generator.state = state
+        super().restore(own)
 
 
 _Item = TypeVar("_Item")

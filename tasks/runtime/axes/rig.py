@@ -11,7 +11,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.runs.axis_kinds.kind import AxisError, CommandDelay, CommandGains, LidarErrors
+from ....schemas.runs.axis_kinds.kind import (
+    AxisError,
+    CommandDelay,
+    CommandGains,
+    LidarErrors,
+    OdometryErrors,
+    WheelSlip,
+)
 from ..episode.physics import acting_body, actuators_of, floor_geoms, raw_physics, robot_bodies
 
 _DERIVED = (
@@ -152,6 +159,24 @@ class ModelRig:
             AxisError: The environment cannot scale them.
         """
         return self._part("command_gains", "commands of a robot")
+
+    @property
+    def wheels(self) -> WheelSlip:
+        """Slip of the robot's wheels.
+
+        Raises:
+            AxisError: The robot has no wheels on two sides, or the environment cannot let them slip.
+        """
+        return self._part("wheel_slip", "wheels on two sides")
+
+    @property
+    def odometry(self) -> OdometryErrors:
+        """Errors of the pose that the robot is told.
+
+        Raises:
+            AxisError: The environment tells no pose that could drift.
+        """
+        return self._part("odometry_errors", "odometry")
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
         """Sets numbers of a model field to a factor times the values that the model was built with; see `Rig`.

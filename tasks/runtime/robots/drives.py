@@ -31,6 +31,8 @@ class VelocityController(KeepsAttributes):
             move: Called with forward velocity and turning rate at every control step.
         """
         self._move = move
+        self.transmitted = 1.0
+        """Share of the motion that reaches the floor: wheels may slip."""
         self._max_linear, self._max_angular = limits.linear_mps, limits.angular_radps
         self._linear_change = limits.linear_mps2 * CONTROL_TIMESTEP_S
         self._angular_change = limits.angular_radps2 * CONTROL_TIMESTEP_S
@@ -45,7 +47,7 @@ class VelocityController(KeepsAttributes):
         linear, angular = self._checked(action)
         self._linear += _clip(linear - self._linear, self._linear_change)
         self._angular += _clip(angular - self._angular, self._angular_change)
-        self._move(self._linear, self._angular)
+        self._move(self._linear * self.transmitted, self._angular * self.transmitted)
         return linear == 0.0 and angular == 0.0
 
     def _checked(self, action: Action) -> tuple[float, float]:

@@ -1,13 +1,17 @@
-"""Parts of an axis by which a report counts trials: the axis's values, or equally likely fifths of its range."""
+"""Axes of a job as its trials show them: the part of an axis that each trial lies in, and axes without an effect."""
 
 from bisect import bisect_right
 from collections.abc import Mapping
 
 from ....schemas.runs.axes import AS_BUILT, value_text
 from ....schemas.runs.axis_kinds.kind import Axis, NumberAxis, Value
+from ....schemas.runs.trial_rows import TrialRow
 
 Part = tuple[int, str]
 """Index of a part among those of its axis, and its description."""
+
+MAX_LOOKED_AT = 200
+"""Trials of an axis that others are compared with: an axis that changes nothing in so many is told well enough."""
 
 
 class AxisParts:
@@ -38,3 +42,48 @@ class AxisParts:
             return len(self._edges), f"above {high:.4g}"
         place = min(bisect_right(self._edges, value), len(self._edges) - 1)
         return place, f"{self._edges[place - 1]:.4g} to {self._edges[place]:.4g}"
+
+
+class AxisEffect:
+    """Finds an axis without an effect: trials that differ in it alone all went through the same states.
+
+    It compares the first trials with those of the same seed and the same values of all other axes. Points of a spread
+    design differ in all axes, so that nothing is said of them.
+
+    Args:
+        name: The axis.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._first: dict[int, tuple[Value | None, str]] | None = {}
+        """Value and states of the first trials, by a hash of seed and other axes; None: an effect was seen."""
+        self._pairs = 0
+
+    def take(self, row: TrialRow) -> None:
+        """Adds a trial's results."""
+        if self._first is None:
+            return
+        if row.state_digest is None:
+            self._first = None  # nothing is known of its states
+            return
+        place = hash((row.seed, *((name, value) for name, value in row.axes.items() if name != self._name)))
+        value = row.axes.get(self._name)
+        found = self._first.get(place)
+        if found is None:
+            if len(self._first) < MAX_LOOKED_AT:
+                self._first[place] = value, row.state_digest
+        elif found[0] != value:
+            self._pairs += 1
+            if found[1] != row.state_digest:
+                self._first = None
+
+    @property
+    def note(self) -> str:
+        """Line about an axis that changed nothing; empty: it did, or no trials differ in it alone."""
+        if self._first is None or not self._pairs:
+            return ""
+        pairs = f"{self._pairs} pair{'' if self._pairs == 1 else 's'}"
+        return (
+            f"axis {self._name} changed nothing: {pairs} of trials that differ in it alone went through the same states"
+        )

@@ -21,7 +21,7 @@ from ....schemas.runs.trial_rows import (
 )
 from ....schemas.runs.trials import Trials
 from ..episode.results import Parts, TrialParts, decide_verdict
-from .axis_parts import AxisParts, Part
+from .axis_parts import AxisEffect, AxisParts, Part
 
 MAX_NAMES = 200
 """Maximum number of different metrics, and of different requirements, that are counted; the first ones are."""
@@ -54,6 +54,7 @@ class Tally:
         self._requirements: dict[str, _RequirementCount] = {}
         self._means: dict[str, _Mean] = {}
         self._notes: list[str] = []
+        self._effects = {name: AxisEffect(name) for name in self._parts}
         self._digest = hashlib.sha256()
         self._has_digests = False
         self._first_digest: str | None = None
@@ -79,6 +80,8 @@ class Tally:
         for name, value in row.metrics.items():
             if name in self._means or len(self._means) < MAX_NAMES:
                 self._means.setdefault(name, _Mean()).take(value)
+        for effect in self._effects.values():
+            effect.take(row)
         self._digest.update((row.state_digest or "").encode() + b"\n")
         self._has_digests |= row.state_digest is not None
         if self.rows == 1:
@@ -181,7 +184,7 @@ class Tally:
         own = [f"the job has switched {', '.join(off)} off", *self._notes] if off else self._notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
         same = f"all {self.rows} trials went through the same states: they count as one trial"
-        return [same, *own] if is_one else own
+        return [same, *own] if is_one else [*filter(None, (each.note for each in self._effects.values())), *own]
 
     @property
     def _in_words(self) -> str:

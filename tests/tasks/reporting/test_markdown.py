@@ -10,7 +10,7 @@ from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled,
 from markdown_it import MarkdownIt
 
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
-from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
+from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult, Report, ReportedJob, ReportedStep
 from prefect_robomaker.tasks.reporting import markdown_report, summarize
 
 
@@ -119,3 +119,15 @@ def test_messages_of_robots_are_texts(reason: str) -> None:
     }  # fmt: skip
     why = row.findall("td")[2]
     assert (why.text or "").strip() == "", "a text that is not in a code span"
+
+
+def test_values_of_an_axis_are_compared_in_pairs(report: Report) -> None:
+    arm = ArmComparison(
+        baseline="scout", value="|rover|", answer="worse", why="8 pairs judged", pairs=8, unpaired=0, unjudged=0,
+        other_requirements=0,
+    )  # fmt: skip
+    axes = [AxisResult(step="drive", axis="robot", shares=[], comparisons=[arm])]
+
+    text = markdown_report(summarize(report.model_copy(update={"axes": axes})))
+
+    assert ["drive", "robot: |rover| instead of scout", "passes less often", "8 pairs judged"] in cells(text)

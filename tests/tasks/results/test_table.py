@@ -134,3 +134,33 @@ def test_no_requirement_of_a_night_is_left_out_however_many_there_are() -> None:
         for number, job in enumerate(make_job(index, "F") for index in range(300))
     ]
     assert len(rates.by_requirement(ResultTable.of(jobs))) == 300
+
+
+def test_rows_say_the_values_of_their_steps_axes() -> None:
+    cells = ({"robot": "scout", "speed": 0.5}, {"robot": "rover", "speed": 1.0}, {})
+    jobs = [make_job(index, "P").model_copy(update={"axes": axes}) for index, axes in enumerate(cells)]
+
+    table = ResultTable.of(jobs)
+
+    assert table.values("robot") == ["scout", "rover", None]
+    assert table.values("speed") == [0.5, 1.0, None]
+
+
+def test_trials_have_the_axes_of_their_jobs_step_and_their_own() -> None:
+    job = make_job(0, "P").model_copy(update={"axes": {"robot": "scout"}})
+
+    table = ResultTable.of([job], lambda _: trials_of("PF", axes={"SPEED": "2"}))
+
+    assert (table.values("robot"), table.values("SPEED")) == (["scout"] * 2, ["2"] * 2)
+
+
+def test_axes_of_one_name_with_numbers_and_texts_are_texts() -> None:
+    """A table of which two parts have columns of two types cannot be made, and the run would have no report."""
+    first, second, third = (
+        make_job(index, "P").model_copy(update={"axes": axes})
+        for index, axes in enumerate(({"speed": 0.5}, {"speed": "fast"}, {"speed": 2.0}))
+    )
+
+    table = ResultTable.of([first, second, third], lambda job: trials_of("P") if job is third else None)
+
+    assert table.values("speed") == ["0.5", "fast", "2"]

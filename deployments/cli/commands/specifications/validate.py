@@ -7,11 +7,14 @@ wrong, and no problem: an application that only the catalog may know. docs/speci
 import argparse
 import json
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output, add_parameters
 from ...output.answers import print_problems
+
+if TYPE_CHECKING:
+    from .....schemas.specs.model import CheckedSpec
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -38,10 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
         try:
             spec = read_spec(path, given, is_complete=False)
             notes += spec.notes
-            answers.append({"file": path, "valid": True, "steps": len(spec.steps), "problems": []})
-            answers[-1]["notes"] = [_as_json(each) for each in spec.notes]
-            if spec.missing:
-                answers[-1]["missing_parameters"] = list(spec.missing)
+            answers.append({"file": path, "valid": True, **_described(spec)})
         except SpecError as error:
             problems += error.problems
             notes += error.notes
@@ -55,16 +55,38 @@ def execute(arguments: argparse.Namespace) -> int:
     else:
         for answer in answers:
             if answer["valid"]:
-                steps = answer["steps"]
-                missing = answer.get("missing_parameters")
-                needs = f"; each run needs --set for {', '.join(missing)}" if missing else ""
-                sys.stdout.write(f"{answer['file']}: valid, {steps} step{'s' if steps != 1 else ''}{needs}\n")
+                sys.stdout.write(_in_a_line(answer))
         sys.stdout.flush()
         if problems:
             print_problems(problems)
         for note in notes:
             sys.stderr.write(f"{note.place}: {note.path}: note: {note.message}\n")
     return 0 if all(answer["valid"] for answer in answers) else ConfigurationError.exit_code
+
+
+def _described(spec: "CheckedSpec") -> dict[str, Any]:
+    """Says of a specification without problems what it has."""
+    from ...planning import jobs_of_axes
+
+    notes = [_as_json(each) for each in spec.notes]
+    jobs = jobs_of_axes(spec)
+    return {
+        "steps": len(spec.steps),
+        "problems": [],
+        "notes": notes,
+        **({} if jobs is None else {"jobs_of_axes": jobs}),
+        **({"missing_parameters": list(spec.missing)} if spec.missing else {}),
+    }
+
+
+def _in_a_line(answer: dict[str, Any]) -> str:
+    """Says of a file without problems what it has, and what its runs need."""
+    from ...planning import counted
+
+    jobs, missing = answer.get("jobs_of_axes"), answer.get("missing_parameters")
+    made = f", {counted(jobs, 'simulation job')} of axes" if jobs is not None else ""
+    needs = f"; each run needs --set for {', '.join(missing)}" if missing else ""
+    return f"{answer['file']}: valid, {counted(answer['steps'], 'step')}{made}{needs}\n"
 
 
 def _as_json(problem: Problem) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from .....schemas.runs.variables import number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
-from ...axes.imperfections import CommandDelay, CommandGains, LidarErrors
+from ...axes.imperfections import CommandDelay, CommandGains, LidarErrors, OdometryErrors, WheelSlip
 from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...episode.results import EnvironmentReport
@@ -56,6 +56,16 @@ class IndoorNavigation(ResumableEnvironment):
     def command_delay(self) -> CommandDelay:
         """Delay of the agent's commands, which axes of trials can change."""
         return self._navigation.command_delay
+
+    @property
+    def wheel_slip(self) -> WheelSlip | None:
+        """Slip of the robot's wheels, which axes change; `None`: it has none on two sides."""
+        return self._navigation.wheel_slip
+
+    @property
+    def odometry_errors(self) -> OdometryErrors:
+        """Errors of the pose that the robot is told, which axes change."""
+        return self._navigation.odometry_errors
 
     @property
     def command_gains(self) -> CommandGains:

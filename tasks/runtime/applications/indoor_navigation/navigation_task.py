@@ -26,12 +26,15 @@ from ...axes.imperfections import (
     DelayedController,
     LateItems,
     LidarErrors,
+    OdometryDrift,
+    OdometryErrors,
     ScaledController,
+    WheelSlip,
 )
 from ...episode.occupancy_map import OccupancyMap
 from ...episode.results import EnvironmentReport
 from ...recording.recording import Frames, Recorder
-from ...robots.drives import VelocityDrive, bind_base, take_home_pose
+from ...robots.drives import DifferentialDrive, VelocityController, VelocityDrive, bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
 from .mission import CollisionMonitor, Mission
@@ -85,6 +88,9 @@ class NavigationTask(Task):
         """Errors of the robot's lidar; None: the robot has none."""
         self.command_delay = CommandDelay()
         self.command_gains = CommandGains(turn=1.0 if isinstance(robot.drive, VelocityDrive) else None)
+        self.wheel_slip = WheelSlip() if isinstance(robot.drive, DifferentialDrive) else None
+        """Slip of the wheels; None: the robot has none on two sides."""
+        self.odometry_errors = OdometryErrors()
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
 
@@ -99,6 +105,10 @@ class NavigationTask(Task):
         mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
         self._start_sensing(physics)
         self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
+        if self.wheel_slip is not None and isinstance(self._controller, VelocityController):
+            self._controller.transmitted = self.wheel_slip.transmitted
+        # Generators of their own leave the run's as it is; this one comes after that of the lidar.
+        self._drift = OdometryDrift(self.odometry_errors, self._rng.spawn(1)[0])
         if not self.command_gains.change_nothing:
             self._controller = ScaledController(self._controller, self.command_gains)
         if self.command_delay.delay_s > 0:
@@ -148,13 +158,15 @@ class NavigationTask(Task):
         state = self._state
         observation = {
             "time": np.array(state.time_s),
-            "pose": np.array((state.x, state.y, state.yaw)),
+            "pose": np.array(self._pose),
             "velocity": np.array((state.linear, state.angular)),
             "goals": self._goals,
             "visited": self._visited,
         }
         if self._robot.is_differential:
-            observation["wheel_velocity"] = np.array(state.joint_velocities)
+            # Encoders count what the wheels turn, also what is lost to the floor.
+            transmitted = self.wheel_slip.transmitted if self.wheel_slip else 1.0
+            observation["wheel_velocity"] = np.array(state.joint_velocities) / transmitted
         else:
             observation["joint_position"] = np.array(state.joint_positions)
             observation["joint_velocity"] = np.array(state.joint_velocities)
@@ -218,6 +230,7 @@ class NavigationTask(Task):
             "monitor": self._monitor.state(),
             "controller": self._controller.state(),
             "telemetry": self._telemetry.state(),
+            "drift": self._drift.state(),
             "late": (self._chance.bit_generator.state, self._late.state()),
         }
 
@@ -231,7 +244,10 @@ class NavigationTask(Task):
         self._telemetry.restore(state["telemetry"])
         self._chance.bit_generator.state, late = state["late"]
         self._late.restore(late)
+        if "drift" in state:  # checkpoints of an earlier release have none
+            self._drift.restore(state["drift"])
         self._state, _ = self._read_state()
+        self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
 
     def report(self) -> EnvironmentReport:
         """Computes the verdict and metrics of the run so far."""
@@ -298,6 +314,7 @@ class NavigationTask(Task):
 
     def _sense(self) -> None:
         self._state, tilt_rad = self._read_state()
+        self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
         self._newly_visited = self.mission.update(self._state, tilt_rad)
         if self._newly_visited:
             self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])

@@ -14,6 +14,7 @@ from helpers.robot_stands import CART_MAPPING, PLANAR, PLANAR_MAPPING, write_rob
 from prefect_robomaker.schemas.runs.axes import AXIS_KINDS, AxisSetting, subject_of
 from prefect_robomaker.schemas.runs.axis_kinds.kind import AxisError, why_not_applicable
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
+from prefect_robomaker.tasks.runtime.axes.imperfections import OdometryDrift, OdometryErrors
 from prefect_robomaker.tasks.runtime.axes.variation import Variation
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
@@ -26,6 +27,8 @@ NEUTRAL_AND_OTHER = {
     "motor_delay_s": (0.0, 0.004),
     "command_gain": (1.0, 0.9),
     "turn_gain": (1.0, -1.0),
+    "wheel_slip": (0.0, 0.1),
+    "odometry_drift_std_m": (0.0, 0.02),
     "lidar_noise_std_m": (0.005, 0.006),
     "lidar_noise_factor": (1.0, 10.0),
     "lidar_bias_m": (0.0, 0.001),
@@ -33,8 +36,8 @@ NEUTRAL_AND_OTHER = {
     "lidar_latency_s": (0.0, 0.01),
 }
 OF_THE_MODEL = ("robot_mass", "robot_friction", "motor_gain", "first_motor_gain")
-NO_EFFECT = {("planar", "robot_friction")}
-"""Its base hovers."""
+NO_EFFECT = {("planar", "robot_friction"), ("planar", "wheel_slip"), ("walker", "wheel_slip")}
+"""The base of the planar one hovers; neither has wheels."""
 
 MakeRobot = Callable[[str], Any]
 
@@ -127,7 +130,14 @@ def test_an_episode_after_another_value_is_that_of_a_fresh_environment(make_robo
 
 @pytest.mark.parametrize(
     ("robot", "kind", "said"),
-    [("planar", "robot_friction", "axis: robot_friction cannot be applied: the robot cannot fall, and is held where")],
+    [
+        (
+            "planar",
+            "robot_friction",
+            "axis: robot_friction cannot be applied: the robot cannot fall, and is held where",
+        ),
+        ("walker", "wheel_slip", "axis: wheel_slip cannot be applied: the robot has no wheels on two sides"),
+    ],
 )
 def test_what_cannot_have_an_effect_is_refused(make_robot: MakeRobot, robot: str, kind: str, said: str) -> None:
     environment, _ = make_robot(robot)
@@ -252,3 +262,80 @@ def test_a_robot_without_a_turning_rate_has_none_to_swap(make_context: Any, tmp_
     with pytest.raises(AxisError, match="swap: turn_gain cannot be applied: the robot is commanded no turning rate"):
         Variation({"swap": "turn_gain"}).applied(environment, {})
     Variation({"idle": "command_gain"}).applied(environment, {})
+
+
+def driven(environment: Any, context: Any, kind: str, value: float, seed: int = 4, steps: int = 80) -> Any:
+    """The last observation of a robot that drove straight on, and its true place."""
+    variation = Variation({"axis": kind})
+    variation.applied(environment, {"axis": AxisSetting(kind=kind, value=value)})
+    environment.renew(replace(context, rng=np.random.default_rng(seed)))
+    step = environment.reset()
+    for _ in range(steps):
+        step = environment.step(np.array((0.2, 0.0)))
+    x, y, *_ = environment.physics.data.ptr.qpos[:2].tolist()
+    return step.observation, np.array((x, y))
+
+
+def test_wheels_that_slip_turn_farther_than_the_robot_drives(make_robot: MakeRobot) -> None:
+    environment, context = make_robot("scout")
+    plain, place = driven(environment, context, "wheel_slip", 0.0)
+    slipping, short = driven(environment, context, "wheel_slip", 0.4)
+
+    assert np.hypot(*short) == pytest.approx(0.6 * np.hypot(*place), rel=0.05)
+    assert slipping["wheel_velocity"] == pytest.approx(plain["wheel_velocity"], rel=0.05)
+    assert slipping["velocity"][0] == pytest.approx(0.6 * plain["velocity"][0], rel=0.05)
+
+
+def test_wheels_slip_at_full_speed_too(make_robot: MakeRobot) -> None:
+    """A factor on commands would be lost where the robot limits them."""
+    environment, context = make_robot("scout")
+    environment.renew(replace(context, rng=np.random.default_rng(4)))
+    speeds = []
+    for slip in (0.0, 0.3):
+        Variation({"axis": "wheel_slip"}).applied(environment, {"axis": AxisSetting(kind="wheel_slip", value=slip)})
+        environment.reset()
+        speeds.append(max(environment.step(np.array((9.0, 0.0))).observation["velocity"][0] for _ in range(20)))
+
+    assert speeds[1] < 0.8 * speeds[0]
+
+
+def test_a_pose_that_drifts_wanders_off_with_the_way_and_not_with_the_time(make_robot: MakeRobot) -> None:
+    environment, context = make_robot("scout")
+
+    def error(seed: int, steps: int, drift: float = 0.1) -> float:
+        observation, place = driven(environment, context, "odometry_drift_std_m", drift, seed, steps)
+        return float(np.hypot(*(observation["pose"][:2] - place)))
+
+    assert error(1, 40, drift=0.0) == 0.0
+    assert error(1, 40) == error(1, 40)  # the same seed drifts the same way
+    assert error(1, 40) != error(2, 40)
+    near, far = ([error(seed, steps) for seed in range(12)] for steps in (10, 90))
+    assert np.mean(far) > 1.5 * np.mean(near)
+    _, place = driven(environment, context, "odometry_drift_std_m", 0.1, 1, 60)
+    _, plain = driven(environment, context, "odometry_drift_std_m", 0.0, 1, 60)
+    assert place.tolist() == plain.tolist()  # what the robot is told changes nothing of how it drives by itself
+
+
+def test_a_robot_that_stands_does_not_drift() -> None:
+    drift = OdometryDrift(OdometryErrors(drift_std_m=0.3), np.random.default_rng(1))
+    first = drift.told(0.0, 0.0, 0.0)
+    moved = drift.told(1.0, 0.0, 0.0)
+
+    assert first == (0.0, 0.0, 0.0)
+    assert moved != (1.0, 0.0, 0.0)
+    assert drift.told(1.0, 0.0, 0.0) == moved
+    kept = drift.state()
+    ahead = drift.told(2.0, 0.0, 0.5)
+    drift.restore(kept)
+    assert drift.told(2.0, 0.0, 0.5) == ahead
+
+
+def test_drift_is_as_large_as_it_says_after_a_metre() -> None:
+    ends = []
+    for seed in range(400):
+        drift = OdometryDrift(OdometryErrors(drift_std_m=0.2), np.random.default_rng(seed))
+        for place in np.linspace(0, 1, 21):  # however many steps the metre takes
+            x, y, yaw = drift.told(float(place), 0.0, 0.0)
+        ends.append((x - 1.0, y, yaw))
+
+    assert np.std(ends, axis=0) == pytest.approx([0.2, 0.2, 0.2], rel=0.15)

@@ -26,6 +26,8 @@ TRIALS = Trials.model_validate(
             "delay": {"kind": "motor_delay_s", "range": [0, 0.1]},
             "obeys": {"kind": "command_gain", "range": [0.5, 0.9]},
             "turns": {"kind": "turn_gain", "range": [0.8, 1.2]},
+            "slip": {"kind": "wheel_slip", "range": [0.1, 0.4]},
+            "drift": {"kind": "odometry_drift_std_m", "range": [0.01, 0.1]},
             "noise": {"kind": "lidar_noise_std_m", "range": [0.005, 0.03]},
             "bias": {"kind": "lidar_bias_m", "range": [-0.02, 0.02]},
             "dropout": {"kind": "lidar_dropout", "range": [0.3, 0.9]},

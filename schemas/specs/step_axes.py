@@ -1,0 +1,288 @@
+"""Axes of a step: job requests, one for each cell and seed, in place of a list that is written by hand.
+
+```yaml
+createSimulationJobRequests:
+  axes:
+    robot: {values: [scout, rover]}
+    world: {values: "${{ worlds.finishedWorldsSummary.succeededWorlds }}"}
+  seeds: 3
+  value: {…, robotApplications: [{application: "${{ robot }}", launchConfig: {}}]}
+```
+
+Members and designs are those of trials. What an axis varies is where its name stands, so it has no kind. Each job says
+its cell in its tags, which keep it through batches, reruns and records.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+from pydantic import AfterValidator, Field, ValidationError, WithJsonSchema
+
+from ..runs.axes import AXIS_TAG, MAX_AXES, tag_value
+from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, differ
+from ..runs.trial_designs import CellAxis, Cells, TrialDesign
+from ..runs.trials import trials_seeds
+from ..runs.variables import secret_names
+from ..wire.base import Model, optional
+from ..wire.common import MAX_SEED
+from ..wire.json_values import is_mapping
+from ..wire.request_problems import Location, RequestProblem, placed_by_its_path, problems_of
+
+AXES = "axes"
+SEEDS = "seeds"
+VALUE = "value"
+AXES_KEYS = (AXES, "design", "points", "include", "exclude", SEEDS, VALUE)
+MAX_JOBS = 100_000
+"""Limit on the jobs of a step: all their requests are in memory together, at a few kilobytes each."""
+_MAX_TAG_CHARACTERS = 256
+"""As of all values of tags."""
+
+Scalar: TypeAlias = str | int | float | bool
+StepCell = Mapping[str, Scalar]
+"""Values of all axes by name."""
+
+
+def _scalar(value: Any) -> Scalar:
+    if not isinstance(value, str | int | float):
+        shown = "null" if value is None else "a mapping" if is_mapping(value) else "a list"
+        raise ValueError(f"is {shown}; a text, a number, true or false would be right")
+    return value
+
+
+ScalarValue = Annotated[Any, AfterValidator(_scalar), WithJsonSchema({"type": ["string", "number", "boolean"]})]
+AxisCount = Annotated[int, Field(ge=1, le=MAX_JOBS)]
+
+
+class StepAxis(Model):
+    """One axis of a step: values that its jobs have in turn, wherever `${{ name }}` stands in `value`."""
+
+    values: list[ScalarValue] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=MAX_VALUES,
+        description="Its values: texts, numbers, true or false; a list, or a reference to one.",
+    )
+    range: AxisRange | None = optional("Least and largest value; all between are equally likely.")
+    normal: NormalDistribution | None = optional("Normal distribution of its values.")
+
+
+class StepAxes(Model):
+    """Axes of a step with their design: the members of a step's trials, and the request that each job has."""
+
+    axes: dict[str, StepAxis] = Field(
+        default={}, max_length=MAX_AXES, description="The axes by name, which references in `value` use."
+    )
+    design: TrialDesign = Field(default="grid", description="How cells are chosen, as of trials.")
+    points: AxisCount | None = optional("How many cells there are, of a design that is no grid.")
+    include: list[dict[str, ScalarValue]] | None = Field(
+        default=None, max_length=MAX_VALUES, description="Cells beside those of the design: a value of each axis."
+    )
+    exclude: list[dict[str, ScalarValue]] | None = Field(
+        default=None, max_length=MAX_VALUES, description="Cells that a grid does without: values of all axes or some."
+    )
+    seeds: AxisCount = Field(
+        default=1,
+        description="How many jobs there are of each cell: with the seed of `value`, 0 unless it gives one, and with "
+        "those after it; the same ones in each cell.",
+    )
+    value: dict[str, Any] = Field(description="The request of each job, which refers to axes by their names.")
+
+
+class _SpreadAxis(NumberAxis):
+    """A range or a distribution of numbers of any unit."""
+
+    varies: ClassVar[str] = "any number"
+    applies_to: ClassVar[str] = "steps"
+    unit: ClassVar[str] = ""
+    # Wide enough for every quantity there is, and a bound for normal distributions, which need one.
+    least, most = -1e12, 1e12
+    neutral: ClassVar[str] = ""
+
+    kind: Literal["an axis of a step"] = Field(default="an axis of a step", description="Word for it in messages.")
+
+    @classmethod
+    def bind(cls, rig: Rig) -> Setter:
+        """Refuses to be bound: references bring its values into requests."""
+        raise NotImplementedError
+
+    def parse(self, text: Any) -> float:
+        """Returns the number that a cell has."""
+        return super().parse(text if isinstance(text, str) else repr(text))
+
+
+@dataclass(frozen=True)
+class _ListedAxis:
+    """An axis that lists its values, of any type."""
+
+    values: Sequence[Scalar]
+
+    @property
+    def listed(self) -> Sequence[Scalar]:
+        """Its values."""
+        return self.values
+
+    def parse(self, text: Any) -> Scalar:
+        """Returns the value of a cell as it is."""
+        return text
+
+    def at(self, share: float) -> Scalar:
+        """Returns one of the values, all of which are equally likely."""
+        return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+
+
+def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[RequestProblem]]:
+    """Checks axes of a step whose values are known.
+
+    Args:
+        written: The construct as plain values, references resolved; its `value` is not looked at.
+
+    Returns:
+        Its cells, if all is right, else the problems, located inside the construct.
+    """
+    try:
+        found = StepAxes.model_validate({**written, VALUE: {}})
+    except ValidationError as error:
+        _, problems = _built(_well_formed(written.get(AXES)))
+        return None, [*map(_about_kind, problems_of(error, StepAxes)), *problems]
+    axes, problems = _built(found.axes)
+    if problems:
+        return None, [*problems, *_incomplete(found)]
+    cells = Cells(
+        axes=axes,
+        design=found.design,
+        points=found.points,
+        include=found.include or (),
+        exclude=found.exclude or (),
+        seeds=found.seeds,
+        most=MAX_JOBS,
+        counted="jobs",
+        holder="a step",
+    )
+    told = [placed_by_its_path(line, (), written) for line in cells.problems()]
+    told += _incomplete(found)
+    return (None, told) if told else (cells, [])
+
+
+def _well_formed(axes: object) -> dict[str, StepAxis]:
+    """The axes whose members have the right types."""
+    found: dict[str, StepAxis] = {}
+    for name, axis in axes.items() if is_mapping(axes) else ():
+        with suppress(ValidationError):
+            found[str(name)] = StepAxis.model_validate(axis)
+    return found
+
+
+def _built(axes: Mapping[str, StepAxis]) -> tuple[dict[str, CellAxis], list[RequestProblem]]:
+    """The axes as designs know them, and what is wrong with the others."""
+    built: dict[str, CellAxis] = {}
+    problems = _secrets(axes)
+    for name, axis in axes.items():
+        try:
+            built[name] = _axis(axis)
+        except ValueError as error:
+            problems += _axis_problems(name, error)
+    return built, problems
+
+
+def _secrets(names: Mapping[str, Any]) -> list[RequestProblem]:
+    """Finds axes whose names say that they are secrets: values of axes are in tags, tables and reports."""
+    words = "its name says that it is a secret, and values of axes are in tables and reports; give it for all jobs"
+    return [RequestProblem((AXES, name), words, about_key=True) for name in sorted(secret_names({}, names))]
+
+
+def _axis(axis: StepAxis) -> CellAxis:
+    given = [name for name in ("values", "range", "normal") if getattr(axis, name) is not None]
+    if given == ["values"] and axis.values is not None:
+        differ([_key(value) for value in axis.values])
+        if long := [value for value in axis.values if len(tag_value(value)) > _MAX_TAG_CHARACTERS]:
+            raise ValueError(
+                f"values: {str(long[0])[:40]}… is too long: a value is a tag of its job, of {_MAX_TAG_CHARACTERS} "
+                "characters; give it a short name, and look up the rest by that"
+            )
+        return _ListedAxis(axis.values)
+    return _SpreadAxis(range=axis.range, normal=axis.normal, values=None if axis.values is None else ["0"])
+
+
+def _key(value: Scalar) -> str:
+    """A text that is the same for values by which cells could not be told apart."""
+    return (
+        tag_value(float(value)) if isinstance(value, int | float) and not isinstance(value, bool) else tag_value(value)
+    )
+
+
+def _axis_problems(name: str, error: ValueError) -> list[RequestProblem]:
+    if isinstance(error, ValidationError):
+        return [RequestProblem((AXES, name, *each.location), each.message) for each in problems_of(error, _SpreadAxis)]
+    return [RequestProblem((AXES, name), str(error))]
+
+
+def _about_kind(problem: RequestProblem) -> RequestProblem:
+    """A problem of the construct; of a kind it says why there is none."""
+    if problem.about_key and problem.location[:1] == (AXES,) and problem.location[2:] == ("kind",):
+        name = problem.location[1]
+        words = f"axes of a step have no kind: what it varies is where ${{{{ {name} }}}} stands in value; leave it out"
+        return RequestProblem(problem.location, words, about_key=True)
+    return problem
+
+
+def _incomplete(found: StepAxes) -> list[RequestProblem]:
+    """Finds included cells without a value for some axis, whose references would have none."""
+    return [
+        RequestProblem(("include", number), f"has no value of {', '.join(missing)}; a cell of a step has all axes")
+        for number, cell in enumerate(found.include or ())
+        if (missing := [name for name in found.axes if name not in cell])
+    ]
+
+
+def cells_of(cells: Cells, seed: int) -> list[StepCell]:
+    """Returns all cells in their order.
+
+    Args:
+        cells: The cells.
+        seed: The seed on which drawn points depend.
+    """
+    return [cells.cell(place, seed) for place in range(cells.count)]
+
+
+def job_of_cell(request: Mapping[str, Any], cell: StepCell, number: int) -> dict[str, Any]:
+    """Returns the request of one job of a cell: with its seed, and with tags that say the cell.
+
+    Jobs of a cell have seeds after each other, the same ones in every cell. Trials of a job have seeds of their own, so
+    the next job begins after those: no seed comes twice in a cell.
+
+    Args:
+        request: The request that `value` makes of the cell.
+        cell: The cell.
+        number: Number of the job in its cell, from 0.
+    """
+    given = request.get("seed")
+    seed = given if isinstance(given, int) else 0
+    tags = request.get("tags")
+    own = dict(tags) if is_mapping(tags) else {}
+    said = {f"{AXIS_TAG}{name}": tag_value(value) for name, value in cell.items()}
+    seed = (seed + number * trials_seeds(request)) % (MAX_SEED + 1)
+    return {**request, "seed": seed, "tags": {**own, **said}}
+
+
+def clashing_axes(names: Sequence[str] | Mapping[str, Any], request: Mapping[str, Any]) -> list[str]:
+    """Returns the axes of a step that trials of its jobs have too: a row could not say both."""
+    trials = request.get("trials")
+    of_trials = trials.get(AXES) if is_mapping(trials) else None
+    return [name for name in names if is_mapping(of_trials) and name in of_trials]
+
+
+def clashing_words(name: str) -> str:
+    """Says that trials have an axis of a name that the step's axes have."""
+    return f"the step has an axis {name!r} too, and a row of results can say but one of both; rename one"
+
+
+def points_seed(written: object) -> int:
+    """Returns the seed on which drawn points depend: that of `value` if it is written there, else 0."""
+    return written if isinstance(written, int) and not isinstance(written, bool) else 0
+
+
+def is_axes_location(location: Location) -> bool:
+    """Whether a list of an input may be made by axes: the requests of a batch."""
+    return location == ("createSimulationJobRequests",)

@@ -1,0 +1,263 @@
+"""Axes of a run's steps: pass rates by value, and the first value against each other one in pairs of trials.
+
+Two trials are a pair if they differ in nothing but the axis: they are of one step, drove in worlds of the same content,
+and have the same seed and the same values of all other axes, those of trials too. So there are pairs where an axis
+lists values, such as robots or versions; points of a spread design differ in all axes, and have none.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ...schemas.reports.against import Answer
+from ...schemas.reports.comparison import RateChange
+from ...schemas.reports.report import ArmComparison, AxisResult, Share
+from ...schemas.reports.run_record import JobRecord
+from ...schemas.runs.axes import value_text
+from ...schemas.runs.axis_kinds.kind import BINS, Value
+from ...schemas.specs.resolving import step_of
+from ..results.rates import share_of
+from .difference_test import JudgedTrials, rate_change
+from .e_processes import fewest_worlds
+from .nights import NightRun
+from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
+from .statistics import holm_adjusted
+
+ALPHA = 0.05
+"""Error probability of all comparisons of a run together; the intervals have it each."""
+MOST_COMPARED = 20
+"""Values of an axis that are compared with its first one; with more, Holm's method finds little."""
+MOST_SHOWN = 50
+"""Values of an axis that have a row of their own."""
+
+_Place = tuple[str, int | None, tuple[tuple[str, Value], ...]]
+"""World, seed and values of the other axes: what a pair has in common."""
+
+
+def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
+    """Returns the results of a run by the axes of its steps; empty where no step has axes.
+
+    Args:
+        run: The run, with its table of results.
+        digests: Digests of all states of jobs without trials, by label.
+    """
+    steps: dict[str, list[JobRecord]] = {}
+    for job in run.jobs:
+        if job.axes:
+            steps.setdefault(step_of(job.step or ""), []).append(job)
+    states = _states(run, digests) if steps else []
+    axes = [
+        _Axis(run, step, jobs, name, states)
+        for step, jobs in steps.items()
+        for name in dict.fromkeys(name for job in jobs for name in job.axes)
+    ]
+    found = [(axis, [*axis.compared()]) for axis in axes]
+    adjusted = iter(_adjusted([arm for _, arms in found for arm in arms]))
+    return [
+        AxisResult(
+            step=axis.step,
+            axis=axis.name,
+            shares=axis.shares(),
+            comparisons=[_told(arm, *next(adjusted)) for arm in arms],
+            note=axis.note(len(arms)),
+        )
+        for axis, arms in found
+    ]
+
+
+@dataclass(frozen=True)
+class _Arm:
+    """Two values of an axis with their pairs."""
+
+    baseline: Value
+    value: Value
+    trials: TrialPairs
+    fair: TrialPairs
+    """Pairs that were judged by the same requirements."""
+    unpaired: int
+    same_states: bool
+    rate: RateChange | None
+    """Pass rates of the pairs that were judged; None: none was."""
+    strict: RateChange | None
+    """The same if what broke counts as failed."""
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """One axis of a step, with the step's jobs."""
+
+    run: NightRun
+    step: str
+    jobs: Sequence[JobRecord]
+    name: str
+    states: Sequence[str | None]
+    """Digest of all states of each row of the table."""
+
+    @property
+    def values(self) -> list[Value]:
+        """Its values, in the order of the jobs."""
+        return [*dict.fromkeys(job.axes[self.name] for job in self.jobs if self.name in job.axes)]
+
+    def shares(self) -> list[Share]:
+        """Pass rates by value, or by fifths of numbers that are too many."""
+        values = self.values
+        numbers = [value for value in values if isinstance(value, float)]
+        if len(numbers) == len(values) > MOST_SHOWN:
+            edges = np.quantile(numbers, np.linspace(0, 1, BINS + 1)).tolist()
+            parts = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, BINS - 1).tolist()
+            of_part = dict(zip(numbers, parts, strict=True))
+            names = [f"{value_text(low)} to {value_text(high)}" for low, high in pairwise(edges)]
+            groups = {names[part]: [v for v in numbers if of_part[v] == part] for part in range(BINS)}
+        else:
+            groups = {self._shown(value): [value] for value in values[:MOST_SHOWN]}
+        return [self._share(name, set(found)) for name, found in groups.items()]
+
+    def compared(self) -> Iterator[_Arm]:
+        """The first value against each other one that has pairs with it."""
+        values = self.values
+        for value in values[1 : MOST_COMPARED + 1]:
+            arm = self._arm(values[0], value)
+            if arm is not None:
+                yield arm
+
+    def note(self, compared: int) -> str:
+        """Says why there are no comparisons, or that some values have none."""
+        values = len(self.values)
+        if self._worlds.keys() >= set(self.values):
+            return ""  # pairs are of one world each
+        if values < 2:
+            return "all jobs have the same value of it: there is nothing to compare"
+        if not compared:
+            return "no two trials differ in it alone (same world, seed and other axes), so that there are no pairs"
+        left = values - 1 - compared
+        return f"{left} more value{'s are' if left > 1 else ' is'} not compared" if left else ""
+
+    def _shown(self, value: Value) -> str:
+        """A value in words; of a world, which has the name of its content, the name that it has in this run."""
+        return self._worlds.get(value, value_text(value))
+
+    @property
+    def _worlds(self) -> dict[Value, str]:
+        return {job.inputs.world: job.world for job in self.jobs if job.inputs and job.inputs.world and job.world}
+
+    def _share(self, name: str, values: set[Value]) -> Share:
+        rows = [row for job in self.jobs if job.axes.get(self.name) in values for row in self.run.results.rows_of(job)]
+        codes = outcomes_of(self.run.results)[rows] if rows else np.zeros(0, np.int8)
+        return share_of(name, *(int((codes == code).sum()) for code in (PASSED, FAILED, BROKEN)))
+
+    def _arm(self, baseline: Value, value: Value) -> _Arm | None:
+        first, other = (self._placed(each) for each in (baseline, value))
+        pairs = [Pair(first[place], job) for place, job in other.items() if place in first]
+        if not pairs:
+            return None
+        trials = pair_trials(pairs, self.run, self.run, ignoring=self._of_step)
+        is_fair = np.array([pair.has_same_requirements for pair in pairs], dtype=bool)
+        fair = trials.only(is_fair[trials.jobs])
+        here = [job for job in self.jobs if job.axes.get(self.name) in (baseline, value)]
+        return _Arm(
+            baseline,
+            value,
+            trials,
+            fair,
+            unpaired=sum(len(self.run.results.rows_of(job)) for job in here) - 2 * len(trials),
+            same_states=self._went_the_same_way(trials),
+            rate=_rate(fair.only(fair.judged)),
+            strict=_rate(fair.only(fair.told)),
+        )
+
+    def _went_the_same_way(self, trials: TrialPairs) -> bool:
+        """Whether both trials of each pair went through the same states; False where that is not known."""
+        rows = zip(trials.before_rows.tolist(), trials.after_rows.tolist(), strict=True)
+        return len(trials) > 0 and all(
+            self.states[old] is not None and self.states[old] == self.states[new] for old, new in rows
+        )
+
+    def _placed(self, value: Value) -> dict[_Place, JobRecord]:
+        return {_place(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
+
+    @property
+    def _of_step(self) -> set[str]:
+        return {name for job in self.jobs for name in job.axes}
+
+
+def _place(job: JobRecord, axis: str) -> _Place:
+    others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
+    # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
+    inputs = job.inputs
+    return (inputs.world or "", inputs.seed, others) if inputs else (job.label, None, others)
+
+
+def _rate(trials: TrialPairs) -> RateChange | None:
+    old, new = trials.outcomes
+    judged = JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(ALPHA))
+    return rate_change(judged, ALPHA) if len(judged) else None
+
+
+def _states(run: NightRun, digests: Mapping[str, str]) -> list[str | None]:
+    """The digest of all states of each row; of jobs without trials the table has none."""
+    states = run.results.texts("state_digest")
+    for job in run.jobs:
+        for row in run.results.rows_of(job):
+            states[row] = states[row] or digests.get(job.label)
+    return states
+
+
+def _adjusted(arms: Sequence[_Arm]) -> list[tuple[float | None, Answer]]:
+    """The p-value of each comparison by Holm's method, and its answer: the same with what broke left out and failed."""
+    without, failed = (_answers(rates) for rates in ([arm.rate for arm in arms], [arm.strict for arm in arms]))
+    return [
+        (p_value, answer if answer == if_failed else "not comparable")
+        for (p_value, answer), (_, if_failed) in zip(without, failed, strict=True)
+    ]
+
+
+def _answers(rates: Sequence[RateChange | None]) -> list[tuple[float | None, Answer]]:
+    adjusted = iter(holm_adjusted([rate.p_value for rate in rates if rate is not None]))
+    return [_answer(rate, next(adjusted)) if rate is not None else (None, "not comparable") for rate in rates]
+
+
+def _answer(rate: RateChange, p_value: float) -> tuple[float | None, Answer]:
+    if p_value > ALPHA:
+        return p_value, "no difference shown"
+    return p_value, "better" if rate.difference > 0 else "worse"
+
+
+def _told(arm: _Arm, p_value: float | None, answer: Answer) -> ArmComparison:
+    return ArmComparison(
+        baseline=value_text(arm.baseline),
+        value=value_text(arm.value),
+        answer=answer,
+        why=_why(arm, p_value, answer),
+        pairs=len(arm.trials),
+        unpaired=arm.unpaired,
+        unjudged=int((~arm.fair.judged).sum()),
+        other_requirements=len(arm.trials) - len(arm.fair),
+        adjusted_p_value=p_value,
+        same_states=arm.same_states,
+        rate=arm.rate,
+    )
+
+
+def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
+    """The reason of an answer, with what it leaves out."""
+    if arm.rate is None:
+        words = f"none of {_counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
+    elif answer == "not comparable":
+        words = f"the answer depends on {_counted(int((~arm.fair.judged).sum()), 'pair')} of which a side broke"
+    else:
+        words = f"{_counted(arm.rate.pairs, 'pair')} judged, p = {p_value:.2g} ({arm.rate.test} test, Holm's method)"
+        if arm.rate.pairs > arm.rate.worlds and arm.rate.test == "exact McNemar" and answer != "no difference shown":
+            words += ", in these worlds; others were not tried"
+    if arm.same_states:
+        words += "; both sides of each pair went through the same states: the axis changes nothing"
+    if len(arm.trials) > len(arm.fair):
+        words += f"; {_counted(len(arm.trials) - len(arm.fair), 'pair')} judged by different requirements do not count"
+    if arm.unpaired:
+        words += f"; {_counted(arm.unpaired, 'trial')} without a partner"
+    return words
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,0 +1,121 @@
+"""Values of a step's axis in pairs: two trials are one only where they differ in nothing else."""
+
+from typing import Any
+
+import pytest
+from helpers.night_records import make_job, make_night
+
+from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult
+from prefect_robomaker.schemas.reports.run_record import JobRecord
+from prefect_robomaker.tasks.comparison.arms import axis_results
+from prefect_robomaker.tasks.comparison.nights import CellTable, NightRun
+from prefect_robomaker.tasks.comparison.statistics import holm_adjusted
+from prefect_robomaker.tasks.results.table import ResultTable
+
+
+def arm(letters: str, robot: str, *, step: str = "drive", limit: float = 5.0, **axes: Any) -> list[JobRecord]:
+    """Jobs of one value of the axis `robot`, one a letter, in a world and with a seed of its own each."""
+    return [
+        make_job(index, letter, world=f"world {index}", seed=index, limit=limit).model_copy(
+            update={"label": f"sim-{robot}-{index}-{step}-{axes}", "step": step, "axes": {"robot": robot, **axes}}
+        )
+        for index, letter in enumerate(letters)
+    ]
+
+
+def results_of(jobs: list[JobRecord], digests: dict[str, str] | None = None) -> list[AxisResult]:
+    run = NightRun.of(make_night(jobs))
+    table = ResultTable.of(jobs)
+    return axis_results(NightRun(run.run_id, run.name, run.started_at, run.state, jobs, table=table), digests or {})
+
+
+def compared(jobs: list[JobRecord], digests: dict[str, str] | None = None) -> list[ArmComparison]:
+    return [each for result in results_of(jobs, digests) if result.axis == "robot" for each in result.comparisons]
+
+
+def test_a_robot_that_passes_more_often_in_pairs_is_better() -> None:
+    [found] = compared([*arm("FFFFFFFFPP", "scout"), *arm("PPPPPPPPPP", "rover")])
+
+    assert (found.baseline, found.value, found.answer, found.pairs) == ("scout", "rover", "better", 10)
+    assert found.rate is not None
+    assert (found.rate.before, found.rate.after) == (0.2, 1.0)
+    assert found.adjusted_p_value == pytest.approx(2 * 0.5**8)
+    assert found.why == "10 pairs judged, p = 0.0078 (exact McNemar test, Holm's method)"
+    [result] = results_of([*arm("FP", "scout"), *arm("PP", "rover")])
+    assert [(share.name, share.passed, share.failed) for share in result.shares] == [("scout", 1, 1), ("rover", 2, 0)]
+
+
+@pytest.mark.parametrize("other", ["world", "seed", "axis", "step"])
+def test_jobs_that_differ_in_more_than_the_axis_are_no_pair(other: str) -> None:
+    first, second = arm("PPPP", "scout", speed=1.0), arm("FFFF", "rover", speed=2.0 if other == "axis" else 1.0)
+    for place, job in enumerate(second):
+        assert job.inputs is not None
+        change = {"world": {"world": f"other {place}"}, "seed": {"seed": 100 + place}}.get(other, {})
+        inputs = job.inputs.model_copy(update=change)
+        second[place] = job.model_copy(update={"inputs": inputs, "step": "again" if other == "step" else "drive"})
+
+    robots = [each for each in results_of([*first, *second]) if each.axis == "robot"]
+
+    assert [each.comparisons for each in robots] == [[]] * len(robots)
+    assert all(each.note for each in robots)
+
+
+def test_what_has_no_partner_is_counted_and_said() -> None:
+    [found] = compared([*arm("PPPP", "scout"), *arm("PP", "rover")])
+
+    assert (found.pairs, found.unpaired) == (2, 2)
+    assert "2 trials without a partner" in found.why
+
+
+def test_pairs_with_other_requirements_do_not_count() -> None:
+    [found] = compared([*arm("PPPPPPPP", "scout"), *arm("FFFFFFFF", "rover", limit=1.0)])
+
+    assert (found.answer, found.other_requirements, found.rate) == ("not comparable", 8, None)
+    assert "judged by different requirements" in found.why
+
+
+def test_what_broke_is_neither_passed_nor_left_out_silently() -> None:
+    [found] = compared([*arm("FFFFFFFFPPPPPPPP", "scout"), *arm("PPPPPPPPEEEEEEEE", "rover")])
+
+    assert (found.answer, found.unjudged) == ("not comparable", 8)
+    assert "depends on 8 pairs of which a side broke" in found.why
+
+
+def test_many_values_share_the_error_of_one() -> None:
+    jobs = [*arm("FFFFFFPP", "a"), *arm("PPPPPPPP", "b")]
+    assert [each.answer for each in compared(jobs)] == ["better"]  # p = 0.031
+
+    more = [*jobs, *arm("FFFFFFPP", "c"), *arm("FFFFFFPP", "d")]
+    assert [(each.value, each.answer) for each in compared(more)] == [
+        ("b", "no difference shown"), ("c", "no difference shown"), ("d", "no difference shown"),
+    ]  # fmt: skip
+    assert holm_adjusted([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm_adjusted([]) == []
+
+
+def test_an_axis_that_changes_nothing_is_told() -> None:
+    jobs = [*arm("PP", "scout"), *arm("PP", "rover")]
+    digests = {job.label: f"states of {job.inputs and job.inputs.seed}" for job in jobs}
+
+    [same] = compared(jobs, digests)
+    [unknown] = compared(jobs)
+    [differ] = compared(jobs, {**digests, jobs[0].label: "others"})
+
+    assert same.same_states
+    assert "went through the same states: the axis changes nothing" in same.why
+    assert not unknown.same_states
+    assert not differ.same_states
+
+
+def test_jobs_of_two_nights_are_matched_by_their_cells() -> None:
+    table = CellTable()
+    first = table.place([*arm("P", "scout"), *arm("P", "rover")])
+    # The next night has one more robot, in front, and another request for all of them.
+    jobs = [*arm("P", "walker"), *arm("P", "scout"), *arm("P", "rover")]
+    changed = [
+        job.model_copy(update={"inputs": job.inputs.model_copy(update={"request_sha256": "new"})})
+        for job in jobs
+        if job.inputs
+    ]
+
+    assert table.place(changed)[1:] == first
