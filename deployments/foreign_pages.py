@@ -113,7 +113,7 @@ class Guard:
     """ASGI application wrapper that refuses requests of foreign web pages to a server that listens at 127.0.0.1.
 
     Args:
-        application: the one that is guarded.
+        application: the ASGI application to protect.
     """
 
     def __init__(self, application: ASGIApp) -> None:

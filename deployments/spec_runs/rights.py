@@ -22,7 +22,7 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
     """Lists the rights that a visitor's access key lacks for running a specification.
 
     Args:
-        key: the visitor's; `None`: none is asked for.
+        key: the visitor's access key; `None`: no access key is required.
         spec: the specification.
         catalog: the catalog of the resources.
 
@@ -56,7 +56,7 @@ class Permits:
     """Checks for each step of an ordered run whether its visitor has the right, and logs it.
 
     Args:
-        key: the visitor's; `None`: none is asked for.
+        key: the visitor's access key; `None`: no access key is required.
         address: IP address of the visitor.
         audit_log: records every step, also refused ones; `None`: steps are not recorded.
         service: the service, with its catalog and object store.

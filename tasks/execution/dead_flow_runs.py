@@ -144,11 +144,12 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
 def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndOf) -> list[UUID]:
     """Corrects flow runs that were marked crashed in the last day although they had ended: sets their real end state.
 
-    What is open in flow runs that ended is closed, too, once no state of it is on its way any more.
+    Subflow runs that are still open although their parent run ended are closed, too, after a delay: their own end may
+    still be on its way to the server.
 
     Args:
         client: the server's client.
-        flow_names: names of the flows that are asked about.
+        flow_names: names of the flows whose runs are corrected.
         end_of: knows how flow runs ended.
 
     Returns:
@@ -220,7 +221,7 @@ def close_unheard(
         end_of: knows how flow runs ended; those of which it does not are closed as dead.
 
     Returns:
-        The ids of those that are closed now as dead.
+        Ids of the flow runs that were marked as crashed.
     """
     until = now or datetime.now(UTC)
     since = until - timedelta(seconds=UNHEARD_S)

@@ -40,7 +40,7 @@ _OF_PREFECT_RUN = re.compile(r"tmp\w+prefect|prefect-flow-run-\w+")
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
-    """Returns the parts of this process's environment that a job ordered now needs to run elsewhere.
+    """Returns the settings and packages of this process that a job needs to run in another process.
 
     Args:
         operation: the operation that orders it.

@@ -53,13 +53,13 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
 def is_due(
     when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None, since: Losses | None = None
 ) -> bool:
-    """Whether a notification about a run is to be sent, by the setting (failures, changes, all, ...).
+    """Whether a notification about a run is to be sent, by the setting (failure, change, recovery, always).
 
-    A run that succeeds and judges less than earlier ones is no recovery; it is told of where failures or changes are.
-    A run that was cancelled says nothing about the robot, and is told only where all are.
+    A run that succeeds although it judges less than earlier runs is no recovery: it is notified like a failure or a
+    change. A cancelled run says nothing about the robot, and is notified only with `always`.
 
     Args:
-        when: kinds of results that are notified.
+        when: the setting: kinds of results that are notified.
         record: the run.
         before: the last run of the specification before it that was not cancelled; None: there is none.
         since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.

@@ -340,6 +340,6 @@ def _scaled(geometry: Geometry, scale: tuple[float, float, float]) -> Geometry:
 
 
 def missing_parts(world: SdfWorld) -> Iterator[str]:
-    """Yields the models, with similar names that exist, and the files of collision shapes that were not found."""
+    """Yields names of models and collision files that an SDF world needs and that were not found."""
     for what in ("models that are missing", MISSING_COLLISION_MESHES, MISSING_COLLISION_HEIGHTMAPS):
         yield from world.left_out.names(what)

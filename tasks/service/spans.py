@@ -25,8 +25,8 @@ def span(
 
     Args:
         name: name of the activity.
-        arn: the job that it is about; spans inside the block have it, too.
-        traceparent: the caller's span, as its request's header of that name says.
+        arn: ARN of the job that the span is about; spans inside the block get it, too.
+        traceparent: the caller's span, from the `traceparent` header of its request.
         **attributes: further attributes, whose names get `robomaker.` in front.
     """
     about = arn or _ARN.get()

@@ -21,7 +21,7 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
         service: the service, with its catalog and object store.
 
     Returns:
-        The newest whose bundle is stored; `None`: there is none.
+        The newest such world whose bundle is stored; `None`: there is none.
     """
     return find_by_origin(origin_of(template_body, seeds), service)
 

@@ -23,12 +23,12 @@ def robot_env(
     Args:
         world: ARN of a world, or the folder of its bundle.
         robot: `scout`, `walker`, `menagerie:<model>`, or the path of a `robot.yaml`.
-        time_limit_s: Simulated time that ends an episode; None: what suits the world.
+        time_limit_s: Simulated time in seconds that ends an episode; None: a limit that fits the world.
         variables: Environment variables of launch configurations.
 
     Raises:
         ConfigurationError: gymnasium is not installed, or the folder is no world's.
-        ResourceNotFoundException: The catalog has no such world in the catalog.
+        ResourceNotFoundException: The catalog has no such world.
         LaunchError: The robot does not exist.
     """
     from ..runtime.policies.gymnasium_env import RobotEnv  # only this needs gymnasium

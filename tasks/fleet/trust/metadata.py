@@ -236,7 +236,7 @@ class Attested:
         return cls(keys, frozenset(content["applications"]))
 
     def changed(self, keys: Collection[Key], add: Collection[str], remove: Collection[str]) -> "Attested":
-        """Returns the rules with other keys (if given), and with applications added or removed."""
+        """Returns attestation rules with other keys (if given), and with applications added or removed."""
         named = {key.keyid: key for key in keys} or self.keys
         return Attested(named, (self.applications | frozenset(add)) - frozenset(remove))
 
