@@ -39,10 +39,10 @@ class Against(Model):
 class AgainstAnswer(Against):
     """Answer of a run that was compared with an earlier run while it ran."""
 
-    answer: Answer = Field(description="Whether the run is better or worse than the earlier one by its verdicts.")
-    why: str = Field(description="The answer's reason in words.")
+    answer: Answer = Field(description="Answer: whether the run is better or worse than the earlier one, by verdicts.")
+    why: str = Field(description="Reason of the answer, as text.")
     pairs: int = Field(description="Pairs of trials that the answer rests on, in an order that the requests fix.")
-    planned: int = Field(description="Pairs of trials that the whole run would have.")
+    planned: int = Field(description="Number of trial pairs that the whole run would have.")
     saved: int = Field(
         default=0, description="Trials of those pairs that were not run, or cancelled, once it was clear."
     )

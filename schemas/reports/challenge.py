@@ -17,8 +17,10 @@ class ChallengedJob(Model):
     """A job of a challenge in the control arm, in which the robot is unchanged."""
 
     name: str = Field(description="Name of the job in every run of the specification.")
-    control: ControlResult = Field(description="How it ended in the control arm; unless it passes, it shows nothing.")
-    reason: str = Field(default="", description="Why it did not pass, in words.")
+    control: ControlResult = Field(
+        description="Result in the control arm (unchanged robot); unless the job passes, it shows nothing."
+    )
+    reason: str = Field(default="", description="Reason why the job did not pass, as text.")
 
     @property
     def in_words(self) -> str:
@@ -42,19 +44,21 @@ class SabotageResult(Model):
 
     name: str = Field(description="Name of the sabotage.")
     axes: dict[str, Value] = Field(description="Values of axes, by kind; texts by name of the environment variable.")
-    caught: int = Field(default=0, description="Jobs that did not pass with it.")
+    caught: int = Field(default=0, description="Number of jobs that did not pass with the sabotage.")
     broke: int = Field(
         default=0,
         description="Those of the caught ones that broke with it before a requirement was missed; a run says so, "
         "whatever its requirements are.",
     )
-    missed: int = Field(default=0, description="Jobs that passed with it, though it changed what happened.")
-    no_effect: int = Field(default=0, description="Jobs that went through the same states to the bit.")
-    not_applicable: int = Field(default=0, description="Jobs whose robot it cannot be applied to.")
-    not_tried: int = Field(default=0, description="Jobs that were not run to their end for a reason of the machine.")
+    missed: int = Field(default=0, description="Number of jobs that passed although the sabotage had an effect.")
+    no_effect: int = Field(
+        default=0, description="Number of jobs with bit-identical states, so that the sabotage had no effect."
+    )
+    not_applicable: int = Field(default=0, description="Number of jobs to whose robot the sabotage cannot be applied.")
+    not_tried: int = Field(default=0, description="Number of jobs that did not finish for a reason of the machine.")
     first: str = Field(default="", description="Requirement that caught it first, or `a crash`; empty: none did.")
-    first_s: float | None = optional("Simulated time of that; absent: at the end, or not known.")
-    reason: str = Field(default="", description="Why it is not applicable, or was not tried, in words.")
+    first_s: float | None = optional("Simulated time at which it was caught first; absent: at the end, or unknown.")
+    reason: str = Field(default="", description="Reason why the sabotage is not applicable or was not tried, as text.")
 
     @property
     def applicable(self) -> int:

@@ -15,10 +15,10 @@ class CellName(Model):
     It is a row in the table of jobs on the history page.
     """
 
-    step: str = Field(default="", description="The step that made it.")
+    step: str = Field(default="", description="Step that created the job.")
     test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
-    world: str | None = optional("The world it drove in, by the name it had in its run.")
-    seed: int | None = optional("Its seed, where the request named one.")
+    world: str | None = optional("Name of the job's world in its run.")
+    seed: int | None = optional("Seed of the job, if the request gives one.")
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of its run have: `SPEED=2`."
     )
@@ -39,14 +39,14 @@ class ChangedInput(Model):
         description="Kind of input; `request`: all that is asked for beside requirements."
     )
     name: str = Field(default="", description="Name of the parameter, application or package.")
-    before: str | None = optional("Commit, value, digest or version before; absent: not known.")
-    after: str | None = optional("The same after.")
+    before: str | None = optional("Commit, value, digest or version before; absent: unknown.")
+    after: str | None = optional("Commit, value, digest or version after; absent: unknown.")
 
 
 class FailureStart(Model):
     """The run since which a job fails, with the last run before it in which the job passed."""
 
-    run_id: str = Field(description="First run in which it failed.")
+    run_id: str = Field(description="Id of the first run in which the job failed.")
     started_at: datetime = Field(description="Start of that run, UTC.")
     nights: int = Field(description="Runs since then in which it failed, that one included.")
     last_passed_run_id: str | None = optional(
@@ -60,8 +60,8 @@ class NewlyMissed(Model):
 
     cell: CellName = Field(description="The job that it is a trial of.")
     job: str = Field(description="Id of the job in the last run.")
-    trial: int | None = optional("Its number; absent: the job has no trials.")
-    detail: str = Field(default="", description="Value found and value asked for, in words.")
+    trial: int | None = optional("Number of the trial; absent: the job has no trials.")
+    detail: str = Field(default="", description="Measured and required value, as text.")
     certain: bool = Field(
         description="Whether it is not by chance: same world, same seed, and programs that do the same every time."
     )
@@ -84,9 +84,9 @@ class CellChange(Model):
 
     cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run.")
-    outcome: CaseOutcome = Field(description="Its outcome in the last run.")
-    reason: str = Field(default="", description="Why it does not pass.")
-    since: FailureStart | None = optional("Since when it fails; absent: it passes.")
+    outcome: CaseOutcome = Field(description="Outcome of the job in the last run.")
+    reason: str = Field(default="", description="Reason why the job does not pass.")
+    since: FailureStart | None = optional("Run since which the job fails; absent: it passes.")
     newly_missed: list[str] = Field(
         default=[], description="Requirements that it met when it ran last, and misses now: another way of failing."
     )
@@ -98,10 +98,10 @@ class Loss(Model):
     cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run that has it.")
     before: CaseOutcome = Field(description="Its outcome when it was last judged, or last ran.")
-    before_run_id: str = Field(description="The run in which it ended so.")
+    before_run_id: str = Field(description="Id of the run with that outcome.")
     requirements: list[str] = Field(default=[], description="Names of requirements that counted then, and not now.")
-    trials_before: int | None = optional("Trials of it that were counted then.")
-    trials_now: int | None = optional("Trials that were counted now, where that are fewer.")
+    trials_before: int | None = optional("Number of counted trials before.")
+    trials_now: int | None = optional("Number of counted trials now, if there are fewer.")
 
 
 class Losses(Model):
@@ -157,7 +157,13 @@ class SinceLastRun(Losses):
     shrinking: list[MarginTrend] = Field(
         default=[], description="Requirements that are met with margins that shrink steadily, the soonest miss first."
     )
-    newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
-    newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")
-    still_failing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, nor now.")
-    first_failing: list[CellChange] = Field(default=[], description="Fail, and have no earlier result.")
+    newly_failing: list[CellChange] = Field(
+        default=[], description="Jobs that passed in their last run, and do not pass now."
+    )
+    newly_passing: list[CellChange] = Field(
+        default=[], description="Jobs that did not pass in their last run, and pass now."
+    )
+    still_failing: list[CellChange] = Field(
+        default=[], description="Jobs that passed neither in their last run nor now."
+    )
+    first_failing: list[CellChange] = Field(default=[], description="Jobs that fail and have no earlier result.")

@@ -15,9 +15,9 @@ class ComparedRun(Model):
     """Identity of one of the two runs of a comparison: its id, specification and time."""
 
     run_id: str = Field(description="Id of the run.")
-    name: str = Field(description="Name of its specification.")
-    started_at: datetime = Field(description="Start, UTC.")
-    jobs: int = Field(description="How many jobs it has.")
+    name: str = Field(description="Name of the run's specification.")
+    started_at: datetime = Field(description="Begin of the run, UTC.")
+    jobs: int = Field(description="Number of jobs in the run.")
     parameters: dict[str, Any] = Field(default={}, description="Values of its specification's parameters.")
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
 
@@ -30,7 +30,7 @@ class PairedJob(Model):
     after: CaseOutcome = Field(description="Outcome in the second run.")
     before_job: str = Field(description="Id of the job in the first run.")
     after_job: str = Field(description="Id of the job in the second run.")
-    reason: str = Field(default="", description="Why it did not pass, in the run in which it did not.")
+    reason: str = Field(default="", description="Reason why the job did not pass, from the run in which it did not.")
     newly_missed: list[str] = Field(default=[], description="Requirements that it met before, and misses after.")
 
 
@@ -58,21 +58,21 @@ class RateChange(Model):
     A job without trials counts as one trial.
     """
 
-    pairs: int = Field(description="How many pairs those are.")
-    worlds: int = Field(description="How many worlds they are in; jobs without a world count as one.")
-    before: float = Field(description="Share of them that passed in the first run.")
-    after: float = Field(description="Share of them that passed in the second run.")
+    pairs: int = Field(description="Number of judged pairs.")
+    worlds: int = Field(description="Number of worlds of the pairs; jobs without a world count as one.")
+    before: float = Field(description="Share of the pairs that passed in the first run.")
+    after: float = Field(description="Share of the pairs that passed in the second run.")
     difference: float = Field(description="`after - before`.")
     low: float = Field(
         description="Lower end of the difference's interval: by Newcombe's method 10, or where whole worlds are "
         "flipped by the spread between worlds."
     )
-    high: float = Field(description="Upper end of it.")
+    high: float = Field(description="Upper end of the confidence interval.")
     test: Test = Field(
         description="The test that decides. Trials of one world are alike: where six worlds or more have several, "
         "whole worlds are flipped."
     )
-    p_value: float = Field(description="Its two-sided p-value.")
+    p_value: float = Field(description="Two-sided p-value of the deciding test.")
     margin: MarginTest | None = optional("Present where a margin is asked for.")
 
 
@@ -111,12 +111,12 @@ class MetricChange(Model):
     """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
 
     name: str = Field(description="The metric, with its unit.")
-    pairs: int = Field(description="Pairs that have it.")
+    pairs: int = Field(description="Number of pairs with the metric.")
     before: float = Field(description="Mean in the first run.")
     after: float = Field(description="Mean in the second run.")
     difference: float = Field(description="Mean of `after - before`.")
-    low: float | None = optional("Lower end of its interval; absent with fewer than 2 pairs.")
-    high: float | None = optional("Upper end of it.")
+    low: float | None = optional("Lower end of the confidence interval; absent with fewer than 2 pairs.")
+    high: float | None = optional("Upper end of the confidence interval.")
     changed: bool = Field(description="Whether the interval leaves out 0.")
 
 
@@ -128,7 +128,7 @@ class Comparison(Losses):
     after: ComparedRun = Field(description="The second run.")
     answer: Answer = Field(description="Whether the second run is better or worse by its verdicts.")
     exit_code: int = Field(description="Exit code of the command line, `ANSWER_EXIT_CODES[answer]`.")
-    why: str = Field(description="The answer's reason in words.")
+    why: str = Field(description="Reason of the answer, as text.")
     alpha: float = Field(description="Error probability of the test, and of the intervals of all metrics together.")
     parameters: list[ChangedInput] = Field(
         default=[], description="Parameters of the specification whose values differ, or that one run lacks."
@@ -148,9 +148,9 @@ class Comparison(Losses):
     requirements: list[RequirementChange] = Field(
         default=[], description="Requirements that trials newly miss, the most frequent first, or newly meet."
     )
-    newly_failing: list[PairedJob] = Field(description="Passed before, failed or broke after.")
-    newly_passing: list[PairedJob] = Field(description="Failed or broke before, passed after.")
-    still_failing: list[PairedJob] = Field(description="Failed or broke in both.")
+    newly_failing: list[PairedJob] = Field(description="Jobs that passed before, and failed or broke after.")
+    newly_passing: list[PairedJob] = Field(description="Jobs that failed or broke before, and passed after.")
+    still_failing: list[PairedJob] = Field(description="Jobs that failed or broke in both runs.")
     rate: RateChange | None = optional(
         "Pass rates; absent when no pair was judged in both, or the second run was looked at while it ran."
     )

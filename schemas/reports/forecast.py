@@ -16,8 +16,8 @@ class JobCost(Model):
         ge=0, description="Wall-clock time of the run itself, part of `slot_s`: grows with the number of trials."
     )
     trials: int = Field(ge=1, description="Trials that it ran; 1 without trials.")
-    cpu_time_s: float | None = Field(default=None, ge=0, description="CPU time; absent: not known.")
-    size_bytes: int = Field(ge=0, description="Size of its outputs.")
+    cpu_time_s: float | None = Field(default=None, ge=0, description="CPU time of the job; absent: unknown.")
+    size_bytes: int = Field(ge=0, description="Size of the job's outputs.")
     kind: str = Field(default="", description="Kind of job: jobs of one kind probably take as long.")
 
 
@@ -49,7 +49,7 @@ class StepForecast(Model):
     step: str = Field(description="The step.")
     operation: str = Field(description="The operation it calls.")
     parts: int = Field(ge=0, description="Worlds or simulation jobs; 0: it makes none.")
-    concurrency: int = Field(ge=1, description="How many of them at once.")
+    concurrency: int = Field(ge=1, description="Number of worlds or jobs at the same time.")
     start_s: float = Field(ge=0, description="Wall-clock time that it takes whatever their number: start-up and end.")
     wall_time_s: float = Field(ge=0, description="Wall-clock time.")
     cpu_time_s: float | None = Field(
@@ -74,11 +74,13 @@ class StepForecast(Model):
 class ProbedJob(Model):
     """A simulation job that a probe (a small trial run of a specification) ran, and how it ended."""
 
-    job: str = Field(description="Its id.")
-    verdict: str = Field(description="Its verdict; its status where it has none.")
-    reason: str = Field(default="", description="Why it did not pass.")
-    trials: int | None = Field(default=None, ge=0, description="Trials that it ran; absent: it has none.")
-    trials_passed: int | None = Field(default=None, ge=0, description="Trials that passed.")
+    job: str = Field(description="Id of the job.")
+    verdict: str = Field(description="Verdict of the job; its status if it has none.")
+    reason: str = Field(default="", description="Reason why the job did not pass.")
+    trials: int | None = Field(
+        default=None, ge=0, description="Number of trials that the job ran; absent: it has no trials."
+    )
+    trials_passed: int | None = Field(default=None, ge=0, description="Number of trials that passed.")
 
 
 class Forecast(Model):

@@ -15,8 +15,8 @@ from .run_record import CaseOutcome, RunState, SourceCommit
 class MissedNight(Model):
     """A scheduled run that did not happen, or that was interrupted and is not finished yet."""
 
-    due_at: datetime = Field(description="When it was due, UTC.")
-    reason: str = Field(description="Why it did not happen, in words.")
+    due_at: datetime = Field(description="Time at which the run was due, UTC.")
+    reason: str = Field(description="Reason why the run did not happen, as text.")
     has_begun: bool = Field(default=False, description="Whether it began, and its process died before its end.")
 
     @property
@@ -46,8 +46,8 @@ class Night(Model):
 
     run_id: str = Field(description="Id of the run.")
     started_at: datetime = Field(description="Start, UTC.")
-    state: RunState = Field(description="How it ended as a whole.")
-    jobs: int = Field(description="How many jobs it has.")
+    state: RunState = Field(description="State of the finished run.")
+    jobs: int = Field(description="Number of jobs in the run.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(
         description="Its trials; those that broke are not judged. A run that stopped early has no interval, since its "
@@ -69,7 +69,7 @@ class CellHistory(Model):
 
     cell: CellName = Field(description="Name of the job, as in the last run that has it.")
     outcomes: list[CaseOutcome | None] = Field(description="Its outcome in each night; None: that run has no such job.")
-    success: Share = Field(description="How many of its runs passed.")
+    success: Share = Field(description="Number of runs in which the job passed.")
     changes: int = Field(description="How often a result differed from the one before.")
     unsteady: bool = Field(
         description="Whether it passed and failed with the same inputs, or changed its result at least three times."

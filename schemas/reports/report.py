@@ -61,24 +61,24 @@ class ReportedJob(Model):
     arn: str | None = optional("The job's ARN.")
     status: str = Field(description="The job's status, or `NotCreated`.")
     failure_code: str | None = optional("The service's failure code.")
-    failure_reason: str | None = optional("The same in words.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
     log_tail: str = Field(
         default="", description="Last lines of its log, where `failure_reason` does not already end with them."
     )
     world_arn: str | None = optional("World it drove in.")
     application: str | None = optional("Name of its robot application, else of its simulation application.")
     seed: int | None = optional("Seed that it was given; absent when it never became a job.")
-    result: RunResult | None = optional("Content of result.json, when there is one.")
+    result: RunResult | None = optional("Content of `result.json`, if there is one.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     removed_files: int = Field(default=0, description="How many more were published and have been removed since.")
-    duration_s: float | None = optional("Wall-clock time of the run.")
+    duration_s: float | None = optional("Wall-clock time of the job's run, in seconds.")
     waited_s: dict[Scarce, float] = Field(
         default={},
         description="How long it waited for its machine before, in seconds, by what that had too little of.",
     )
-    video_s: float | None = optional("How long videos of its failure were made.")
-    upload_s: float | None = optional("How long its outputs were stored.")
+    video_s: float | None = optional("Wall-clock seconds for rendering videos of the failure.")
+    upload_s: float | None = optional("Wall-clock seconds for storing the outputs.")
     inputs: JobInputs | None = optional("Inputs that decide its result; absent: not known.")
     known: str = Field(
         default="", description="Owner, last day and reason of its failure if that is known; else empty."
@@ -149,7 +149,7 @@ class Report(Model):
 
     name: str = Field(description="Name of the specification.")
     run_id: str = Field(description="Id of this run of it.")
-    state: RunState = Field(description="How it ended as a whole.")
+    state: RunState = Field(description="State of the finished run.")
     started_at: datetime = Field(description="Start, UTC.")
     ended_at: datetime = Field(description="End, UTC.")
     steps: list[ReportedStep] = Field(description="Steps, in the order they ran.")
@@ -175,7 +175,25 @@ class Report(Model):
         "Changes since the last run of the specification; absent: it was not looked up."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
-    axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+
+
+class Share(Model):
+    """A pass rate: number of successes of a total, with its confidence interval."""
+
+    name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
+    passed: int = Field(description="Number of successes.")
+    failed: int = Field(description="Number of failures.")
+    errors: int = Field(
+        default=0, description="Number that could not be judged because of an error; not part of the rate."
+    )
+    rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
+    low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
+    high: float | None = optional("Upper end of that interval.")
+    worst_margin: float | None = optional(
+        "Smallest margin that was left, of a requirement; negative when it was missed."
+    )
+    unit: str | None = optional("Unit of the margin.")
+    worst_job: str | None = optional("Job with the smallest margin.")
 
 
 class JobCase(Model):
@@ -229,10 +247,10 @@ class ReportSummary(Model):
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     name: str = Field(description="Name of the specification.")
     run_id: str = Field(description="Id of the run.")
-    state: RunState = Field(description="How it ended as a whole.")
+    state: RunState = Field(description="State of the finished run.")
     started_at: datetime = Field(description="Start, UTC.")
     time_s: float = Field(description="Wall-clock time.")
-    counts: dict[CaseOutcome, int] = Field(description="Jobs by outcome.")
+    counts: dict[CaseOutcome, int] = Field(description="Number of jobs by outcome.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="All trials that were judged.")
     success_with_errors: Share = Field(description="The same if what broke counted as failed.")

@@ -62,11 +62,11 @@ class GcItem(Model):
     id: str = Field(description="Id of the run; ARN of jobs and worlds.")
     name: str = Field(default="", description="Name of the specification.")
     ended_at: datetime | None = optional("When it ended, or was made; UTC.")
-    state: str = Field(default="", description="How it ended.")
+    state: str = Field(default="", description="State of the finished run or job.")
     action: GcAction = Field(description="`remove`; `thin`: recordings, videos and logs go; or `keep`.")
     reason: str = Field(default="", description="Why it is kept, or what of it is kept.")
     objects: int = Field(default=0, description="Objects of the store, and files of the home, that go.")
-    size_bytes: int = Field(default=0, description="Their size.")
+    size_bytes: int = Field(default=0, description="Total size in bytes.")
     problem: str | None = optional("Error in words: what could not be removed, and why.")
 
 
@@ -143,7 +143,7 @@ class Finding(Model):
     problem: Problem = Field(description="Kind of the problem.")
     resource: str | None = optional("ARN of the resource that it belongs to; absent: none.")
     where: str = Field(description="Address of the object, the folder of objects or the folder of this machine.")
-    detail: str = Field(default="", description="The same in words.")
+    detail: str = Field(default="", description="Description of the problem.")
     remedy: str = Field(default="", description="Remedy for it, in words.")
     mended: bool = Field(default=False, description="Whether it was mended just now.")
 
@@ -155,7 +155,7 @@ class ConsistencyReport(Model):
     read_content: bool = Field(description="Whether every object was read and its SHA-256 compared, not its size only.")
     resources: int = Field(default=0, description="How many resources were checked.")
     objects: int = Field(default=0, description="How many objects they name.")
-    size_bytes: int = Field(default=0, description="Their size.")
+    size_bytes: int = Field(default=0, description="Total size in bytes.")
     findings: list[Finding] = Field(default=[], description="All problems.")
 
     @property
@@ -174,8 +174,8 @@ class KeptRun(Model):
     job_status: str = Field(description="Status of the job.")
     run_id: str = Field(description="Id of the run.")
     folder: str = Field(description="Folder of its outputs on this machine.")
-    files: int = Field(description="How many files it left.")
-    size_bytes: int = Field(description="Their size.")
+    files: int = Field(description="Number of files of the run.")
+    size_bytes: int = Field(description="Total size in bytes.")
     state: KeptState = Field(default="kept", description="`kept` on this machine, or `stored` now.")
     place: str | None = optional("Place in the object store where its outputs are now; absent: none.")
     problem: str | None = optional("Why they could not be stored; absent: it was not tried.")

@@ -104,7 +104,7 @@ class StepRecord(Model):
     output: dict[str, Any] = Field(
         default={}, description="Response that references see: the operation's own, or a job's final Describe response."
     )
-    error: str | None = optional("Why it failed, in words.")
+    error: str | None = optional("Reason of the failure as text.")
 
 
 class RerunOf(Model):
@@ -142,7 +142,7 @@ class JobRecord(Model):
         description="Requested outputs that could not be produced, such as a video; the run continued without them.",
     )
     failure_code: str | None = optional("The service's failure code.")
-    failure_reason: str | None = optional("Why it failed, in words.")
+    failure_reason: str | None = optional("Reason of the failure as text.")
     runs_free: bool = Field(
         default=False,
         description="Whether its robot application is a program, or ROS nodes, that the simulation did not wait for, "
@@ -173,9 +173,9 @@ class JobRecord(Model):
 class Interruption(Model):
     """An interruption of a run: its process died, and another process finished the run later."""
 
-    lost: JobOwner | None = Field(description="The process that died; absent: it is not known.")
-    lost_at: datetime = Field(description="When it last noted that it lived, UTC.")
-    continued_at: datetime = Field(description="When another process took the run, UTC.")
+    lost: JobOwner | None = Field(description="Process that died; absent: unknown.")
+    lost_at: datetime = Field(description="Time of the process's last sign of life, UTC.")
+    continued_at: datetime = Field(description="Time at which another process resumed the run, UTC.")
 
 
 class RunRecord(Model):
@@ -189,7 +189,7 @@ class RunRecord(Model):
         default={}, description="Values of the specification's parameters, defaults included."
     )
     command: list[str] = Field(default=[], description="The command that runs it again.")
-    state: RunState = Field(description="How it ended as a whole.")
+    state: RunState = Field(description="State of the finished run.")
     exit_code: int = Field(
         description="Exit code of the command line, `EXIT_CODES[state]`; of a run with `against` that succeeded or "
         "failed, that of its answer."

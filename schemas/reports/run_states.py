@@ -33,10 +33,12 @@ _MOST_OF_REASON = 160
 class FlowResult(Model):
     """Result that the Prefect flow of a run or job returns, besides the service's response."""
 
-    state: RunState = Field(description="How it ended as a whole.")
-    message: str = Field(description="The same in words, with the worst failures; the message of its state in Prefect.")
+    state: RunState = Field(description="State of the finished run or job.")
+    message: str = Field(
+        description="Description with the worst failures; the message of the flow run's state in Prefect."
+    )
     verdicts: dict[str, Verdict] = Field(default={}, description="Verdicts by job; jobs that have none are absent.")
-    counts: dict[CaseOutcome, int] = Field(default={}, description="How many jobs ended how.")
+    counts: dict[CaseOutcome, int] = Field(default={}, description="Number of jobs by outcome.")
     run_id: str | None = optional("Id of the run of a specification; absent: of a job alone.")
     report: str | None = optional("Path of the report; absent: none was written.")
 

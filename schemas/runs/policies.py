@@ -117,8 +117,8 @@ def policy_in(request: Mapping[str, Any]) -> str | None:
 def wrong_policy(request: PolicyRequest) -> Iterator[str]:
     """Yields problems of a request's policy.
 
-    The text names no policy, there are two policies or one per trial, its file has no application to be in, or a
-    program also drives the robot.
+    For example, the text names no policy, there are two policies or one per trial, its file has no application to be
+    in, or a program also drives the robot.
     """
     if request.trials is not None and POLICY_VARIABLE in (request.trials.axes or {}):
         yield f"trials.axes.{POLICY_VARIABLE}: a job has one policy; order a job for each of them"

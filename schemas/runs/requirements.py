@@ -131,9 +131,8 @@ def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]
 def wrong_requirements(request: JobRequest) -> Iterator[str]:
     """Yields requirements of a request that can never be judged, as far as the request alone shows it.
 
-    The launch variable is misspelt or invalid, a room is requested without a world, a goal is at the robot's start,
-    topics are requested in trials, or all applications are programs without recorded topics, so that nothing can be
-    judged.
+    Reasons are: the launch variable is misspelt or invalid, a room is requested without a world, a goal is at the
+    robot's start, topics are requested in trials, or all applications are programs without recorded topics.
     """
     for place, name in _misspelt(request):
         yield f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"

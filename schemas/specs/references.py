@@ -94,7 +94,7 @@ class Reference:
     tree: Mapping[str, Any]
 
     def names(self) -> set[str]:
-        """Returns the names of the steps and variables that the expression uses."""
+        """Returns the names of the steps and variables that a reference's expression uses."""
         return set(_names(self.tree, outermost=True))
 
     def kind(self, scope: Mapping[str, Kind]) -> Kind:

@@ -114,7 +114,7 @@ def _requirements(missed: list[Share]) -> Iterator[str]:
 
 
 def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
-    """Yields a folded table of the jobs that did not pass, the worst first."""
+    """Yields a collapsible table of the jobs that did not pass, the worst first."""
     count = "1 job" if len(bad) == 1 else f"{len(bad)} jobs"
     yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
     yield ""

@@ -54,7 +54,7 @@ class ProgressRule(Rule[ProgressRequirement]):
     _goal: GoalRule | None = None
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the rule of the goal until which the requirement counts."""
+        """Finds the rule of the goal after which this progress requirement no longer applies."""
         self._goal = goal_named(self.asked.until, before)
 
     def bind(self, scene: Scene) -> Look:

@@ -78,7 +78,7 @@ class RecordedRobot(Observer):
         """Returns `None`: a rerun records no actions."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the findings about the robot for the run's result."""
+        """Returns the findings about the robot for the run's result: mode, and number of played back actions."""
         del ended_by
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 

@@ -135,7 +135,7 @@ class ModelRig:
 
     @property
     def lidar(self) -> LidarErrors:
-        """Errors of the robot's lidar.
+        """Noise, bias, dropout and latency of the robot's lidar.
 
         Raises:
             AxisError: The environment has no lidar whose readings axes could change.
@@ -144,19 +144,19 @@ class ModelRig:
 
     @property
     def commands(self) -> CommandDelay:
-        """Delay of the robot's commands.
+        """Delay between the agent's commands and the robot's motors.
 
         Raises:
-            AxisError: The environment cannot delay them.
+            AxisError: The environment cannot delay commands.
         """
         return self._part("command_delay", "commands of a robot")
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors on the robot's commands.
+        """Factors by which the agent's commands to the robot are multiplied.
 
         Raises:
-            AxisError: The environment cannot scale them.
+            AxisError: The environment cannot scale commands.
         """
         return self._part("command_gains", "commands of a robot")
 

@@ -220,7 +220,7 @@ def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -
 
 
 def _own_requirements(environment: Any) -> list[JobRequirement]:
-    """Returns the environment's own requirements.
+    """Returns the requirements that the environment itself has, besides those of the job.
 
     Raises:
         RequirementError: The environment's `requirements` are not a list of requirements.

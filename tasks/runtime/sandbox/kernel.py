@@ -35,7 +35,7 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def unshare(kinds: int) -> None:
-    """Creates new namespaces for this process (`unshare`)."""
+    """Creates new Linux namespaces of some kinds for this process (`unshare`)."""
     _check(_LIBC.unshare(kinds), "unshare")
 
 

@@ -199,7 +199,7 @@ class Checkpointer:
         write_whole(self._folder / REASON_FILE, reason.encode())
 
     def due(self, time_s: float) -> bool:
-        """Whether a checkpoint is due at a simulated time."""
+        """Returns whether it is time for a checkpoint at a simulated time."""
         # Half a microsecond forgives rounding in sums of time steps.
         return time_s >= self._next_time_s - 5e-7 and time.perf_counter() >= self._not_before
 

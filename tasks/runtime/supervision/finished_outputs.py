@@ -188,7 +188,7 @@ def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: 
 
 
 def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, datetime]) -> bool:
-    """Writes the result of a run whose process was killed at the duration limit before writing it; returns whether."""
+    """Writes the result of a run whose process was killed at the duration limit; returns whether it was written."""
     if read_result(plan.output_dir) is not None:
         return True
     if ended is None:

@@ -160,7 +160,7 @@ class _Supervisors:
         os.close(supervisor.pidfd)
 
     def _fork(self, of_run: int | None = None) -> "_StandBy":
-        """Forks a supervisor that waits for a run.
+        """Forks a supervisor process, which waits for a run to supervise.
 
         Args:
             of_run: File descriptor of the run's connection, which the child closes because it gets the connection by

@@ -66,7 +66,7 @@ class VideoWriter:
         self.frames += 1
 
     def close(self) -> None:
-        """Finishes the file, and renames it to its path."""
+        """Finishes the video file, and renames it to its path."""
         self._container.mux(self._stream.encode(None))
         self._container.close()
         self._unfinished.replace(self._path)

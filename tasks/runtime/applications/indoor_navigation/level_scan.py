@@ -127,7 +127,7 @@ class Frame:
     """A robot's position and axes, projected to the floor plan."""
 
     def __init__(self, origin: complex, x_axis: complex, y_axis: complex) -> None:
-        """Computes the change of frames.
+        """Stores the robot's position and axes, for the conversion of positions.
 
         Args:
             origin: Position of the robot on the floor plan, as a complex number.
