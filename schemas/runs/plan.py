@@ -252,7 +252,9 @@ class RunResult(Model):
     )
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
-    state_digest: str | None = optional("Digest of all states of the physics; absent when there is no physics.")
+    state_digest: str | None = optional(
+        "Digest of all states, of the physics or as the environment gives them; absent when there is none."
+    )
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
     extra: dict[str, Any] = Field(default={}, description="Further values that the environment or agent reported.")
 

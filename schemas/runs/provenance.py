@@ -88,7 +88,7 @@ class Provenance(Model):
     positions: int = Field(default=0, description="How many positions the model has, `nq`.")
     joints: list[JointPlace] = Field(default=[], description="The model's joints.")
     digest: StateDigestSummary | None = optional(
-        "Digest of its states; absent until it ends, and of runs without physics."
+        "Digest of its states; absent until it ends, and of runs that have none."
     )
     actions: ActionsSummary | None = optional(
         "Summary of `actions.bin`; absent until the run ends, and when the robot application is no program."

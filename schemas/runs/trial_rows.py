@@ -44,7 +44,7 @@ class TrialRow(Model):
     requirements: list[Requirement] = Field(default=[], description="Requirements that the trial was judged by.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     notes: list[str] = Field(default=[], description="Lines beside the verdict.")
-    state_digest: str | None = optional("Digest of all its states; absent: it has no physics.")
+    state_digest: str | None = optional("Digest of all its states; absent: it has none.")
     model_sha256: str | None = optional("SHA-256 of its compiled model, as in `provenance.json`.")
     looks: int = Field(default=0, description="How many states the digest is of.")
     digest_until_s: float = Field(default=0.0, description="Simulated time of the last of them.")
