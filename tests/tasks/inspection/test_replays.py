@@ -98,8 +98,10 @@ def test_given_states_of_trials_and_of_a_stopped_run_are_compared(service: Servi
 
 
 def test_states_that_are_no_bytes_are_for_checkpoints(service: Service, swing: Simulate) -> None:
-    answer = verify_run(swing(**map_of(SILENT="1"))["arn"], service)
+    job = swing(**map_of(SILENT="1"))
+    answer = verify_run(job["arn"], service)
 
+    assert job["status"] == "Completed"
     assert answer.answer == "not comparable"
     assert "its environment has no physics and no `state()` that gives bytes" in str(answer)
 
