@@ -259,7 +259,9 @@ class RunResult(Model):
     )
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control and this package.")
-    state_digest: str | None = optional("Hash of all physics states; absent without physics.")
+    state_digest: str | None = optional(
+        "Digest of all states, of the physics or as the environment gives them; absent when there is none."
+    )
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended during the run.")
     extra: dict[str, Any] = Field(default={}, description="Other values that environment or agent reported.")
 

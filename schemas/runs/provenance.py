@@ -93,7 +93,7 @@ class Provenance(Model):
     positions: int = Field(default=0, description="Number of positions in the model, `nq`.")
     joints: list[JointPlace] = Field(default=[], description="Joints of the model.")
     digest: StateDigestSummary | None = optional(
-        "Hash chain of the run's states; absent until it ends, and without physics."
+        "Digest of its states; absent until it ends, and of runs that have none."
     )
     actions: ActionsSummary | None = optional(
         "Summary of `actions.bin`; absent until the run ends, and if there is no robot program."

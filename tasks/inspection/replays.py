@@ -55,7 +55,7 @@ def verify_run(
         first = run.outputs
         reasons = [
             *why_not_repeatable(first, run_program=run_program),
-            *_without_physics(first),
+            *_without_states(first),
             *why_not_comparable(first.provenance.machine, machine_facts()),
         ]
         if reasons:
@@ -185,12 +185,12 @@ def _robot_in_rerun(first: RunOutputs) -> RobotRepeat:
     return "program" if first.actions is None else "recorded actions"
 
 
-def _without_physics(first: RunOutputs) -> list[str]:
+def _without_states(first: RunOutputs) -> list[str]:
     if (first.timeline is not None and first.timeline.links) or not first.provenance.plan.has_episode:
         return []
     if first.provenance.plan.trial is not None and first.provenance.digest is not None:
         return []  # the row of a trial has the digest of its states, not the states
-    return ["it kept no states: its environment has no physics, or it ended before the first"]
+    return ["it kept no states: its environment has no physics and no `state()` that gives bytes, or it ended before"]
 
 
 def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:

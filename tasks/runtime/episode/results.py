@@ -164,6 +164,17 @@ class Observer:
             RunEnded: The run is to end now.
         """
 
+    def hear(self, state: bytes, time_s: float) -> None:
+        """Reads a state that an environment without physics gives, at the beginning and after each step.
+
+        Args:
+            state: What its `state()` returned.
+            time_s: Simulated time of the state, in seconds.
+
+        Raises:
+            RunEnded: The run is to end now.
+        """
+
     def close(self, ended_by: str | None) -> Findings:  # noqa: ARG002 - for those who need it
         """Finishes the observer's files and returns its findings; called once, also when the run failed.
 

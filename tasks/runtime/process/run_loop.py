@@ -69,14 +69,13 @@ def run_episode(
         stop: Tells whether the run has to stop.
         recorder: Gets clock and joint states of environments with a `physics` that do not set
             `records_itself`.
-        watchers: Observers of the physics. Those with a `last_look` are also called at the end, before the environment
-            is closed, even if it has no physics.
-        health: Observer that is called at every step, before the others; absent: one that only detects diverged
-            physics.
-        checkpoints: Makes checkpoints, and restores one if there is one.
-        count_step: Called after each step with the number of steps and the simulated time.
-        keep_open: Whether the environment stays open, because other episodes follow.
-        wall_clock: Monotonic clock, in seconds of real time.
+        watchers: Look at the physics of environments that have one; hear the states that others give. Those with a
+            `last_look` are asked once more at the end, before the environment is closed, whatever the environment.
+        health: Looks at every step, before the watchers; absent: one that only fails diverged physics.
+        checkpoints: Makes checkpoints, and continues from one if there is one.
+        count_step: Told after each step how many are done, and the simulated time.
+        keep_open: Whether the environment is not closed, because other episodes follow.
+        wall_clock: Seconds of real time.
 
     Returns:
         Outcome of the episode, with the environment's report.
@@ -259,17 +258,22 @@ def _shown(value: object) -> str:
 
 
 class _SimulatedClock:
-    """Follows the simulated time of an environment's physics, if it has one."""
+    """Follows the time of an environment's physics, or else of its steps where it gives its states as bytes."""
 
     def __init__(self, environment: Any, watchers: Sequence[Observer]) -> None:
         self.time_s = 0.0
         self._environment = environment
         self._watchers = watchers
         self._has_physics = hasattr(getattr(environment, "physics", None), "data")
+        self._step_s = 0.0 if self._has_physics else _control_timestep(environment)
+        self._gives_states = self._step_s > 0 and _gives_bytes(environment)
+        self._steps = 0
 
     def tick(self) -> None:
         """Updates the simulated time, and calls the observers that are due."""
         if not self._has_physics:
+            if self._gives_states:
+                self._hear()
             return
         time_s = self._environment.physics.data.time
         self.time_s = time_s
@@ -277,6 +281,23 @@ class _SimulatedClock:
             # Half a microsecond forgives rounding in sums of time steps.
             if time_s >= watcher.next_time_s - 5e-7:
                 watcher.watch(self._environment, time_s)
+
+    def _hear(self) -> None:
+        state = self._environment.state()
+        if not isinstance(state, bytes):
+            raise TypeError(
+                f"environment.state() returned {_shown(state)}; it returned bytes before, and has to go on so"
+            )
+        self.time_s = self._steps * self._step_s
+        self._steps += 1
+        for watcher in self._watchers:
+            watcher.hear(state, self.time_s)
+
+
+def _gives_bytes(environment: Any) -> bool:
+    """Whether `state()` is for the digest: one that gives anything else is for checkpoints only."""
+    state = getattr(environment, "state", None)
+    return callable(state) and isinstance(state(), bytes)
 
 
 def _control_timestep(environment: Any) -> Any:

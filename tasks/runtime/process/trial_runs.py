@@ -190,6 +190,9 @@ class _TrialDigest(Observer):
         self._digest.look(model, self._data)
         self.next_time_s = time_s + LOOK_EVERY_S
 
+    def hear(self, state: bytes, time_s: float) -> None:
+        self._digest.look_at(state, time_s)
+
     def finish(self) -> StateDigestSummary | None:
         return self._digest.finish(self._data)
 

@@ -28,7 +28,7 @@ class RunOutputs:
 
     provenance: Provenance
     timeline: StateTimeline | None
-    """Hashes of the run's states over time; absent if the run had no physics."""
+    """Absent when the run had no states: neither physics, nor an environment that gives them."""
 
     result: RunResult | None
     """Result of the run; absent if the run failed."""
@@ -259,6 +259,8 @@ def compare_timelines(
     time_s = float(min(one.times_s[at], other.times_s[at]))
     until_s = float(one.times_s[at - 1]) if at else None
     named = _name_joint(one.states, other.states, names, time_s)
+    if named is None and not one.states:
+        return Divergence(time_s=time_s, equal_until_s=until_s, what="in what the environment's state() gives")
     if named is None:
         what = "in no position or velocity that was kept: in controls, forces or solver state"
         return Divergence(time_s=time_s, equal_until_s=until_s, what=what)

@@ -3,6 +3,7 @@
 Once a simulated second, the state that integration starts from (`mjSTATE_INTEGRATION`) is hashed together with the hash
 before (a link): equal last links mean equal runs. `digest.bin` has the beginning of every link, and times, positions
 and velocities at the same rate, so that the first difference can be found and its joint be named.
+Of an environment without physics that gives bytes as its `state()`, those after each step are hashed, and none is kept.
 """
 
 # MuJoCo ships no types for its compiled module.
@@ -36,6 +37,8 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _MAGIC = b"robomaker digest 1\n"
 _BLOCK = struct.Struct("<IIII")
 _BLOCK_STATES = 30
+_BLOCK_LINKS = 3000
+"""Links of given states in a block, 48 kB; with physics kept states end blocks."""
 _LINK_BYTES = 8
 _CHAIN_BYTES = 32
 _COMPRESSION_LEVEL = 3
@@ -61,6 +64,7 @@ class StateDigest:
         self._path = path
         self._of_model = of_model or digest_of_model
         self._model: mujoco.MjModel | None = None
+        self._is_given = False
         self._buffer = np.zeros(_CHAIN_BYTES // 8)
         self._bytes = self._buffer.data.cast("B")
         self._values = self._buffer[:0]
@@ -97,6 +101,29 @@ class StateDigest:
         if self._path is not None and time_s >= self._state_due_s - 5e-7:
             self._keep_state(time_s)
 
+    def look_at(self, state: bytes, time_s: float) -> None:
+        """Adds a state that an environment without physics gives to the hash chain.
+
+        Args:
+            state: The state; all of it counts.
+            time_s: Its simulated time.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        if not self._is_given:
+            self._is_given, self._kept = True, 1
+            if self._path is not None:
+                self._path.write_bytes(_MAGIC)
+                self._written_bytes = len(_MAGIC)
+        link = hashlib.sha256(bytes(self._bytes[:_CHAIN_BYTES]) + state).digest()
+        self._bytes[:_CHAIN_BYTES] = link
+        self._links += link[:_LINK_BYTES]
+        self._last_s = time_s
+        self._times.append(time_s)
+        if len(self._times) >= _BLOCK_LINKS:
+            self._write_block()
+
     def finish(self, data: mujoco.MjData | None = None) -> StateDigestSummary | None:
         """Adds the last state, completes the file, and returns the final digest.
 
@@ -106,12 +133,13 @@ class StateDigest:
         Returns:
             The digest; None when there never was a state.
         """
-        if self._model is None:
+        if self._model is None and not self._is_given:
             return None
-        if data is not None and data.time != self._last_s:
-            self.look(self._model, data)
-        if self._path is not None:
-            self._keep_state(self._last_s)
+        if self._model is not None:
+            if data is not None and data.time != self._last_s:
+                self.look(self._model, data)
+            if self._path is not None:
+                self._keep_state(self._last_s)
         self._write_block()
         value = self._bytes[:_CHAIN_BYTES].hex()
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)

@@ -61,6 +61,7 @@ class ProvenanceRecorder(Observer):
         self._actions = actions
         self._digest = StateDigest(plan.output_dir / DIGEST_FILE)
         self._data: mujoco.MjData | None = None
+        self._has_begun = False
         self._world_sha256: str | None = None
         self._resumed_at_s: list[float] = []
 
@@ -69,8 +70,16 @@ class ProvenanceRecorder(Observer):
         model, data = raw_physics(environment.physics)
         self._digest.look(model, data)
         self.next_time_s = time_s + LOOK_EVERY_S
-        begins, self._data = self._data is None, data
-        if begins:
+        self._data = data
+        if not self._has_begun:
+            self._has_begun = True
+            self._write()
+
+    def hear(self, state: bytes, time_s: float) -> None:
+        """Adds a state that an environment without physics gives to the state hashes."""
+        self._digest.look_at(state, time_s)
+        if not self._has_begun:
+            self._has_begun = True
             self._write()
 
     def close(self, ended_by: str | None) -> Findings:
@@ -99,7 +108,7 @@ class ProvenanceRecorder(Observer):
     def restore(self, state: dict[str, Any], environment: Any) -> None:
         """Restores the hash chain from a checkpoint; see `results.Observer`."""
         model, data = raw_physics(environment.physics)
-        self._data = data
+        self._data, self._has_begun = data, True
         self.next_time_s = state["next_time_s"]
         self._digest.restore(state["digest"], model)
         self._world_sha256 = state["world_sha256"]

@@ -270,6 +270,17 @@ def test_the_search_leads_to_pages(browser: Any, store_job: StoreJob, template: 
     assert browser.get("/console/search", params={"q": "nothing"}).status_code == 404
 
 
+def test_built_in_applications_are_listed_as_what_they_are(browser: Any, service: Service) -> None:
+    robot = {"name": "rover", "robotSoftwareSuite": {"name": "General"}, "environment": {"uri": "python://rover"}}
+    call("CreateRobotApplication", robot, service)
+    rows = re.findall(r"<tr><th scope=\"row\">.*?</tr>", browser.get("/console/applications").text)
+    come_along = {re.sub("<[^>]*>", "", row.partition("</th>")[0]): "comes with this package" in row for row in rows}
+
+    assert come_along == {
+        "rover": False, "scout": True, "walker": True, "indoor-navigation": True, "recorded-run": True
+    }  # fmt: skip
+
+
 def test_a_job_of_its_own_is_shown_however_many_jobs_batches_run(
     browser: Any, store_job: StoreJob, store_batch: StoreBatch
 ) -> None:

@@ -61,6 +61,58 @@ def test_a_verdict_that_was_edited_is_found(service: Service, swing: Simulate) -
     assert "in its result: the verdict was FAIL and is " in str(answer)
 
 
+MAP = {"packageName": "swinger", "launchFile": "make_map"}
+
+
+def map_of(**variables: str) -> dict[str, Any]:
+    """What is ordered of an environment that has no physics, and gives its state as bytes."""
+    return {"simulation": {"launchConfig": {**MAP, "environmentVariables": variables}}}
+
+
+def test_states_that_an_environment_without_physics_gives_are_compared(service: Service, swing: Simulate) -> None:
+    answer = verify_run(swing(**map_of())["arn"], service)
+    other = verify_run(swing(seed=4, **map_of())["arn"], service)
+
+    assert (answer.answer, other.answer) == ("bit-identical", "bit-identical")
+    assert answer.digest == answer.digest_again != other.digest
+    assert (answer.looks, answer.until_s) == (51, pytest.approx(1.0))
+
+
+def test_chance_in_given_states_is_found_in_its_step(service: Service, swing: Simulate) -> None:
+    answer = verify_run(swing(**map_of(DRIFT_AT="30"))["arn"], service)
+
+    assert answer.answer == "diverged"
+    assert answer.divergence is not None
+    assert (answer.divergence.equal_until_s, answer.divergence.time_s) == (pytest.approx(0.58), pytest.approx(0.6))
+    assert "in what the environment's state() gives" in str(answer)
+
+
+def test_given_states_of_trials_and_of_a_stopped_run_are_compared(service: Service, swing: Simulate) -> None:
+    trials = swing(job={"trials": {"seeds": 2}}, **map_of())
+    assert verify_run(trials["arn"], service, trial=1).answer == "bit-identical"
+
+    stopped = swing(duration_s=3, **map_of(SLEEP_S="0.1", TIME_LIMIT_S="60"))
+    answer = verify_run(stopped["arn"], service)
+    assert answer.answer == "bit-identical"
+    assert 1 < answer.looks < 60
+
+
+def test_states_that_are_no_bytes_are_for_checkpoints(service: Service, swing: Simulate) -> None:
+    job = swing(**map_of(SILENT="1"))
+    answer = verify_run(job["arn"], service)
+
+    assert job["status"] == "Completed"
+    assert answer.answer == "not comparable"
+    assert "its environment has no physics and no `state()` that gives bytes" in str(answer)
+
+
+def test_states_stay_bytes(service: Service, swing: Simulate) -> None:
+    job = swing(**map_of(TEXT_AT="9"))
+
+    assert job["failureCode"] == "SimulationApplicationCrash"
+    assert "environment.state() returned of type str; it returned bytes before" in job["failureReason"]
+
+
 def test_outputs_that_were_changed_after_the_run_are_found(service: Service, swing: Simulate) -> None:
     folder = changed(service, swing(), "result.json", lambda result: result.update(summary="all went well"))
     answer = verify_run(str(folder), service)

@@ -100,6 +100,57 @@ def make_environment(context) -> dm_env.Environment:
     return kind(physics, Swing(context), time_limit=limit_s, control_timestep=0.02, legacy_step=False)
 
 
+class Map(dm_env.Environment):
+    """A chaotic map without physics, which tells its state as bytes: of 0.02 s a step, for a simulated second."""
+
+    def __init__(self, context):
+        self.rng, self.variables = context.rng, context.environment
+        self.value, self.steps = 0.0, 0
+
+    def reset(self):
+        self.value = self.rng.uniform(0.1, 0.9)
+        return dm_env.restart(self._observed())
+
+    def step(self, action):
+        self.steps += 1
+        if self.steps == int(self.variables.get("DRIFT_AT", "-1")):
+            self.value = int.from_bytes(os.urandom(8), "big") / 2**64
+        time.sleep(float(self.variables.get("SLEEP_S", "0")))
+        self.value = (3.9 * self.value * (1 - self.value) + 1e-3 * float(action[0])) % 1
+        if self.steps >= 50 * float(self.variables.get("TIME_LIMIT_S", "1")):
+            return dm_env.termination(0.0, self._observed())
+        return dm_env.transition(0.0, self._observed())
+
+    def control_timestep(self):
+        return 0.02
+
+    def action_spec(self):
+        return dm_env.specs.BoundedArray((1,), np.float64, -1, 1)
+
+    def observation_spec(self):
+        return {"angles": dm_env.specs.Array((1,), np.float64)}
+
+    def _observed(self):
+        return {"angles": np.array([self.value])}
+
+
+class ToldMap(Map):
+    def state(self):
+        told = np.array([self.value]).tobytes()
+        return told.hex() if self.steps == int(self.variables.get("TEXT_AT", "-1")) else told
+
+
+class TextMap(Map):
+    """Its state is for checkpoints only."""
+
+    def state(self):
+        return str(self.value)
+
+
+def make_map(context) -> dm_env.Environment:
+    return TextMap(context) if "SILENT" in context.environment else ToldMap(context)
+
+
 class Pusher:
     """Pushes against the swing, more as time goes by, with a little noise."""
 

@@ -170,3 +170,33 @@ def test_a_damaged_file_is_said_to_be_damaged(tmp_path: Path, packed: bytes) -> 
     path.write_bytes(b"robomaker digest 1\n" + struct.pack("<IIII", len(packed), 1, 0, 0) + packed)
     with pytest.raises(ValueError, match="is damaged at byte 35"):
         read_timeline(path)
+
+
+def test_given_states_are_linked_and_not_kept(tmp_path: Path) -> None:
+    digest = StateDigest(tmp_path / "given")
+    for step in range(7000):  # more than two blocks
+        digest.look_at(step.to_bytes(2, "big"), step / 100)
+    summary = digest.finish()
+    timeline = read_timeline(tmp_path / "given")
+
+    assert summary is not None
+    assert (summary.looks, summary.until_s) == (7000, pytest.approx(69.99))
+    assert len(set(timeline.links)) == 7000
+    np.testing.assert_allclose(timeline.times_s, np.arange(7000) / 100)
+    assert timeline.states == []
+    alone = StateDigest(None)
+    for step in range(7000):
+        alone.look_at(step.to_bytes(2, "big"), step / 100)
+    assert alone.finish() == summary
+
+
+def test_each_given_byte_and_the_order_count() -> None:
+    def of(*states: bytes) -> str:
+        digest = StateDigest(None)
+        for state in states:
+            digest.look_at(state, 0.0)
+        summary = digest.finish()
+        assert summary is not None
+        return summary.value
+
+    assert len({of(b"a", b"b"), of(b"b", b"a"), of(b"ab"), of(b"a"), of(b"", b"ab"), of(b"a", b"b", b"")}) == 6
