@@ -101,7 +101,7 @@ class RayPicture(RayCaster):
         return seen
 
     def _mirror(self, camera: Camera, lighting: Lighting, grid: LightGrid) -> LightGrid | None:
-        """What floors mirror at the grid's pixels: what a camera as far below them would see of all above."""
+        """Light that floors mirror at the grid's pixels, as a camera that is as far below them would see it."""
         floor = np.flatnonzero(np.isin(grid.hits.geoms, lighting.smooth))
         if len(floor) == 0:
             return None

@@ -27,7 +27,7 @@ EYE_M = 1.45
 _FOV_DEG, _SMALL_FOV_DEG, _SMALL_M2 = 80.0, 92.0, 13.0
 """Angles of view from left to right, of rooms and of small ones, which are up to so large."""
 _DROP = 0.15
-"""How far the picture's middle is below the horizon, over its distance: one sees more of floors than of ceilings."""
+"""Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
 _FROM_WALL_M = 0.28
 _LOOK = (32, 20)
 """Rays of a look from a place where the camera might stand, to the right and down."""
