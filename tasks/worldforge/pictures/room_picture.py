@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image
 
 from ....schemas.worlds.world import Furniture, GazeboSource, Room, World, contains
+from ..geometry.boxes import box_of, hits
 from ..interiors.placement import room_rects
 from ..materials.texture_files import texture_png
 from ..materials.textures import SKY, texture_size_m
@@ -29,11 +30,15 @@ _FOV_DEG, _SMALL_FOV_DEG, _SMALL_M2 = 80.0, 92.0, 13.0
 _DROP = 0.15
 """Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
 _FROM_WALL_M = 0.28
+_STEP_M, _MOST_STEPS = 0.8, 5
+"""Distance between places where the camera might stand, and steps between a room's walls at most."""
 _LOOK = (32, 20)
 """Rays of a look from a place where the camera might stand, to the right and down."""
-_TOLD_SHARE = 0.012
-"""Share of the picture from which one knows a piece of furniture."""
-_NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
+_TOLD_SHARE, _MAIN_SHARE = 0.012, 0.03
+"""Share of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
+_TOLD_FROM_M = 1.0
+"""Nearer furniture is cut by the picture's edge."""
+_NEAR_M, _BEFORE_EYES_M = 0.8, 0.45
 _FAR_M = 7.0
 
 _MAIN = {
@@ -89,7 +94,7 @@ def decorated_model(world: World) -> mujoco.MjModel:
 
 
 def best_camera(picture: RayPicture, names: list[str], world: World, room: Room) -> Camera:
-    """Chooses the camera in a room's corner that shows most of the room's own furniture.
+    """Chooses the camera in a room that shows most of the room's own furniture.
 
     Args:
         picture: the world.
@@ -101,7 +106,7 @@ def best_camera(picture: RayPicture, names: list[str], world: World, room: Room)
     view = _View(picture, names, room, pieces)
     fov_deg = _SMALL_FOV_DEG if room.area_m2 <= _SMALL_M2 else _FOV_DEG
     best, best_score = Camera((room.goal[0], room.goal[1], EYE_M), 0.0, 0.0, fov_deg, _DROP), -np.inf
-    for x, y in _corners(room):
+    for x, y in _spots(room, pieces):
         for toward in _targets(room, pieces):
             if hypot(toward[0] - x, toward[1] - y) < _BEFORE_EYES_M:
                 continue
@@ -129,6 +134,7 @@ class _View:
         self._piece = np.array([numbers.get(name.partition(".")[0], -1) for name in names])
         self._door = np.array([name.startswith("door-") for name in names])
         main = _MAIN.get(room.type, ())
+        self._enough = np.array([_MAIN_SHARE if item.model_type in main else _TOLD_SHARE for item in pieces])
         weights = [0.15 if item.movable else _MAIN_WEIGHT if item.model_type in main else 1.0 for item in pieces]
         self._weights = np.array(weights)
         self._rows, self._columns = (axis.ravel().astype(float) for axis in np.mgrid[0 : _LOOK[1], 0 : _LOOK[0]])
@@ -139,12 +145,13 @@ class _View:
         geoms, distances, _ = self._picture.trace(camera.place, rays)
         places = np.array(camera.place) + rays * np.maximum(distances, 0)[:, None]
         known = np.maximum(geoms, 0)
-        shares = np.bincount(self._piece[known][(geoms >= 0) & (self._piece[known] >= 0)], minlength=len(self._weights))
-        told = np.minimum(shares / len(rays) / _TOLD_SHARE, 1)
+        telling = (geoms >= 0) & (self._piece[known] >= 0) & (distances > _TOLD_FROM_M)
+        shares = np.bincount(self._piece[known][telling], minlength=len(self._weights))
+        told = np.minimum(shares / len(rays) / self._enough, 1)
         own = self._inside(places) & (geoms >= 0)
         seen = np.where(geoms < 0, 0.0, np.minimum(distances, _FAR_M))
-        score = 3.0 * float(told @ self._weights) / max(float(self._weights.sum()), 1.0)
-        score += 1.6 * float(own.mean()) + 0.5 * float(np.sqrt(seen).mean())
+        score = 4.0 * float(told @ self._weights) / max(float(self._weights.sum()), 1.0)
+        score += 1.6 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
         score -= 1.5 * float((self._door[known] & (geoms >= 0)).mean()) + 1.0 * float((geoms < 0).mean())
         near = (distances >= 0) & (distances < _NEAR_M)
         return score - 2.5 * float(near.mean()) - 6.0 * float((near & (distances < _BEFORE_EYES_M)).mean())
@@ -167,14 +174,22 @@ def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float
             yield sum(item.x for item in chosen) / len(chosen), sum(item.y for item in chosen) / len(chosen)
 
 
-def _corners(room: Room) -> list[tuple[float, float]]:
+def _spots(room: Room, pieces: list[Furniture]) -> list[tuple[float, float]]:
+    """Places along the walls and across the room where a photographer could stand; where he could not, if none is."""
     spots: list[tuple[float, float]] = []
     for x0, y0, x1, y1 in room_rects(room):
-        low_x, high_x, low_y, high_y = x0 + _FROM_WALL_M, x1 - _FROM_WALL_M, y0 + _FROM_WALL_M, y1 - _FROM_WALL_M
-        spots += [(x, y) for x in (low_x, high_x) for y in (low_y, high_y)]
-        spots += [((low_x + high_x) / 2, y) for y in (low_y, high_y)]
-        spots += [(x, (low_y + high_y) / 2) for x in (low_x, high_x)]
-    return [spot for spot in spots if contains(room.polygon, *spot)]
+        xs, ys = (_steps(low + _FROM_WALL_M, high - _FROM_WALL_M) for low, high in ((x0, x1), (y0, y1)))
+        spots += [(x, y) for x in xs for y in ys]
+    inside = [spot for spot in spots if contains(room.polygon, *spot)]
+    standing = [box_of(item) for item in pieces if not item.movable]
+    free = [(x, y) for x, y in inside if not hits((x - 0.1, y - 0.1, x + 0.1, y + 0.1), standing)]
+    return free or inside
+
+
+def _steps(low: float, high: float) -> list[float]:
+    """Places between two ends, both of them included."""
+    count = min(_MOST_STEPS, max(1, round((high - low) / _STEP_M)))
+    return [low + (high - low) * index / count for index in range(count + 1)]
 
 
 def _middle(room: Room) -> tuple[float, float]:
