@@ -4,7 +4,7 @@ import numpy as np
 
 from .floorplans.plan_seed import PlanSeed
 
-GENERATOR_VERSION = "3.3.0"
+GENERATOR_VERSION = "3.3.1"
 """Version of the world generator.
 
 It changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way.

@@ -28,6 +28,8 @@ They are fridge, stove, sink, dishwasher, and worktop on both sides of the stove
 """
 
 _CORNER_M = 0.2
+_BETWEEN_M = 0.1
+"""Distance between places of a line that stands in no corner."""
 _MOST_TRIES = 16
 
 _MOST_GAP_M = 0.2
@@ -88,6 +90,12 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     for styles, form, number in sorted(tried, key=lambda each: _poverty(each[1], each[2], len(each[0]))):
         if _settle(work, _options(work, form, _halves(work, styles, number, tall=tall and number > 1))):
             return
+    # A tall fridge may stand before no window: where the corners have some, the line stands between them.
+    for styles, form, number in tried:
+        if form == "line" and number > 0:
+            halves = _halves(work, styles, number, tall=False)
+            if _settle(work, _along_one_wall(work, [*halves.cooking, *halves.washing], between=True)):
+                return
     halves = _halves(work, compact, 0, tall=False)
     for half in (halves.washing, halves.cooking):
         if half:
@@ -124,11 +132,10 @@ def _length(units: Sequence[Unit]) -> float:
     return sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
 
 
-def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
-    """Yields placements of a straight kitchen, with scores.
-
-    They are at both ends of every free stretch of wall, in both directions.
-    """
+def _along_one_wall(
+    work: RoomFurnishing, units: Sequence[Unit], *, between: bool = False
+) -> Iterator[tuple[float, Placed]]:
+    """The line at both ends of every free stretch of wall, or anywhere between them, either way round."""
     length = _length(units)
     depth, front = _reach(work, units)
     for side in work.space.sides:
@@ -136,7 +143,8 @@ def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tup
         for low, high in work.space.spans(side, depth, front):
             if high - low < length:
                 continue
-            for start in (low, high - length):
+            steps = int((high - length - low) / _BETWEEN_M) if between else 0
+            for start in (low, high - length, *(low + _BETWEEN_M * step for step in range(1, steps + 1))):
                 for order in (units, units[::-1]):
                     placed = _in_line(side, order, start)
                     yield liking + _score(side, order, start, length), placed

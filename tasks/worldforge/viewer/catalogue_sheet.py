@@ -16,7 +16,9 @@ from ....schemas.worlds.world import MODEL_TYPES, Furniture
 from ..furniture.catalogue import LOOSE_TYPES, styles_of
 from ..geometry.parts import Style
 from ..model.mjcf import piece_geoms
-from ..pictures.ray_picture import Camera, Hits, Lamp, RayPicture
+from ..pictures.ray_casting import Camera, Hits
+from ..pictures.ray_light import Lamp, Lighting
+from ..pictures.ray_picture import RayPicture
 
 CELL_WIDTH, CELL_HEIGHT = 150, 140
 """Width and height of one piece's picture, in pixels."""
@@ -77,7 +79,8 @@ def style_picture(kind: str, style: Style) -> NDArray[np.uint8]:
     rng = np.random.default_rng(3)
     key = [Lamp((2.2 + a, -0.6 + b, 3.2), 5.5, (1.0, 0.97, 0.92)) for a, b in rng.uniform(-0.45, 0.45, (16, 2))]
     fill = [Lamp((a, b, c), 1.9, (0.93, 0.97, 1.0)) for a, b, c in rng.uniform((-1, 1, 0.8), (3, 3, 3), (16, 3))]
-    return RayPicture(model, _Look(model).colors).draw(camera, [key, fill], CELL_WIDTH, CELL_HEIGHT, ambient=0.3)
+    lighting = Lighting([key, fill], ambient=(0.3, 0.3, 0.3))
+    return RayPicture(model, _Look(model).colors).draw(camera, lighting, CELL_WIDTH, CELL_HEIGHT)
 
 
 class _Look:

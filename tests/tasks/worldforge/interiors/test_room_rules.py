@@ -114,6 +114,13 @@ def test_a_narrow_kitchen_has_fewer_pieces_rather_than_no_worktop() -> None:
     assert list(RULES["kitchens"](narrow)) == []
 
 
+@pytest.mark.parametrize("name", ["flat", "flat, dense, without doors"])
+def test_a_kitchen_with_windows_in_its_corners_has_worktop_between_sink_and_stove(name: str) -> None:
+    # One wall is gone, and windows in the three others leave no corner for a tall fridge.
+    world = generate_world(TEMPLATES[name], *seeds_for(7, 20, 0), settle=False)
+    assert [place for place in RULES["kitchens"](Case(TEMPLATES[name], world)) if "worktop" in place] == []
+
+
 def test_kitchens_that_are_all_alike_are_noticed() -> None:
     assert list(few_forms({"line": 19, "L": 1, "U": 1, "line with island": 3})) == [
         "1 of 24 kitchens have the form L",

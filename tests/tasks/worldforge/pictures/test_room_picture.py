@@ -1,13 +1,28 @@
 """Pictures from inside rooms: lit, from where one sees the room, the same every time."""
 
 import io
+import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.gazebo_house import write_house
+from helpers.room_rules import template
 from PIL import Image
 
+from prefect_robomaker.schemas.templates.parsing import parse_template_body
+from prefect_robomaker.schemas.worlds.gazebo_notes import GazeboNotes
 from prefect_robomaker.schemas.worlds.world import World
-from prefect_robomaker.tasks.worldforge.pictures.room_picture import room_picture
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
+from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
+from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Hits
+from prefect_robomaker.tasks.worldforge.pictures.ray_light import LightGrid
+from prefect_robomaker.tasks.worldforge.pictures.ray_picture import RayPicture
+from prefect_robomaker.tasks.worldforge.pictures.room_lights import room_lighting
+from prefect_robomaker.tasks.worldforge.pictures.room_looks import THRESHOLD_COLOR, Looks
+from prefect_robomaker.tasks.worldforge.pictures.room_picture import best_camera, decorated_model, room_picture
 
 
 def pixels(world: World, room: str, size: tuple[int, int] = (240, 150)) -> np.ndarray:
@@ -58,3 +73,91 @@ def test_the_same_world_gives_the_same_bytes(flat: World) -> None:
 def test_an_unknown_room_is_named_in_the_error(flat: World) -> None:
     with pytest.raises(ValueError, match=r"room 'Cellar': .* one of Living Room, Kitchen"):
         room_picture(flat, "Cellar")
+
+
+@pytest.fixture(scope="module")
+def open_flat() -> World:
+    """A flat whose kitchen is open to a much larger living room, from where one could see more of that."""
+    rooms = (("Living", "Living", 30.0), ("Kitchen", "Kitchen", 12.0), ("Bedroom", "Bedroom", 14.0))
+    body = template(rooms).model_dump(mode="json", exclude_none=True)
+    plan = body["Buildings"][0]["Floors"][0]["Floorplan"]
+    plan["DesiredConnections"] = [{"Location": ["Living", "Kitchen"], "ConnectionType": "Opening"}]
+    return generate_world(parse_template_body(json.dumps(body)), 3, 4, settle=False)
+
+
+def seen(world: World, room: str, width: int = 96) -> tuple[list[str], LightGrid, Hits]:
+    """Names of the geoms that a room's picture shows, its light without the shade of corners, and the places."""
+    found = next(each for each in world.floorplan.rooms if each.name == room)
+    model = decorated_model(world)
+    looks = Looks(model, world)
+    picture = RayPicture(model, looks.colors)
+    camera = best_camera(picture, looks.names, world, found)
+    height = width * 5 // 8
+    rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:height, 0:width])
+    hits = picture.hits(camera.place, camera.rays(width, height, columns, rows))
+    lighting = replace(room_lighting(picture, looks, world, found), shaded_m=0.0)
+    grid = LightGrid.cast(picture, hits, lighting, (height, width))
+    return [looks.names[each] if each >= 0 else "" for each in hits.geoms], grid, hits
+
+
+def test_a_kitchen_that_is_open_to_a_larger_room_is_itself_in_its_picture(open_flat: World) -> None:
+    names, _, hits = seen(open_flat, "Kitchen")
+    kitchen = next(each for each in open_flat.floorplan.rooms if each.name == "Kitchen")
+    (west, south), (east, north) = np.min(kitchen.polygon, axis=0), np.max(kitchen.polygon, axis=0)
+    x, y, _ = hits.places.T
+    inside = (x >= west) & (x <= east) & (y >= south) & (y <= north) & (hits.geoms >= 0)
+    assert inside.mean() > 0.6
+    kinds = {item.id: item.model_type for item in open_flat.furniture if item.room == "Kitchen"}
+    assert {"Ovens", "Storage"} <= {kinds.get(name.partition(".")[0]) for name in names}
+
+
+def test_what_a_room_is_decorated_with_is_in_its_picture(open_flat: World) -> None:
+    names = [name for room in open_flat.floorplan.rooms for name in seen(open_flat, room.name)[0]]
+    decoration = {name.partition("_")[0] for name in names}
+    assert {"thing", "window", "skirting"} <= decoration
+    assert decoration & {"curtain", "blind"}
+    assert decoration & {"rug", "picture"}
+    assert "" in names  # one looks out of windows
+
+
+def test_the_ceiling_has_no_border_between_light_and_dark(open_flat: World) -> None:
+    _, grid, _ = seen(open_flat, "Living", 480)
+    height_m = open_flat.floorplan.ceiling_height_m
+    ceiling = ((np.abs(grid.hits.places[:, 2] - height_m) < 0.01) & (grid.hits.normals[:, 2] < -0.9)).reshape(
+        grid.shape
+    )
+    bright = grid.light.mean(axis=1).reshape(grid.shape)
+    assert ceiling.sum() > 200
+    one, other = bright[:, 1:], bright[:, :-1]
+    beside = ceiling[:, 1:] & ceiling[:, :-1]
+    assert (np.abs(one - other)[beside] / one[beside]).max() < 0.18
+
+
+def test_a_threshold_covers_the_joint_of_two_floors_and_one_floor_goes_on(open_flat: World) -> None:
+    passage = next(each for each in open_flat.floorplan.passages if each.kind == "Opening")
+    x, y = (passage.start[0] + passage.end[0]) / 2, (passage.start[1] + passage.end[1]) / 2
+    for finishes, is_covered in ((("sand", "moss"), True), (("sand", "sand"), False)):
+        finish_of = dict(zip(passage.rooms, finishes, strict=True))
+        rooms = [
+            each.model_copy(update={"floor_material": "Carpet", "floor_finish": finish_of.get(each.name, "sand")})
+            for each in open_flat.floorplan.rooms
+        ]
+        world = open_flat.model_copy(
+            update={"floorplan": open_flat.floorplan.model_copy(update={"rooms": rooms}), "furniture": []}
+        )
+        model = decorated_model(world)
+        looks = Looks(model, world)
+        hits = RayPicture(model, looks.colors).hits((x, y, 1.0), np.array([[0.0, 0.0, -1.0]]))
+        assert np.allclose(looks.colors(hits)[0], THRESHOLD_COLOR) == is_covered
+
+
+def test_rooms_of_worlds_from_gazebo_have_pictures_without_decoration(tmp_path: Path) -> None:
+    notes = GazeboNotes.model_validate(
+        {"rooms": {"East": {"polygon": [[2.1, -2.6], [6.1, -2.6], [6.1, 2.6], [2.1, 2.6]]}}}
+    )
+    wishes = Wishes(start=Start(0.0, 0.0), notes=notes)
+    import_gazebo_world(write_house(tmp_path / "house"), wishes, tmp_path / "bundle")
+    world = read_world(tmp_path / "bundle")
+    picture = pixels(world, "East", (120, 75))
+    assert picture.std() > 5
+    assert not any(name.startswith(("thing_", "picture_", "rug_")) for name in seen(world, "East")[0])

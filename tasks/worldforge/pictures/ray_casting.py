@@ -1,0 +1,134 @@
+"""Rays into a compiled world, cast by MuJoCo: cameras, and the places that their rays hit."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import cos, radians, sin, tan
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.parts import Vector
+
+Array = NDArray[np.floating[Any]]
+Ids = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+
+_CUTOFF_M = 80.0
+"""Rays end here: far beyond the largest building."""
+_HIDDEN_GROUP, _GLASS_GROUP = 3, 5
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Position, direction and field of view of a camera."""
+
+    place: Vector
+    """Metres."""
+    yaw: float
+    """Direction of view: 0 is east, pi/2 north, radians."""
+    pitch: float
+    """Above the horizon, radians."""
+    fov_deg: float
+    """Angle of view from left to right."""
+    drop: float = 0.0
+    """Distance of the picture's middle below the direction of view, over that to the picture. A lens that is moved
+    down, as photographers of buildings do it, sees more floor and keeps upright edges upright."""
+
+    def rays(self, width: int, height: int, columns: Array, rows: Array) -> Array:
+        """Returns unit direction vectors through pixel positions, shape (n, 3)."""
+        reach = tan(radians(self.fov_deg) / 2)
+        right = (columns + 0.5 - width / 2) * (2 * reach / width)
+        down = (rows + 0.5 - height / 2) * (2 * reach / width) + self.drop
+        c, s, up, flat = cos(self.yaw), sin(self.yaw), sin(self.pitch), cos(self.pitch)
+        ahead, side, over = (
+            np.array([c * flat, s * flat, up]),
+            np.array([s, -c, 0.0]),
+            np.array([-c * up, -s * up, flat]),
+        )
+        rays = ahead + right[:, None] * side - down[:, None] * over
+        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """Points where rays hit geoms, with geom ids and normals."""
+
+    geoms: Ids
+    """-1: nothing."""
+    places: Array
+    """A metre away where a ray hit nothing."""
+    normals: Array
+
+    def __getitem__(self, chosen: Any) -> "Hits":
+        return Hits(self.geoms[chosen], self.places[chosen], self.normals[chosen])
+
+
+class RayCaster:
+    """Casts rays into a compiled world in its first state.
+
+    Args:
+        model: the world; its groups of geoms change: panes of glass come into one of their own.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._data = mujoco.MjData(model)
+        mujoco.mj_forward(model, self._data)
+        alpha = model.geom_rgba[:, 3]
+        if model.nmat:
+            alpha = np.where(model.geom_matid >= 0, model.mat_rgba[model.geom_matid, 3], alpha)
+        self._is_glass = (alpha < 0.99) & (model.geom_group < _HIDDEN_GROUP)
+        model.geom_group[self._is_glass] = _GLASS_GROUP
+        self._seen = np.array([1, 1, 1, 0, 1, 0], np.uint8)
+        self._glass = np.array([0, 0, 0, 0, 0, 1], np.uint8)
+
+    @property
+    def has_glass(self) -> bool:
+        """Whether the world has panes that one sees through."""
+        return bool(self._is_glass.any())
+
+    def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
+        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray."""
+        count = len(rays)
+        geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
+        normals = np.zeros(3 * count)
+        visible = self._seen if groups is None else groups
+        mujoco.mj_multiRay(
+            self._model, self._data, np.array(origin, float), np.ascontiguousarray(rays, float).ravel(), visible,
+            True, -1, geoms, distances, normals, count, _CUTOFF_M,
+        )  # fmt: skip
+        return geoms, distances, normals.reshape(-1, 3)
+
+    def hits(self, origin: Vector, rays: Array) -> Hits:
+        """Returns the places that rays from one point hit, with normals that look back at the point."""
+        geoms, distances, normals = self.trace(origin, rays)
+        normals[np.sum(normals * rays, axis=1) > 0] *= -1
+        return Hits(geoms, np.array(origin) + rays * np.where(geoms < 0, 1.0, distances)[:, None], normals)
+
+    def through_glass(self, origin: Vector, rays: Array, hits: Hits) -> Array:
+        """Returns 1 for rays that go through glass before they hit something, 0 for others."""
+        if not self.has_glass or len(rays) == 0:
+            return np.zeros(len(rays))
+        panes, near, _ = self.trace(origin, rays, self._glass)
+        distances = np.linalg.norm(hits.places - np.array(origin), axis=1)
+        return ((panes >= 0) & ((hits.geoms < 0) | (near < distances))).astype(float)
+
+    @contextmanager
+    def without(self, geoms: NDArray[Any]) -> Iterator[None]:
+        """Lets rays go through some geoms for a while.
+
+        Args:
+            geoms: their numbers, or which of all they are.
+        """
+        groups = self._model.geom_group.copy()
+        try:
+            self._model.geom_group[geoms] = _HIDDEN_GROUP
+            yield
+        finally:
+            self._model.geom_group[:] = groups

@@ -1,0 +1,220 @@
+"""Light in ray-traced pictures: many small lamps, and the shade of corners, at a grid of pixels."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.parts import Vector
+from .ray_casting import Array, Hits, RayCaster
+
+STEP = 3
+"""Light is found for one pixel in so many, each way."""
+
+_SLOTS = 4
+"""Neighbouring pixels look at different lamps in squares of this side."""
+_SKIN_M = 0.004
+_LEAST_LIT = 8e-4
+"""Light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
+
+_LOST = 0.02
+"""Weight below which the four pixels of the grid around a place are no neighbours of it."""
+_AROUND, _AROUND_M = 2, 0.06
+"""Pixels of the grid each way that are asked then, and the distance at which they count a quarter."""
+
+_LOOKS = 20
+"""Places around a pixel that are asked whether they take light from it."""
+_GOLDEN_RAD = 2.399963
+"""Angle between two of them: they lie evenly."""
+_LEAST_SIN = 0.08
+"""Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
+_TAKEN = 2.2
+"""Light that is taken, over the share of the half sphere above a place that the places around it cover."""
+_LEAST_OPEN = 0.3
+"""Share of light that reaches the deepest corner."""
+_SMALL_M = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A small light source in a ray-traced picture."""
+
+    place: Vector
+    power: float
+    """Brightness of a white wall one metre away from it."""
+    color: Vector = (1.0, 1.0, 1.0)
+    facing: Vector | None = None
+    """Direction in which it shines; absent: everywhere alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lighting:
+    """Everything that a picture is lit by."""
+
+    lamps: Sequence[Sequence[Lamp]]
+    """Sets of lamps; a pixel looks at one lamp of each set and at the others through its neighbours."""
+    ambient: Vector = (0.1, 0.1, 0.1)
+    """Light that comes from everywhere."""
+    sun: Callable[[Hits], Array] | None = None
+    """Further light at places, shape (n, 3), whose edges are sharp."""
+    outside: Callable[[Array], Array] | None = None
+    """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
+    shaded_m: float = 0.0
+    """Distance up to which things take light from each other; 0: they do not."""
+    exposed: bool = False
+    """Whether the picture becomes as bright as a photographer makes it; else lamps say how bright it is."""
+    floors: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Geoms of floors; their tops are at the height 0."""
+    smooth: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Those of them that mirror what is above them."""
+
+
+@dataclass(frozen=True, slots=True)
+class LightGrid:
+    """Light at a grid of pixels, and between them."""
+
+    hits: Hits
+    light: Array
+    """Shape (rows * columns, 3)."""
+    shape: tuple[int, int]
+
+    @classmethod
+    def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
+        """Finds the light at a grid of a picture's pixels.
+
+        Args:
+            caster: tells what stands between lamps and places.
+            hits: what all pixels show.
+            lighting: the lamps.
+            shape: rows and columns of the picture.
+        """
+        index = np.arange(shape[0] * shape[1]).reshape(shape)[::STEP, ::STEP]
+        few = hits[index.ravel()]
+        rows, columns = (axis.ravel() for axis in np.indices(index.shape))
+        slots = (rows % _SLOTS) * _SLOTS + columns % _SLOTS
+        light = np.zeros((len(rows), 3))
+        for group in lighting.lamps:
+            for number, lamp in enumerate(group):
+                mine = np.flatnonzero((slots % len(group) == number) & (few.geoms >= 0))
+                light[mine] += _shine(caster, lamp, few[mine])
+        light += np.array(lighting.ambient)
+        size = (index.shape[0], index.shape[1])
+        open_share = _openness(few, size, lighting.shaded_m) if lighting.shaded_m else np.ones(len(rows))
+        return cls(few, _shared(light * open_share[:, None], few, size), size)
+
+    def with_light(self, light: Array) -> "LightGrid":
+        """Returns the same grid with other light, shared among neighbours."""
+        return LightGrid(self.hits, _shared(light, self.hits, self.shape), self.shape)
+
+    def at(self, hits: Hits, rows: Array, columns: Array) -> Array:
+        """Returns the light at points, smoothed over neighbouring pixels of the same surface."""
+        total, weight = np.zeros((len(hits.geoms), 3)), np.zeros(len(hits.geoms))
+        row, column = np.floor(rows / STEP).astype(np.int64), np.floor(columns / STEP).astype(np.int64)
+        height, width = self.shape
+        for down in (0, 1):
+            for right in (0, 1):
+                other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
+                share = np.abs(1 - down - (rows / STEP - row)) * np.abs(1 - right - (columns / STEP - column))
+                near = _alike(hits, self.hits, other) * (share + 1e-3)
+                total += self.light[other] * near[:, None]
+                weight += near
+        found = total / np.maximum(weight, 1e-9)[:, None]
+        # Narrow surfaces have no pixel of the grid near by: the most similar ones around have their light.
+        lost = np.flatnonzero(weight < _LOST)
+        found[lost] = self._around(hits[lost], row[lost], column[lost])
+        return found
+
+    def _around(self, hits: Hits, row: NDArray[np.int64], column: NDArray[np.int64]) -> Array:
+        height, width = self.shape
+        total, weight = np.zeros((len(row), 3)), np.full(len(row), 1e-9)
+        for down in range(-_AROUND, _AROUND + 2):
+            for right in range(-_AROUND, _AROUND + 2):
+                other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
+                turned = np.clip(np.einsum("ij,ij->i", hits.normals, self.hits.normals[other]), 0, 1)
+                away = np.sum((hits.places - self.hits.places[other]) ** 2, axis=1)
+                near = (turned**4 + 1e-4) / (1 + away / _AROUND_M**2) ** 2 * (self.hits.geoms[other] >= 0)
+                total += self.light[other] * near[:, None]
+                weight += near
+        return total / weight[:, None]
+
+
+def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
+    """1 for places on one plane, 0 for places on different ones."""
+    normals, places = others.normals[index], others.places[index]
+    turned = np.clip(np.einsum("ij,ij->i", hits.normals, normals), 0, 1)
+    apart = np.abs(np.einsum("ij,ij->i", hits.normals, hits.places - places))
+    return turned**8 / (1 + (apart / 0.02) ** 2) ** 2
+
+
+def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> Array:
+    """Light of one lamp at places."""
+    ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
+    distances = np.linalg.norm(ways, axis=1)
+    ways = ways / np.maximum(distances, 1e-6)[:, None]
+    strength = np.clip(-np.sum(ways * hits.normals, axis=1), 0, 1)
+    if lamp.facing is not None:
+        strength = strength * np.clip(ways @ np.array(lamp.facing), 0, 1)
+    strength = strength * (lamp.power * 2 / (1 + distances**2))
+    lit = np.flatnonzero(strength > _LEAST_LIT)
+    if len(lit):
+        _, met, _ = caster.trace(lamp.place, ways[lit])
+        strength[lit[(met >= 0) & (met < distances[lit] - 0.012)]] = 0
+    return strength[:, None] * np.array(lamp.color)
+
+
+def _openness(hits: Hits, shape: tuple[int, int], reach_m: float) -> Array:
+    """Share of light from everywhere that reaches each place past what the picture shows around it.
+
+    Places are asked that lie around the pixel, as far as things reach that take its light.
+    """
+    height, width = shape
+    rows, columns = (axis.ravel() for axis in np.indices(shape))
+    right = np.linalg.norm(hits.places[np.minimum(columns + 1, width - 1) + rows * width] - hits.places, axis=1)
+    down = np.linalg.norm(hits.places[columns + np.minimum(rows + 1, height - 1) * width] - hits.places, axis=1)
+    # The smaller step: the other one may lead to something far behind. At edges of the picture there is none.
+    step_m = np.maximum(
+        np.where(np.minimum(right, down) < _SMALL_M, np.maximum(right, down), np.minimum(right, down)), _SMALL_M
+    )
+    reach = np.clip(reach_m / step_m, 2.0, width / 5)
+    start = ((rows % _SLOTS) * _SLOTS + columns % _SLOTS) * (2 * np.pi / _SLOTS**2)
+    taken = np.zeros(len(rows))
+    for look in range(_LOOKS):
+        out = reach * sqrt((look + 0.5) / _LOOKS)
+        turn = np.array((cos(look * _GOLDEN_RAD), sin(look * _GOLDEN_RAD)))
+        across = out * (turn[0] * np.cos(start) - turn[1] * np.sin(start))
+        along = out * (turn[1] * np.cos(start) + turn[0] * np.sin(start))
+        row = np.clip(np.rint(rows + along).astype(np.int64), 0, height - 1)
+        column = np.clip(np.rint(columns + across).astype(np.int64), 0, width - 1)
+        ways = hits.places[row * width + column] - hits.places
+        away = np.maximum(np.linalg.norm(ways, axis=1), _SMALL_M)
+        over = np.einsum("ij,ij->i", ways, hits.normals) / away
+        near = np.clip(1 - (away / reach_m) ** 2, 0, 1) * (hits.geoms[row * width + column] >= 0)
+        taken += np.clip(over - _LEAST_SIN, 0, 1) * near
+    return np.clip(1 - _TAKEN * taken / _LOOKS, _LEAST_OPEN, 1)
+
+
+def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
+    """Evens light out among the pixels of one surface that looked at different lamps, near ones and then further."""
+    height, width = shape
+    index = np.arange(height * width).reshape(shape)
+    rows, columns = (axis.ravel() for axis in np.indices(shape))
+    half = _SLOTS // 2
+    for step in (1, _SLOTS):
+        total, weight = np.zeros_like(light), np.zeros(len(light))
+        for down in range(-half, half + 1):
+            for right in range(-half, half + 1):
+                other = index[np.clip(rows + step * down, 0, height - 1), np.clip(columns + step * right, 0, width - 1)]
+                # Squares of one more than the slots: the outermost count half.
+                share = (0.5 if abs(down) == half else 1.0) * (0.5 if abs(right) == half else 1.0)
+                near = _alike(hits, hits, other) * share
+                if step > 1:
+                    # Light that differs much is a shadow's edge, which stays.
+                    near = near / (
+                        1 + (np.abs(light[other] - light).sum(axis=1) / (0.15 * light.sum(axis=1) + 1e-3)) ** 2
+                    )
+                total += light[other] * near[:, None]
+                weight += near
+        light = total / np.maximum(weight, 1e-6)[:, None]
+    return light

@@ -1,0 +1,51 @@
+"""Light at the pixels of pictures: soft shadows below lamps, and shade in corners."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Camera, RayCaster
+from prefect_robomaker.tasks.worldforge.pictures.ray_light import Lamp, LightGrid, Lighting
+
+WIDTH, HEIGHT = 480, 360
+BOX_ON_FLOOR = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="9 9 1"/>
+  <geom name="box" type="box" pos="0 0 0.25" size="0.25 0.25 0.25"/>
+</worldbody></mujoco>"""
+
+
+def light_of(lighting: Lighting) -> tuple[np.ndarray, np.ndarray]:
+    """Light at the grid's pixels, and their places, seen from above the south."""
+    caster = RayCaster(mujoco.MjModel.from_xml_string(BOX_ON_FLOOR))  # pyright: ignore[reportAttributeAccessIssue]
+    camera = Camera((0.0, -2.0, 1.5), np.pi / 2, -0.6, 70.0)
+    rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:HEIGHT, 0:WIDTH])
+    hits = caster.hits(camera.place, camera.rays(WIDTH, HEIGHT, columns, rows))
+    grid = LightGrid.cast(caster, hits, lighting, (HEIGHT, WIDTH))
+    return grid.light.mean(axis=1), grid.hits.places
+
+
+def floor_near(places: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The floor south of the box, at distances from it."""
+    away = -0.25 - places[:, 1]
+    return (np.abs(places[:, 2]) < 1e-3) & (np.abs(places[:, 0]) < 0.15) & (away > low) & (away < high)
+
+
+def test_a_box_takes_light_from_the_floor_before_it_and_not_from_far_away() -> None:
+    light, places = light_of(Lighting([], ambient=(1.0, 1.0, 1.0), shaded_m=0.5))
+    near, far = light[floor_near(places, 0.0, 0.06)], light[floor_near(places, 0.7, 1.0)]
+    assert min(len(near), len(far)) > 3
+    assert near.mean() < 0.9 * far.mean()
+    assert far.min() > 0.97
+    plain, _ = light_of(Lighting([], ambient=(1.0, 1.0, 1.0)))
+    assert plain[floor_near(places, 0.0, 1.0)] == pytest.approx(1.0)
+
+
+def test_the_shadow_of_a_lamp_that_is_wide_has_a_soft_edge() -> None:
+    lamps = [Lamp((0.02 * x, 2.0, 1.2), 4.0) for x in range(-8, 8)]
+    light, places = light_of(Lighting([lamps], ambient=(0.0, 0.0, 0.0)))
+    behind = floor_near(places, 0.02, 0.12)
+    beside = (np.abs(places[:, 2]) < 1e-3) & (np.abs(places[:, 0]) > 0.9) & (np.abs(places[:, 1]) < 0.4)
+    assert light[behind].mean() < 0.3 * light[beside].mean()
+    edge = (np.abs(places[:, 2]) < 1e-3) & (places[:, 1] < -0.3) & (places[:, 1] > -0.6)
+    values = light[edge] / light[beside].mean()
+    assert ((values > 0.25) & (values < 0.75)).sum() > 3
