@@ -98,12 +98,14 @@ class Share(Model):
     """A pass rate: number of successes of a total, with its confidence interval."""
 
     name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
-    passed: int = Field(description="Went well.")
-    failed: int = Field(description="Went badly.")
-    errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
+    passed: int = Field(description="Number of successes.")
+    failed: int = Field(description="Number of failures.")
+    errors: int = Field(
+        default=0, description="Number that could not be judged because of an error; not part of the rate."
+    )
     rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
     low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
-    high: float | None = optional("Upper end of it.")
+    high: float | None = optional("Upper end of that interval.")
     worst_margin: float | None = optional(
         "Smallest margin that was left, of a requirement; negative when it was missed."
     )
@@ -175,25 +177,7 @@ class Report(Model):
         "Changes since the last run of the specification; absent: it was not looked up."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
-
-
-class Share(Model):
-    """A pass rate: number of successes of a total, with its confidence interval."""
-
-    name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
-    passed: int = Field(description="Number of successes.")
-    failed: int = Field(description="Number of failures.")
-    errors: int = Field(
-        default=0, description="Number that could not be judged because of an error; not part of the rate."
-    )
-    rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
-    low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
-    high: float | None = optional("Upper end of that interval.")
-    worst_margin: float | None = optional(
-        "Smallest margin that was left, of a requirement; negative when it was missed."
-    )
-    unit: str | None = optional("Unit of the margin.")
-    worst_job: str | None = optional("Job with the smallest margin.")
+    axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
 
 
 class JobCase(Model):
