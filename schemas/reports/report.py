@@ -124,6 +124,9 @@ class ArmComparison(Model):
     unpaired: int = Field(description="Trials of the two values that have no partner.")
     unjudged: int = Field(description="Pairs of which a side has no verdict: it broke, was canceled or not judged.")
     other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
+    repeated: int = Field(
+        default=0, description="Pairs that went through the same states as another pair, with which they count."
+    )
     adjusted_p_value: float | None = optional(
         "p-value of the test by Holm's method, for all comparisons of the run together; absent: nothing was judged."
     )

@@ -75,7 +75,11 @@ class _Arm:
     value: Value
     trials: TrialPairs
     fair: TrialPairs
-    """Pairs that were judged by the same requirements."""
+    """Pairs that were judged by the same requirements, each once."""
+    unfair: int
+    """Number of pairs that were judged by different ones."""
+    repeated: int
+    """Number of pairs that went through the same states as another pair: they show nothing more."""
     unpaired: int
     same_states: bool
     rate: RateChange | None
@@ -154,18 +158,37 @@ class _Axis:
             return None
         trials = pair_trials(pairs, self.run, self.run, ignoring=self._of_step)
         is_fair = np.array([pair.has_same_requirements for pair in pairs], dtype=bool)
-        fair = trials.only(is_fair[trials.jobs])
+        fair = self._each_once(trials.only(is_fair[trials.jobs]))
         here = [job for job in self.jobs if job.axes.get(self.name) in (baseline, value)]
         return _Arm(
             baseline,
             value,
             trials,
             fair,
+            unfair=int((~is_fair[trials.jobs]).sum()),
+            repeated=len(trials.only(is_fair[trials.jobs])) - len(fair),
             unpaired=sum(len(self.run.results.rows_of(job)) for job in here) - 2 * len(trials),
             same_states=self._went_the_same_way(trials),
             rate=_rate(fair.only(fair.judged)),
             strict=_rate(fair.only(fair.told)),
         )
+
+    def _each_once(self, trials: TrialPairs) -> TrialPairs:
+        """Pairs without those that repeat another one of their world state by state.
+
+        They do where an axis beside this one changes nothing, which would double the evidence.
+        """
+        seen: set[tuple[int, str, str]] = set()
+        once: list[bool] = []
+        rows = (trials.worlds.tolist(), trials.before_rows.tolist(), trials.after_rows.tolist())
+        for world, old, new in zip(*rows, strict=True):
+            before, after = self.states[old], self.states[new]
+            if before is None or after is None:
+                once.append(True)
+                continue
+            once.append((world, before, after) not in seen)
+            seen.add((world, before, after))
+        return trials.only(np.array(once, dtype=bool))
 
     def _went_the_same_way(self, trials: TrialPairs) -> bool:
         """Whether both trials of each pair went through the same states; False where that is not known."""
@@ -233,7 +256,8 @@ def _told(arm: _Arm, p_value: float | None, answer: Answer) -> ArmComparison:
         pairs=len(arm.trials),
         unpaired=arm.unpaired,
         unjudged=int((~arm.fair.judged).sum()),
-        other_requirements=len(arm.trials) - len(arm.fair),
+        repeated=arm.repeated,
+        other_requirements=arm.unfair,
         adjusted_p_value=p_value,
         same_states=arm.same_states,
         rate=arm.rate,
@@ -252,8 +276,10 @@ def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
             words += ", in these worlds; others were not tried"
     if arm.same_states:
         words += "; both sides of each pair went through the same states: the axis changes nothing"
-    if len(arm.trials) > len(arm.fair):
-        words += f"; {_counted(len(arm.trials) - len(arm.fair), 'pair')} judged by different requirements do not count"
+    if arm.repeated:
+        words += f"; {_counted(arm.repeated, 'pair')} with the same states as another one count with that one"
+    if arm.unfair:
+        words += f"; {_counted(arm.unfair, 'pair')} judged by different requirements do not count"
     if arm.unpaired:
         words += f"; {_counted(arm.unpaired, 'trial')} without a partner"
     return words

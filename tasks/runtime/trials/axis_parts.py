@@ -56,8 +56,9 @@ class AxisEffect:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._first: dict[int, tuple[Value | None, str]] | None = {}
-        """Value and states of the first trials, by a hash of seed and other axes; None: an effect was seen."""
+        self._first: dict[int, str] | None = {}
+        """States of the first trials, by a hash of seed and other axes, which no two trials with one value of the axis
+        have in common; None: an effect was seen."""
         self._pairs = 0
 
     def take(self, row: TrialRow) -> None:
@@ -68,15 +69,14 @@ class AxisEffect:
             self._first = None  # nothing is known of its states
             return
         place = hash((row.seed, *((name, value) for name, value in row.axes.items() if name != self._name)))
-        value = row.axes.get(self._name)
         found = self._first.get(place)
         if found is None:
             if len(self._first) < MAX_LOOKED_AT:
-                self._first[place] = value, row.state_digest
-        elif found[0] != value:
+                self._first[place] = row.state_digest
+        elif found == row.state_digest:
             self._pairs += 1
-            if found[1] != row.state_digest:
-                self._first = None
+        else:
+            self._first = None
 
     @property
     def note(self) -> str:

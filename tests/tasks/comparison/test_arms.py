@@ -119,3 +119,19 @@ def test_jobs_of_two_nights_are_matched_by_their_cells() -> None:
     ]
 
     assert table.place(changed)[1:] == first
+
+
+def test_pairs_that_repeat_others_are_no_more_evidence() -> None:
+    """An axis beside this one that changes nothing would double the pairs, as often as one likes."""
+    robots = {"scout": "PPPP", "rover": "FFFF"}
+    jobs = [each for unread in "abc" for robot in robots for each in arm(robots[robot], robot, unread=unread)]
+    digests = {job.label: f"{job.axes['robot']} {job.inputs and job.inputs.seed}" for job in jobs}
+
+    [once] = compared(jobs, digests)
+    [unknown] = compared(jobs)
+
+    assert once.rate is not None
+    assert unknown.rate is not None
+    assert (once.pairs, once.repeated, once.rate.pairs, once.answer) == (12, 8, 4, "no difference shown")
+    assert "8 pairs with the same states as another one count with that one" in once.why
+    assert (unknown.rate.pairs, unknown.answer) == (12, "worse")

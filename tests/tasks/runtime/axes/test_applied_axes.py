@@ -308,7 +308,7 @@ def test_a_pose_that_drifts_wanders_off_with_the_way_and_not_with_the_time(make_
 
     assert error(1, 40, drift=0.0) == 0.0
     assert error(1, 40) == error(1, 40)  # the same seed drifts the same way
-    assert error(1, 40) != error(2, 40)
+    assert abs(error(1, 40) - error(2, 40)) > 0.05 * error(1, 40)  # and another seed another one
     near, far = ([error(seed, steps) for seed in range(12)] for steps in (10, 90))
     assert np.mean(far) > 1.5 * np.mean(near)
     _, place = driven(environment, context, "odometry_drift_std_m", 0.1, 1, 60)

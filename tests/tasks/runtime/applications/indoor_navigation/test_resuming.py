@@ -8,6 +8,7 @@ import pytest
 from helpers.small_flat import BODY
 from mcap.reader import make_reader
 
+from prefect_robomaker.schemas.runs.axes import AxisSetting
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -41,6 +42,8 @@ def test_navigation_continues_to_the_bit(
         work_dir=tmp_path / "work", output_dir=tmp_path / "out",
         robot_application=ApplicationPlan(role="robot", name=robot, attribute=f"{BUILT_INS}.{robot}.make_agent"),
         checkpoint_dir=tmp_path / "checkpoints", checkpoint_every_s=every_s,
+        # What wanders off goes on from where it was, too.
+        axes={"drift": AxisSetting(kind="odometry_drift_std_m", value=0.01)},
     )  # fmt: skip
     assert launcher.run(plan, lambda: None).status == "Completed"
     whole = tmp_path / "whole"
