@@ -25,10 +25,11 @@ from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, St
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.parameter_values import param_options, set_options
-from ..schemas.specs.resolving import EarlierParts, Part, parts_of, resolve_input, with_client_token
+from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.rooms import check_world_counts
 from ..schemas.wire.errors import (
     ConfigurationError,

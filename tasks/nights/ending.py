@@ -23,8 +23,8 @@ from ...schemas.reports.run_record import (
     StepRecord,
 )
 from ...schemas.reports.run_states import run_state
+from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.resolving import step_of
 from ..notifications.notices import notify_of
 from ..service.service import Service
 from .pings import ping_end
