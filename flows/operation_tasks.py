@@ -21,8 +21,8 @@ from ..schemas.job_owners import NeededEnvironment
 from ..schemas.wire.base import Shape
 from ..schemas.wire.errors import ServiceUnavailableException
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
-from ..tasks.execution.held_leases import died_here
-from ..tasks.execution.job_leases import CatalogWait
+from ..tasks.execution.leases.catalog_outages import CatalogWait
+from ..tasks.execution.leases.held_leases import died_here
 from ..tasks.execution.prefect_artifacts import shown_progress
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.job_standings import job_result

@@ -38,7 +38,7 @@ from ..schemas.wire.errors import (
     ServiceUnavailableException,
 )
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
-from ..tasks.execution.job_leases import CatalogWait, Result
+from ..tasks.execution.leases.catalog_outages import CatalogWait, Result
 from ..tasks.execution.orphans import wait_if_ending
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night

@@ -21,7 +21,7 @@ from ...schemas.wire.errors import (
     ThrottlingException,
 )
 from ..catalog import Resource
-from ..execution.job_leases import Lease
+from ..execution.leases.job_leases import Lease
 from ..execution.task_pool import directly, show_note, shown_as, step_runner
 from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application

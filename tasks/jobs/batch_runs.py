@@ -25,7 +25,8 @@ from ...schemas.wire.errors import ServiceError, ServiceUnavailableException, St
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
 from ..execution.credential_blocks import read_credential_block
-from ..execution.job_leases import CatalogWait, Lease
+from ..execution.leases.catalog_outages import CatalogWait
+from ..execution.leases.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Progress, Service

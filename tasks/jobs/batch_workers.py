@@ -16,8 +16,9 @@ from ...schemas.runs.trials import TrialCounts, planned_trials
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..catalog import Catalog, Resource
-from ..execution.held_leases import HELD, WorkerStopping
-from ..execution.job_leases import fail_job, run_under_lease
+from ..execution.leases.giving_up import fail_job
+from ..execution.leases.held_leases import HELD, WorkerStopping
+from ..execution.leases.leased_runs import run_under_lease
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
 from .job_folders import KIND, remove_overtaken_runs

@@ -29,7 +29,10 @@ from ...schemas.wire.errors import (
     TransferStoppedError,
 )
 from ..execution.credential_blocks import read_credential_block
-from ..execution.job_leases import MAX_LOST_WORKERS, CatalogWait, Lease, run_if_unclaimed, run_under_lease
+from ..execution.leases.catalog_outages import CatalogWait
+from ..execution.leases.giving_up import MAX_LOST_WORKERS
+from ..execution.leases.job_leases import Lease
+from ..execution.leases.leased_runs import run_if_unclaimed, run_under_lease
 from ..execution.task_pool import RunStep, directly
 from ..runtime.supervision.finished_outputs import remove_verdict
 from ..runtime.supervision.launcher import Launcher

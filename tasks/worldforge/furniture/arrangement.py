@@ -1,4 +1,4 @@
-"""Furniture of rooms for which a template names none: which types a room of a type and size gets, and in which forms."""
+"""Furniture of rooms for which a template names none: the types that a room of a type and size gets, and forms."""
 
 from collections.abc import Sequence
 from typing import Literal

@@ -14,7 +14,7 @@ from helpers.processes import wait_for
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.runs.programs import StopReason
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, TransferStoppedError
-from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry

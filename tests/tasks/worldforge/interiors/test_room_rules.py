@@ -9,8 +9,8 @@ from helpers.paths import TESTS
 from helpers.room_rules import DENSE_SHARES, LINE, RULES, TEMPLATES, Case, broken, few_forms, is_fine, same_pieces
 
 from prefect_robomaker.schemas.worlds.world import Furniture, World
-from prefect_robomaker.tasks.worldforge.interiors import room_density
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
+from prefect_robomaker.tasks.worldforge.interiors import room_density
 
 HOUSE, LOFT = "house, dense", "loft, 40 loose objects"
 DOCS = TESTS.parent / "docs"

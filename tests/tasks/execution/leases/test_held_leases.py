@@ -8,7 +8,8 @@ import pytest
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import LeaseLostError
-from prefect_robomaker.tasks.execution.held_leases import (
+from prefect_robomaker.tasks.execution.leases.giving_up import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.leases.held_leases import (
     HeldLeases,
     WorkerStopping,
     died_here,
@@ -16,7 +17,8 @@ from prefect_robomaker.tasks.execution.held_leases import (
     owners_of,
     role_of,
 )
-from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS, Lease, run_under_lease
+from prefect_robomaker.tasks.execution.leases.job_leases import Lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_jobs import store_job
 from prefect_robomaker.tasks.service.service import Service

@@ -9,7 +9,8 @@ from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.document_base import Changes
 from prefect_robomaker.schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
-from prefect_robomaker.tasks.execution.job_leases import Lease, run_if_unclaimed, run_under_lease
+from prefect_robomaker.tasks.execution.leases.job_leases import Lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_if_unclaimed, run_under_lease
 from prefect_robomaker.tasks.jobs.job_runs import JobRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service, Timing

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from ...schemas.wire.errors import RobomakerError, ServiceUnavailableException
-from ..catalog import Catalog
+from ....schemas.wire.errors import RobomakerError, ServiceUnavailableException
+from ...catalog import Catalog
 
 
 class WorkerStopping(RobomakerError):
