@@ -43,7 +43,8 @@ from ..simulations.outputs.output_places import UploadEnd
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.run_plans import plan_to_resume, reached_s, run_plan
-from ..simulations.ros.job_services import DOMAIN_VARIABLE, answering, own_domain
+from ..simulations.ros.job_services import answering
+from ..simulations.ros.ros_domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .places import Place
 from .simulation_outcomes import (

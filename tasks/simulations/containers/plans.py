@@ -37,7 +37,7 @@ from ..environment.folders import (
 from ..environment.role_access import container_variables
 from ..environment.run_environment import RunEnvironment, container_sandbox, gpu_of, tool_plan
 from ..inputs.world_packages import put_world_into_copies, world_variables
-from ..ros.job_services import DOMAIN_VARIABLE
+from ..ros.ros_domains import DOMAIN_VARIABLE
 from .cleanup import ContainerNote, noted_container
 from .command_lines import (
     NO_PROGRAM,

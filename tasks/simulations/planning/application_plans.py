@@ -26,7 +26,8 @@ from ..environment.run_environment import RunEnvironment, application_configs, t
 from ..inputs.bundles import application_bundle
 from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
-from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
+from ..ros.job_services import FOLDER, NODE, make_message_package, message_variables
+from ..ros.ros_domains import DOMAIN_VARIABLE
 from .applications import LATEST, find_application, python_package
 from .launch_configurations import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
 from .topic_recording import note_no_recorder

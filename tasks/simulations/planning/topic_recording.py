@@ -9,7 +9,7 @@ from ....schemas.extras import how_to_install
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import ApplicationRole, ProgramPlan
 from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderRequest
-from ..ros.job_services import DOMAIN_VARIABLE
+from ..ros.ros_domains import DOMAIN_VARIABLE
 
 _DISK_SHARE = 8
 """The recorder takes at most one part of so many of the job's disk, so that it never ends its run."""

@@ -29,7 +29,7 @@ from prefect_robomaker.tasks.runtime.ros.ros_robot import RosBridge
 from prefect_robomaker.tasks.runtime.ros.wire import Command, Peers
 from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
 from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 
 RAW, DEPTH, POINTS = "/camera/image_raw", "/camera/depth/image_raw", "/camera/depth/points"
 INFO, DEPTH_INFO, JPEG = "/camera/camera_info", "/camera/depth/camera_info", "/camera/image_raw/compressed"

@@ -7,11 +7,11 @@ from contextlib import ExitStack
 
 import pytest
 
-from prefect_robomaker.tasks.simulations.ros.job_services import DOMAINS, own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import DOMAINS, own_domain
 
 HOLD = """
 import signal, sys
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 with own_domain(*sys.argv[1:]) as domain:
     print(domain, flush=True)
     signal.pause()
