@@ -23,13 +23,13 @@ from .calling.access_keys import AccessKey, AuditLog, Call
 from .calling.authentication import Authenticator, Signer, is_repeatable
 from .calling.job_callers import JobCallers
 from .calling.scopes import Calls, check_scope
-from .connections import Arrivals, read_body
 from .failures import Failures
 from .health import PATH as METRICS
 from .health import HealthPages, Metrics
 from .messages import AccessDeniedException, ServiceRequest
 from .origins import check_origin
 from .other_services import refused
+from .request_bodies import Arrivals, read_body
 from .wire import MAX_BODY_BYTES, Route, Router, WireResponse, request_members
 
 LOGGER = logging.getLogger("robomaker.access")

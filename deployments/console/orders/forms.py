@@ -7,8 +7,8 @@ from urllib.parse import parse_qs
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 
-from ...endpoint.connections import SMALL_BODY_TIMEOUT_S, read_body
 from ...endpoint.messages import RequestEntityTooLargeException, SerializationException, ServiceRequest
+from ...endpoint.request_bodies import SMALL_BODY_TIMEOUT_S, read_body
 
 MOST_BYTES = 512 * 1024
 """A specification of thousands of lines; more jobs than that are written with `forEach`."""
