@@ -1,8 +1,7 @@
 """Exit codes of the command line, all in one place; `robomaker --help` and `docs/commands.md` list them.
 
-Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs in `schemas.reports.run_record`, by
-answers of `compare` and `run --against` in `schemas.reports.against`, and by those of `verify` in
-`schemas.runs.verification`.
+Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs and by answers of `compare` and
+`run --against` in `schemas.reports.run_exit_codes`, and by those of `verify` in `schemas.runs.verification`.
 """
 
 from collections.abc import Mapping

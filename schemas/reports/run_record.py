@@ -8,12 +8,11 @@ from uuid import UUID
 
 from pydantic import Field
 
-from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
-from .against import ANSWER_EXIT_CODES, Against, AgainstAnswer
+from .against import Against, AgainstAnswer
 from .challenge import Challenge
 from .forecast import ForecastCheck
 
@@ -62,29 +61,6 @@ class JobInputs(Model):
         description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
         "requirements, without ARNs, which are others every night."
     )
-
-
-EXIT_CODES: dict[RunState, int] = {
-    "succeeded": OK,
-    "failed": VERDICT_FAILED,
-    "broken": BROKE,
-    "canceled": CANCELED,
-    "timed out": TIMED_OUT,
-}
-"""Exit codes of the command line, by how the run ended; see `exit_code_of` for runs with `--against`."""
-
-
-def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
-    """Returns the exit code of a run.
-
-    One that came to its end beside an earlier run has the code of the answer: that is what was asked.
-
-    Args:
-        state: how the run ended.
-        against: the answer; None: it was not carried out beside an earlier run.
-    """
-    is_whole = state in ("succeeded", "failed")
-    return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]
 
 
 class StepRecord(Model):

@@ -7,7 +7,7 @@ user knows.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import ANSWER_EXIT_CODES, Answer
+from ...schemas.reports.against import Answer
 from ...schemas.reports.comparison import (
     ComparedRun,
     Comparison,
@@ -16,6 +16,7 @@ from ...schemas.reports.comparison import (
     PairedJob,
     RateChange,
 )
+from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ..reporting import Outcome
 from ..results.rates import margin_units
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change

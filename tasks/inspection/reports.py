@@ -14,14 +14,8 @@ from ...schemas.job_owners import JobOwner
 from ...schemas.reports.against import in_words
 from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
-from ...schemas.reports.run_record import (
-    JobRecord,
-    RerunOf,
-    RunRecord,
-    StepRecord,
-    exit_code_of,
-    interrupted_in_words,
-)
+from ...schemas.reports.run_exit_codes import exit_code_of
+from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord, interrupted_in_words
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.variants import variants
 from ...schemas.wire.arns import ResourceArn

@@ -13,15 +13,8 @@ from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
-from ...schemas.reports.run_record import (
-    EXIT_CODES,
-    Interruption,
-    JobRecord,
-    RerunOf,
-    RunRecord,
-    SourceCommit,
-    StepRecord,
-)
+from ...schemas.reports.run_exit_codes import EXIT_CODES
+from ...schemas.reports.run_record import Interruption, JobRecord, RerunOf, RunRecord, SourceCommit, StepRecord
 from ...schemas.reports.run_states import run_state
 from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.model import CheckedSpec
