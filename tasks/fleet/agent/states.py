@@ -19,6 +19,7 @@ from typing import Union
 
 from .deployment import Deployment, Order, Version
 from .errors import NUMBERS
+from .newer_deployments import is_newer, why_refused
 
 MAX_RESTARTS = 5
 """Limit on restarts of the agent in the trial of a new version, after which it returns to the previous one.
@@ -332,7 +333,7 @@ def _restarted(state: State) -> State:
 def _checked(state: State, deployment: Deployment) -> State:
     if state.phase is not Phase.VALIDATING:
         return state
-    if deployment.number <= state.number:
+    if not is_newer(deployment, state.number):
         return _known(state, deployment)
     phase = Phase.DOWNLOADING if deployment.condition is None else Phase.CONDITION
     return replace(state, phase=phase, deployment=deployment)
@@ -340,11 +341,10 @@ def _checked(state: State, deployment: Deployment) -> State:
 
 def _known(state: State, deployment: Deployment) -> State:
     """The state after a deployment that is not new: orders are not signed, so it may be an attacker's."""
-    job = deployment.version.job
-    if state.good is not None and state.good.job == job:
+    reason = why_refused(deployment, state.number, state.good)
+    if reason is None:
         return _ended(state, "closed", "success", ("Finished",))
-    reason = f"{job} has number {deployment.number}, and the robot has carried out number {state.number}"
-    return _ended_badly(state, "RobotDeploymentAborted", f"{reason}: only newer deployments count")
+    return _ended_badly(state, "RobotDeploymentAborted", reason)
 
 
 def _passed(state: State) -> State:
