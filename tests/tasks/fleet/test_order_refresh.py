@@ -10,8 +10,9 @@ from helpers.kept_orders import Table, open_rollout, order
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
+from prefect_robomaker.tasks.fleet.bundle_files import BundleFiles
 from prefect_robomaker.tasks.fleet.kept_rollouts import OpenRollout
-from prefect_robomaker.tasks.fleet.order_watch import BUSY_S, IDLE_S, BundleFiles, OrderWatch, ReadRollouts
+from prefect_robomaker.tasks.fleet.order_refresh import BUSY_S, IDLE_S, OrderWatch, ReadRollouts
 from prefect_robomaker.tasks.service.service import Service
 
 
