@@ -13,8 +13,8 @@ from ...catalog import Resource
 from ...service.service import Service
 from ..beginnings import plan_of
 from ..fleet_records import DEPLOYMENT, last_deployment, robots_of
+from ..rollout.maintenance_windows import is_open, opens_s
 from ..rollout.waves import waves_of
-from ..rollout.windows import is_open, opens_s
 from .deployment_decisions import served_architectures
 
 AWAY_S = 300.0

@@ -1,17 +1,15 @@
-"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions of them and the time.
+"""Maintenance windows of a rollout: whether one is open, and when that changes; pure functions of them and the time.
 
 Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
 Several that overlap, or follow one another without a gap, are one.
 """
 
-import heapq
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, date, datetime, time, timedelta
 from typing import get_args
 from zoneinfo import ZoneInfo
 
 from ....schemas.fleet.operations.deployment_jobs import MaintenanceWindow, Weekday
-from ....schemas.fleet.rollouts.rollout import Pause, Paused, Resumed, RobotDeploymentState
 
 _DAYS: tuple[str, ...] = get_args(get_args(Weekday)[0])
 _AHEAD_DAYS = 8
@@ -83,52 +81,3 @@ def _spans(windows: Sequence[MaintenanceWindow], now_s: float) -> Iterator[tuple
 
 def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
     return datetime.combine(day, time.fromisoformat(window.startTime), zone).timestamp()
-
-
-MOST_PAUSES = 100
-"""Earlier ones are forgotten."""
-
-
-def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
-    """Returns a rollout's pauses after one begins or ends; a repetition changes nothing.
-
-    Args:
-        pauses: earlier pauses, oldest first.
-        event: a person's decision.
-        now_s: when, in seconds since the epoch.
-    """
-    last = pauses[-1] if pauses else None
-    is_paused = last is not None and last.until_s is None
-    if isinstance(event, Paused):
-        return pauses if is_paused else (*pauses, Pause(from_s=now_s))[-MOST_PAUSES:]
-    return (*pauses[:-1], last.model_copy(update={"until_s": now_s})) if last is not None and is_paused else pauses
-
-
-class Deadlines:
-    """Queue of the times at which robots' open orders time out."""
-
-    def __init__(self, robots: Mapping[str, RobotDeploymentState]) -> None:
-        """Reads the deadlines of robots.
-
-        Args:
-            robots: how each stands, in the plan's order; read whenever deadlines are asked for.
-        """
-        self._robots = robots
-        self._place = {robot: place for place, robot in enumerate(robots)}
-        self._heap: list[tuple[float, int, str]] = []
-        for robot, state in robots.items():
-            self.add(robot, state)
-
-    def add(self, robot: str, state: RobotDeploymentState) -> None:
-        """Adds a robot's deadline, if it has one; its earlier deadlines are void."""
-        if state.deadline_s is not None:
-            heapq.heappush(self._heap, (state.deadline_s, self._place[robot], robot))
-
-    def next(self) -> tuple[float, str] | None:
-        """Returns the earliest valid deadline (seconds since the epoch) and its robot; `None` if there is none."""
-        while self._heap:
-            deadline_s, _, robot = self._heap[0]
-            if self._robots[robot].deadline_s == deadline_s:
-                return deadline_s, robot
-            heapq.heappop(self._heap)
-        return None

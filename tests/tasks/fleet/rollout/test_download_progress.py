@@ -2,7 +2,7 @@
 
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.tasks.fleet.rollout.robot_transitions import remaining_s
+from prefect_robomaker.tasks.fleet.rollout.download_progress import remaining_s
 
 
 def downloading(*percents: float, every_s: float = 10) -> SmallRollout:

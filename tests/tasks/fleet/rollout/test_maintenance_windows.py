@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import MaintenanceWindow
-from prefect_robomaker.tasks.fleet.rollout.windows import closed_spans, is_open, next_change_s, opens_s
+from prefect_robomaker.tasks.fleet.rollout.maintenance_windows import closed_spans, is_open, next_change_s, opens_s
 
 DAYS = ["MONDAY", "TUESDAY", "WEDNESDAY", "THURSDAY", "FRIDAY", "SATURDAY", "SUNDAY"]
 NIGHT = MaintenanceWindow(startTime="22:30", durationInSeconds=4 * 3600, timeZone="Europe/Berlin")
