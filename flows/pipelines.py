@@ -61,7 +61,7 @@ from ..tasks.nights.open_runs import OpenRun
 from ..tasks.nights.run_orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.notices import LongWaits
-from ..tasks.operations.applications import existing_application
+from ..tasks.operations.existing_resources import existing_application
 from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
