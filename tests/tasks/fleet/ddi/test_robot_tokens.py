@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token, is_token, new_token, token_in
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token, is_token, new_token, token_in
 
 
 def test_a_token_is_what_updaters_can_be_given() -> None:
