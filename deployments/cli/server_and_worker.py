@@ -95,7 +95,7 @@ def _run_server(
     from ..console.console import Console
     from ..console.rendering import HOME
     from ..endpoint.application import Endpoint, write_access_log
-    from ..endpoint.calling.access_keys import AuditLog
+    from ..endpoint.calling.audit_log import AuditLog
     from ..endpoint.server import run_server
     from ..spec_runs.spec_runs import SpecRuns
 

@@ -44,8 +44,9 @@ from .files import published
 from .orders import going, start, worlds_form
 from .orders.forms import read_fields
 from .rendering import FOLDERS, HOME, MENU, address, asset, render
+from .sessions import Sessions
 from .streams import Streams
-from .visit import Context, Sessions, Visit
+from .visit import Context, Visit
 
 _ACTS = {
     ("jobs", "cancel"): ("CancelSimulationJob", "job"),

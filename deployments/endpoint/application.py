@@ -19,7 +19,8 @@ from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from ...tasks.service.spans import span
 from ..log_lines import log_formatter
-from .calling.access_keys import AccessKey, AuditLog, Call
+from .calling.access_keys import AccessKey
+from .calling.audit_log import AuditLog, Call
 from .calling.authentication import Authenticator, Signer, is_repeatable
 from .calling.job_callers import JobCallers
 from .calling.scopes import Calls, check_scope

@@ -11,7 +11,8 @@ from ...schemas.wire.errors import InternalServerException, Problem
 from ...tasks.catalog import Catalog
 from ...tasks.operations.step_operations import step_registry
 from ...tasks.service.service import Service
-from ..endpoint.calling.access_keys import AccessKey, AuditLog, Call
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.calling.audit_log import AuditLog, Call
 from ..endpoint.calling.scopes import check_named, check_resources, check_scope, named_resources, only_visible
 from ..endpoint.messages import AccessDeniedException
 

@@ -16,7 +16,7 @@ from ....schemas.specs.parameter_values import set_options
 from ....schemas.specs.parameters import AsText, Parameter
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
 from ....tasks.inspection.preflight import check_preconditions
-from ...endpoint.calling.access_keys import Call
+from ...endpoint.calling.audit_log import Call
 from ...endpoint.calling.scopes import check_scope
 from ...endpoint.messages import AccessDeniedException
 from ...spec_runs.rights import problems_of_rights

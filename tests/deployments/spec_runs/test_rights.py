@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, AuditLog
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 from prefect_robomaker.deployments.endpoint.messages import AccessDeniedException
 from prefect_robomaker.deployments.spec_runs.rights import Permits, problems_of_rights
 from prefect_robomaker.schemas.specs.check import load_spec

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, AuditLog
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 from prefect_robomaker.deployments.spec_runs.visitor_specifications import shipped_specs
 from prefect_robomaker.tasks.service.service import Service
 
