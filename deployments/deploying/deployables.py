@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...schemas.operations.registry import OPERATIONS
-from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.parameters import Parameter
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import BucketNotFoundError, ConfigurationError
 from ...tasks.backends.backend import JOB_WORKER_FLOW
 from ...tasks.operations.registry import Operation, registry

@@ -4,9 +4,9 @@ import uuid
 from collections.abc import Callable
 from typing import Any
 
-from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.resolving import resolve_input
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import InternalServerException, Problem
 from ...tasks.catalog import Catalog
 from ...tasks.operations.step_operations import step_registry

@@ -12,9 +12,9 @@ from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, path_text, problems_of
 from .batch_splitting import Part, parts_of
-from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
 from .references import PARAMETERS, ReferenceMistake, parse_template
-from .text import ListNode, MappingNode, Node
+from .specification import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
+from .yaml_nodes import ListNode, MappingNode, Node
 
 
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

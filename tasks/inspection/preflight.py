@@ -9,8 +9,8 @@ from typing import Any
 
 from ...schemas.runs.requirement_kinds.goal import goals_at_start
 from ...schemas.runs.requirements import no_such_room, starts_on_origin
-from ...schemas.specs.model import CheckedSpec, CheckedStep
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     Problem,

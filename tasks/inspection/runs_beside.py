@@ -13,7 +13,7 @@ from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.programs import STOP_EVENTS
 from ...schemas.specs.batch_splitting import step_of
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
 from ..comparison.e_processes import fewest_pairs

@@ -17,7 +17,7 @@ from ...schemas.reports.run_exit_codes import EXIT_CODES
 from ...schemas.reports.run_record import Interruption, JobRecord, RerunOf, RunRecord, SourceCommit, StepRecord
 from ...schemas.reports.run_states import run_state
 from ...schemas.specs.batch_splitting import step_of
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec
 from ..notifications.notices import notify_of
 from ..service.service import Service
 from .pings import ping_end

@@ -9,7 +9,7 @@ from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import Order, RerunOf
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
-from ...schemas.specs.model import CheckedSpec, with_seed
+from ...schemas.specs.specification import CheckedSpec, with_seed
 from ..execution.dead_flow_runs import tell_of_dead
 from ..service.service import Service
 from .broken_off import BrokenOff, broken_off

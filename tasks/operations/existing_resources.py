@@ -5,7 +5,7 @@ from typing import Any
 
 from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.model import CheckedStep
+from ...schemas.specs.specification import CheckedStep
 from ...schemas.wire.errors import ResourceAlreadyExistsException
 from ..service.service import Service, is_builtin
 from .applications import CONTENT, definition_of, described_with_tags, replace_definition

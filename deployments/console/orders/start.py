@@ -11,9 +11,9 @@ from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.run_record import Order, RerunOf, new_run_id
 from ....schemas.specs.check import declared_parameters
-from ....schemas.specs.model import CheckedSpec
 from ....schemas.specs.parameter_values import set_options
 from ....schemas.specs.parameters import AsText, Parameter
+from ....schemas.specs.specification import CheckedSpec
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
 from ....tasks.inspection.preflight import check_preconditions
 from ...endpoint.calling.audit_log import Call

@@ -10,7 +10,7 @@ from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.comparison import MetricChange
 from ....schemas.reports.run_record import RunRecord
-from ....schemas.specs.model import is_spec_name
+from ....schemas.specs.specification import is_spec_name
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....tasks.comparison.better_or_worse import compare
 from ....tasks.comparison.history import history_of

@@ -16,8 +16,7 @@ from ...wire.errors import InvalidParameterException, Place, Problem
 from ...wire.json_values import is_object, load_strict
 from ...wire.request_problems import Location, RequestProblem, nearest, path_text
 from ..batch_splitting import parts_of
-from ..folding import is_folded
-from ..model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..parameter_folding import is_folded
 from ..reference_typing import (
     ANYTHING,
     TEXT,
@@ -30,7 +29,8 @@ from ..reference_typing import (
     kind_of,
 )
 from ..references import PARAMETERS, ReferenceMistake, parse_template
-from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from ..specification import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within

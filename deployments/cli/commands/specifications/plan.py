@@ -25,7 +25,7 @@ from ...output.answers import in_columns, print_either
 if TYPE_CHECKING:
     from .....schemas.reports.comparison import PlannedPairs
     from .....schemas.reports.forecast import Forecast
-    from .....schemas.specs.model import CheckedSpec
+    from .....schemas.specs.specification import CheckedSpec
     from .....tasks.comparison.detection import Question
     from .....tasks.inspection.reuse_plans import PlannedPart
     from ...planning import PlannedStep

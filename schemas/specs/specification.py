@@ -10,7 +10,7 @@ steps:
     input: {template: "${{ template.arn }}", worldCount: {floorplanCount: 2, interiorCountPerFloorplan: 1}}
 ```
 
-This module has the document's models and what a checked specification is; `spec_check.load_spec`
+This module has the document's models and what a checked specification is; `check.load_spec`
 makes one from text. What a step gives to later ones is its operation's response; a job gives its final
 `Describe…` response.
 """
@@ -31,7 +31,7 @@ from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
 from .parameters import MAX_PARAMETERS, Parameter, ParameterValue
 from .sabotages import Sabotage
-from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
+from .yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]

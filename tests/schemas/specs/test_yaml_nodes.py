@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.specs.text import MAX_BYTES, MAX_DEPTH, key_place, parse, plain, value_place
+from prefect_robomaker.schemas.specs.yaml_nodes import MAX_BYTES, MAX_DEPTH, key_place, parse, plain, value_place
 from prefect_robomaker.schemas.wire.errors import SpecError
 from prefect_robomaker.schemas.wire.request_problems import path_text
 

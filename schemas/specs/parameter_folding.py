@@ -16,7 +16,7 @@ from ..wire.request_problems import Location
 from .parameters import NO_SECRETS, ParameterValue, ValueProblem
 from .reference_typing import Record, ReferenceMistake
 from .references import PARAMETERS, Interpreter, parse_template
-from .text import ListNode, MappingNode, Node, ScalarNode, child
+from .yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child
 
 _OPENING = "${{"
 _VARIABLES = "environmentVariables"

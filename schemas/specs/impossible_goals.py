@@ -15,9 +15,9 @@ from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem, SpecError
 from ..wire.request_problems import Location, path_text
-from .model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of, variable_of
 from .references import ReferenceMistake, parse_template
-from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
+from .specification import FOR_EACH, CheckedSpec, CheckedStep, for_each_of, variable_of
+from .yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
 _FARTHEST_M = 1e9
