@@ -19,12 +19,12 @@ from ...schemas.reports.comparison import (
 from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ..reporting import Outcome
 from ..results.rates import margin_units
+from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .e_processes import fewest_worlds
 from .failure_starts import appearances_of, changed_parameters
 from .looked_at_runs import answer_while_running
 from .losses import losses_of, told_losses
-from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 

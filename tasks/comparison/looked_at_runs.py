@@ -4,8 +4,8 @@ A test of a fixed number of trials is wrong more often than it says where the tr
 """
 
 from ...schemas.reports.against import Against, AgainstAnswer, Answer
+from .compared_runs import NightRun
 from .early_stops import Decision
-from .nights import NightRun
 
 
 def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstAnswer:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.changes import MarginTrend
 from ..results.rates import margin_units
-from .nights import NightRun
+from .compared_runs import NightRun
 
 WINDOWS = (5, 8, 12)
 """Numbers of nights through which lines are fitted: short ones notice a new trend, long ones a slow one."""

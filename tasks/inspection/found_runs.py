@@ -29,7 +29,7 @@ from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.trials.completion import read_row
 from ..service.service import Service
 from ..storage import MANIFEST_NAME
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)

@@ -24,7 +24,7 @@ from ..service.patience import patiently
 from ..service.service import Service
 from ..simulations.inputs.bundles import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from ..worlds.generation import WORLDS_PREFIX
 from .forecasting import find_forecast
 

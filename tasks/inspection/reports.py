@@ -25,8 +25,8 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import Resource
-from ..comparison.nights import NightRun
-from ..execution.events import tell_of_report
+from ..comparison.compared_runs import NightRun
+from ..execution.prefect_events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words

@@ -16,10 +16,10 @@ from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
+from ..comparison.compared_runs import NightRun
 from ..comparison.e_processes import fewest_pairs
 from ..comparison.early_stops import Outcomes, PairedTrials, decide
 from ..comparison.looked_at_runs import told_decision
-from ..comparison.nights import NightRun
 from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
 from ..jobs.request_order import mixed_order
 from ..service.service import Service

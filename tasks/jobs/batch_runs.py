@@ -34,8 +34,8 @@ from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
 from .batch_workers import AwaitedJobs, BatchTrials, WorkerWait
 from .job_runs import perform_job, stop_idle_job
-from .places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 from .request_order import mixed_order
+from .simulation_places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots

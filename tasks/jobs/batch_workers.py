@@ -23,7 +23,7 @@ from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
 from .job_folders import KIND, remove_overtaken_runs
 from .job_runs import launcher, perform_job
-from .places import SIMULATED, Place, permit_of
+from .simulation_places import SIMULATED, Place, permit_of
 
 _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25

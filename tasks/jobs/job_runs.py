@@ -46,7 +46,6 @@ from ..simulations.planning.run_plans import plan_to_resume, reached_s, run_plan
 from ..simulations.ros.job_services import answering
 from ..simulations.ros.ros_domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
-from .places import Place
 from .simulation_outcomes import (
     DIED,
     END_EVENTS,
@@ -60,6 +59,7 @@ from .simulation_outcomes import (
     stopped,
     without_outputs,
 )
+from .simulation_places import Place
 
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""

@@ -15,7 +15,7 @@ from ..service.service import Service
 from .broken_off import BrokenOff, broken_off
 from .ending import Outlasting, RunFacts, is_pinged
 from .environments import environment_of_run
-from .missed import note_schedule
+from .missed_nights import note_schedule
 from .open_runs import OpenRun
 from .pings import ping_start
 

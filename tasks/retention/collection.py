@@ -15,7 +15,7 @@ from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUn
 from ..catalog import Resource
 from ..runtime.episode.results import RESULT_FILE
 from ..service.service import Service
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from .cached_copies import collect_copies
 from .inventory import (
     Unit,

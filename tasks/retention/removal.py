@@ -27,7 +27,7 @@ from ..simulations.containers.cleanup import remove_containers_of_job, remove_ru
 from ..simulations.environment.folders import remove
 from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from ..worlds.archive_places import archive_place
 from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit

@@ -1,8 +1,8 @@
 """Object stores: a directory or an S3 endpoint, one layout."""
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
-from .base import ObjectInfo, ObjectStore
-from .opening import open_store
+from .configured_store import open_store
+from .object_store import ObjectInfo, ObjectStore
 from .publication import (
     MANIFEST_NAME,
     NEXT_NAME,

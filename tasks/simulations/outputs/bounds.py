@@ -15,7 +15,7 @@ from ....schemas.settings import Settings
 from ....schemas.wire.common import shorten
 from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import MANIFEST_NAME
-from ...storage.base import Stopped, check_key, join_key, never
+from ...storage.object_store import Stopped, check_key, join_key, never
 from ...storage.untrusted_folders import FolderFile, files_told, os_failures
 
 RESULT_FILE = "result.json"

@@ -20,7 +20,7 @@ from ....schemas.wire.errors import (
 )
 from ...catalog import Catalog, Resource
 from ...service.service import Service
-from ...storage.base import check_bucket, check_key, join_key
+from ...storage.object_store import check_bucket, check_key, join_key
 from ..environment.run_environment import application_configs
 from .upload_files import Upload
 

@@ -21,7 +21,7 @@ from ...catalog import Resource
 from ...runtime.supervision.finished_outputs import add_result_notes
 from ...service.service import Service
 from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
-from ...storage.base import Stopped, check_key, join_key, never
+from ...storage.object_store import Stopped, check_key, join_key, never
 from ...storage.untrusted_folders import FolderFile, regular_files
 from ..environment.role_access import acting_service, role_of
 from .bounds import FIRST, RESULT_FILE, Found, LeftOut, Room, check_wanted, distinct, rank, storable_files

@@ -7,7 +7,7 @@ import pytest
 from helpers.processes import wait_for
 from prefect import flow
 
-from prefect_robomaker.tasks.execution.events import tell_of_report, tell_of_world
+from prefect_robomaker.tasks.execution.prefect_events import tell_of_report, tell_of_world
 
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/generation-{name}/world-1"
 

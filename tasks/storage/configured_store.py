@@ -7,8 +7,8 @@ from urllib.parse import urlsplit
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError
-from .base import ObjectStore
 from .directory import DirectoryStore
+from .object_store import ObjectStore
 
 if TYPE_CHECKING:
     from boto3 import Session

@@ -5,7 +5,7 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.machine.free_room import Need, Room, why_wait
+from prefect_robomaker.tasks.machine.free_memory_and_disk import Need, Room, why_wait
 
 MB = 10**6
 NEED = Need(memory_bytes=500 * MB, disk_bytes=200 * MB)

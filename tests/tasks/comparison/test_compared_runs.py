@@ -4,7 +4,7 @@ from helpers.night_records import make_job
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.comparison.nights import CellTable, name_of, reason_of
+from prefect_robomaker.tasks.comparison.compared_runs import CellTable, name_of, reason_of
 
 
 def test_jobs_are_told_apart_by_step_world_and_given_seed() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.schemas.reports.history import MissedNight, NightSchedule
-from prefect_robomaker.tasks.nights import missed as missed_module
-from prefect_robomaker.tasks.nights.missed import (
+from prefect_robomaker.tasks.nights import missed_nights
+from prefect_robomaker.tasks.nights.missed_nights import (
     PAUSED,
     DueRun,
     forget_schedule,
@@ -168,7 +168,7 @@ def test_a_schedule_is_forgotten_when_nobody_writes(tmp_path: Path) -> None:
     note_schedule(tmp_path, "d", "night", NOW)
     [known] = schedules_of(tmp_path)
     forgets = threading.Thread(target=forget_schedule, args=(tmp_path, known))
-    with missed_module._writing(tmp_path):
+    with missed_nights._writing(tmp_path):
         forgets.start()
         forgets.join(0.2)
         assert schedules_of(tmp_path) == [known]
