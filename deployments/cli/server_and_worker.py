@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ...schemas.settings import Settings
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError
-from ...tasks.service.home import prepare_home
+from ...tasks.service.data_home import prepare_home
 from ..endpoint.calling.access_keys import AccessKey, read_access_keys
 from ..endpoint.origins import is_loopback
 from ..endpoint.server import TlsFiles

@@ -18,7 +18,7 @@ from ...schemas.wire.request_problems import nearest, some
 from ...tasks.runtime.episode.results import RESULT_FILE
 from ...tasks.service.service import Service
 from ...tasks.storage import read_manifest
-from ...tasks.storage.base import join_key
+from ...tasks.storage.object_store import join_key
 from .html import badge, card, line, table
 from .worlds import World
 

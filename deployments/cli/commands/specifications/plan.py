@@ -107,8 +107,8 @@ def _needed(
 ) -> "list[PlannedPairs]":
     """Plans the number of trials that answers each question, by earlier runs and the probe."""
     from .....schemas.settings import Settings
+    from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
-    from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import find_records
     from ...planning import planned_trials_of, with_time
 

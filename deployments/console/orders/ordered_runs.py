@@ -16,12 +16,12 @@ from ...spec_runs.rights import problems_of_rights
 from ...spec_runs.spec_runs import Standing, StepStanding
 from .. import runs
 from ..batches import batches_of_run
+from ..job_states import RUNNING, WAITING, Look
 from ..rendering import HOME, address, render
 from ..runs import find_record
-from ..standing import RUNNING, WAITING, Look
 from ..streams import Parts
 from ..visit import Visit
-from .start import START, begin, runs_of
+from .run_starts import START, begin, runs_of
 
 _RUN_ID = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}-\d{8}T\d{9}")
 _EVERY_S = 1.0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.deployments.console.orders.going import _look
+from prefect_robomaker.deployments.console.orders.ordered_runs import _look
 from prefect_robomaker.deployments.spec_runs.spec_runs import StepStanding
 
 
