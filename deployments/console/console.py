@@ -34,8 +34,9 @@ from ...tasks.service.service import Service
 from ..endpoint.application import Endpoint
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.failures import Failures
-from ..endpoint.messages import AccessDeniedException, ProtocolError, ServiceRequest
 from ..endpoint.origins import is_local_host
+from ..endpoint.protocol_errors import AccessDeniedException, ProtocolError
+from ..endpoint.service_requests import ServiceRequest
 from ..foreign_pages import refusal
 from ..spec_runs.spec_runs import SpecRuns
 from . import batches, jobs, login, overview, pages, runs, worlds

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from ...schemas.wire.errors import ThrottlingException
-from ..endpoint.messages import ProtocolError
+from ..endpoint.protocol_errors import ProtocolError
 from .orders.forms import read_fields
 from .rendering import HOME, render
 from .sessions import LIFETIME_S

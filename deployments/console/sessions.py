@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ...schemas.wire.errors import ThrottlingException
 from ..endpoint.calling.access_keys import AccessKey
-from ..endpoint.messages import UnrecognizedClientException
+from ..endpoint.protocol_errors import UnrecognizedClientException
 
 LIFETIME_S = 12 * 3600
 """Time that a session lasts."""

@@ -27,10 +27,11 @@ from .calling.scopes import Calls, check_scope
 from .failures import Failures
 from .health import PATH as METRICS
 from .health import HealthPages, Metrics
-from .messages import AccessDeniedException, ServiceRequest
 from .origins import check_origin
 from .other_services import refused
+from .protocol_errors import AccessDeniedException
 from .request_bodies import Arrivals, read_body
+from .service_requests import ServiceRequest
 from .wire import MAX_BODY_BYTES, Route, Router, WireResponse, request_members
 
 LOGGER = logging.getLogger("robomaker.access")

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from contextlib import aclosing, contextmanager
 
 from ...schemas.wire.errors import ThrottlingException
-from .messages import RequestEntityTooLargeException, RequestTimeoutException, ServiceRequest
+from .protocol_errors import RequestEntityTooLargeException, RequestTimeoutException
+from .service_requests import ServiceRequest
 
 SMALL_BODY_BYTES = 64 * 1024
 """Size limit of a small body, in bytes; nearly all requests are smaller. Small and large bodies are counted apart."""

@@ -14,7 +14,7 @@ from ...tasks.service.service import Service
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.calling.audit_log import AuditLog, Call
 from ..endpoint.calling.scopes import check_named, check_resources, check_scope, named_resources, only_visible
-from ..endpoint.messages import AccessDeniedException
+from ..endpoint.protocol_errors import AccessDeniedException
 
 _REFERENCE = "${{"
 

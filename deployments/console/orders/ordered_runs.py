@@ -11,7 +11,7 @@ from ....schemas.lifecycles import is_terminal
 from ....schemas.specs.check import load_spec
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ....tasks.inspection.reruns import Selection, failed_again, plan_rerun
-from ...endpoint.messages import AccessDeniedException
+from ...endpoint.protocol_errors import AccessDeniedException
 from ...spec_runs.rights import problems_of_rights
 from ...spec_runs.spec_runs import Standing, StepStanding
 from .. import runs

@@ -18,7 +18,7 @@ from ....schemas.wire.errors import InvalidParameterException, Problem, SpecErro
 from ....tasks.inspection.preflight import check_preconditions
 from ...endpoint.calling.audit_log import Call
 from ...endpoint.calling.scopes import check_scope
-from ...endpoint.messages import AccessDeniedException
+from ...endpoint.protocol_errors import AccessDeniedException
 from ...spec_runs.rights import problems_of_rights
 from ...spec_runs.spec_runs import SpecRuns, Standing, StepStanding
 from ...spec_runs.visitor_specifications import checked, shipped_specs

@@ -11,7 +11,7 @@ from ....schemas.wire.operation_shape import READS, OperationShape
 from ....tasks.catalog import Catalog, Resource, tokens_of
 from ....tasks.operations.registry import Operation, registry
 from ....tasks.service.service import Service, is_builtin
-from ..messages import AccessDeniedException
+from ..protocol_errors import AccessDeniedException
 from .access_keys import SCOPES, AccessKey, Scope
 from .audit_log import AuditLog, Call
 

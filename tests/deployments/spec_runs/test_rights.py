@@ -8,7 +8,7 @@ import pytest
 
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
-from prefect_robomaker.deployments.endpoint.messages import AccessDeniedException
+from prefect_robomaker.deployments.endpoint.protocol_errors import AccessDeniedException
 from prefect_robomaker.deployments.spec_runs.rights import Permits, problems_of_rights
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.specification import CheckedSpec
