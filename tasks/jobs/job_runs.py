@@ -39,8 +39,8 @@ from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job, settle_containers
 from ..simulations.environment.role_access import fresh_keys
-from ..simulations.outputs.output_places import UploadEnd
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
+from ..simulations.outputs.upload_cancellation import UploadEnd
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.run_plans import plan_to_resume, reached_s, run_plan
 from ..simulations.ros.job_services import answering

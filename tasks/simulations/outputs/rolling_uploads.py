@@ -22,7 +22,7 @@ from ...storage import ObjectStore
 from ...storage.checksums import digest_of
 from ...storage.object_store import check_key, join_key
 from ...storage.untrusted_folders import regular_files
-from .bounds import Room
+from .storable_files import Room
 from .upload_files import Upload, take, visit_matches
 
 _WAITING, _LEDGER = "rolling", "rolled.jsonl"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from prefect_robomaker.tasks.simulations.outputs.bounds import LeftOut, Room, storable_files
+from prefect_robomaker.tasks.simulations.outputs.storable_files import LeftOut, Room, storable_files
 
 
 def test_of_too_many_files_those_are_stored_that_say_how_the_run_went(tmp_path: Path) -> None:
