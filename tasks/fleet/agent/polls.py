@@ -11,7 +11,7 @@ from typing import Callable, Protocol
 from .deployment import Order
 from .errors import TryLater
 from .server import Poll, Refused
-from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
+from .state_machine import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
 
 _MISSED = 3
 """Polls without the open order, before it counts as withdrawn: a server that starts may not know it yet."""

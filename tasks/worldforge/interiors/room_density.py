@@ -1,7 +1,7 @@
 """Density of furniture: shares of the floor that it covers in sparse, moderate and dense rooms, and the most pieces."""
 
 from ....schemas.worlds.world import RoomType
-from ..furniture.arrangement import Density
+from ..furniture.usual_furniture import Density
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Bathroom": (0.19, 0.30, 14.0),

@@ -8,8 +8,8 @@ from random import Random
 from typing import NamedTuple
 
 from ....schemas.worlds.world import Floorplan, Furniture, Room, RoomType, bounds
-from ..furniture.arrangement import FIRST, KITCHEN_RUN, RULES, Density, Rule, first_count, forms_for, front_of
 from ..furniture.catalogue import COMPACT, styles_of
+from ..furniture.usual_furniture import FIRST, KITCHEN_RUN, RULES, Density, Rule, first_count, forms_for, front_of
 from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
 from . import candidates

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from prefect_robomaker.tasks.worldforge.geometry.boxes import Box
-from prefect_robomaker.tasks.worldforge.interiors.ways import Ways
+from prefect_robomaker.tasks.worldforge.interiors.free_ways import Ways
 
 CELL_M = 0.05
 HALF_M = 0.3

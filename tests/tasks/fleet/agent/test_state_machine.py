@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
 from prefect_robomaker.tasks.fleet.agent.errors import NUMBERS
-from prefect_robomaker.tasks.fleet.agent.states import (
+from prefect_robomaker.tasks.fleet.agent.state_machine import (
     BEFORE_SWITCH,
     MAX_ENDS,
     MAX_RESTARTS,
