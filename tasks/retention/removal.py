@@ -18,7 +18,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..inspection.reports import rebuild_report
 from ..runtime.agents.action_log import ACTIONS_FILE
-from ..runtime.episode.results import RESULT_FILE
+from ..runtime.episode.run_results import RESULT_FILE
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.states.provenance import PROVENANCE_FILE
 from ..runtime.video.video_settings import POSTER_FILE

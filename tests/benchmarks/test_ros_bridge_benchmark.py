@@ -21,7 +21,7 @@ from helpers.processes import wait_for
 from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.ros import RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import RosOptions, RosPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import FoundFiles
-from .files import HeldFile, deleted_files, files_below
+from .left_files import HeldFile, deleted_files, files_below
 
 PAUSE_S = 1.0
 """Seconds from the end of one walk to the beginning of the next."""

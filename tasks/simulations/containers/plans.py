@@ -12,7 +12,7 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.runs.programs import ProgramPlan
-from ....schemas.runs.ros import RosPlan
+from ....schemas.runs.ros_options import RosPlan
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource

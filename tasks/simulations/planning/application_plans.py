@@ -12,7 +12,7 @@ from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.policies import POLICY_FACTORY, parse_policy, policy_in
 from ....schemas.runs.programs import PortPlan, ProgramPlan
-from ....schemas.runs.ros import RosPlan
+from ....schemas.runs.ros_options import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...bundles.colcon import own_program, package_folders
 from ...bundles.launch_files import node_variables, own_master

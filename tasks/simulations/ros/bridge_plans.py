@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ....schemas.runs.ros import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
+from ....schemas.runs.ros_options import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
 from ....schemas.wire.errors import InvalidParameterException, LaunchError
 from .ros_domains import DOMAIN_VARIABLE
 

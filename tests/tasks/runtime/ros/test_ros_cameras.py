@@ -19,7 +19,7 @@ from helpers.processes import wait_for
 from helpers.rclpy_nodes import rclpy as rclpy  # a fixture
 from helpers.scripted_wire import ScriptedWire
 
-from prefect_robomaker.schemas.runs.ros import RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import RosOptions, RosPlan
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
 from prefect_robomaker.tasks.runtime.recording.cdr import decode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder

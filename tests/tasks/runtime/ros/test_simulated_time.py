@@ -7,9 +7,9 @@ from helpers.stop_flags import StopFlag
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.runs.ros import RosOptions
+from prefect_robomaker.schemas.runs.ros_options import RosOptions
 from prefect_robomaker.tasks.runtime.episode.progress import RunStopped
-from prefect_robomaker.tasks.runtime.ros.timing import Lockstep, TimerNodeError, make_timing
+from prefect_robomaker.tasks.runtime.ros.simulated_time import Lockstep, TimerNodeError, make_timing
 from prefect_robomaker.tasks.runtime.ros.wire import STILL, Command
 
 STEP_S = 0.05

@@ -7,7 +7,7 @@ import pytest
 
 from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RunResult
 from prefect_robomaker.schemas.runs.requirement_kinds.off import OffRequirement, OffRule
-from prefect_robomaker.tasks.runtime.episode.results import (
+from prefect_robomaker.tasks.runtime.episode.run_results import (
     EnvironmentReport,
     Episode,
     Findings,

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
-from ....schemas.runs.ros import RosOptions
+from ....schemas.runs.ros_options import RosOptions
 from ..episode.progress import RunStopped, Stop
 from .wire import Command, Wire
 
