@@ -141,7 +141,7 @@ def job_worker_deployable(pool: str) -> Deployable:
     """
     return Deployable(
         flow=JOB_WORKER_FLOW,
-        entrypoint=f"{_FLOWS}.simulation_job_batches.{JOB_WORKER_FLOW}",
+        entrypoint=f"{_FLOWS}.pool_job_workers.{JOB_WORKER_FLOW}",
         name=pool,
         description=(
             "A job worker: takes jobs of a batch from the catalog and runs them on the machine of its Prefect worker, "
