@@ -27,7 +27,7 @@ from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
 from ..schemas.wire.errors import RobomakerError
 from ..tasks.execution.prefect_settings import asking_once
-from ..tasks.nights.missed import (
+from ..tasks.nights.missed_nights import (
     DueRun,
     booted_at,
     forget_schedule,

@@ -14,8 +14,8 @@ from ..schemas.wire.operation_shape import READS, OperationShape
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 from .operation_flow import OperationFlow
+from .operation_tasks import carry_out, job_id, order, read, record, validate
 from .request_defaults import default_members, with_defaults_of
-from .steps import carry_out, job_id, order, read, record, validate
 
 
 def __getattr__(name: str) -> Flow[..., Any]:

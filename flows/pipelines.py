@@ -25,11 +25,12 @@ from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, St
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
 from ..schemas.specs.check import load_spec
-from ..schemas.specs.model import CheckedSpec
+from ..schemas.specs.impossible_goals import check_world_counts
 from ..schemas.specs.parameter_values import param_options, set_options
-from ..schemas.specs.resolving import EarlierParts, Part, parts_of, resolve_input, with_client_token
-from ..schemas.specs.rooms import check_world_counts
+from ..schemas.specs.resolving import resolve_input
+from ..schemas.specs.specification import CheckedSpec
 from ..schemas.wire.errors import (
     ConfigurationError,
     ResourceNotFoundException,
@@ -37,7 +38,7 @@ from ..schemas.wire.errors import (
     ServiceUnavailableException,
 )
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
-from ..tasks.execution.job_leases import CatalogWait, Result
+from ..tasks.execution.leases.catalog_outages import CatalogWait, Result
 from ..tasks.execution.orphans import wait_if_ending
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
@@ -60,7 +61,7 @@ from ..tasks.nights.open_runs import OpenRun
 from ..tasks.nights.run_orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.notices import LongWaits
-from ..tasks.operations.applications import existing_application
+from ..tasks.operations.existing_resources import existing_application
 from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service

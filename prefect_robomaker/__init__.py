@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from . import operation_flows
 
 if TYPE_CHECKING:
+    from .deployments.in_python.earlier_runs import results as results
     from .deployments.in_python.jobs import Job as Job
-    from .deployments.in_python.opening import results as results
     from .deployments.in_python.options import RunOptions as RunOptions
     from .deployments.in_python.rows import ResultRow as ResultRow
     from .deployments.in_python.running import run as run
@@ -85,7 +85,7 @@ _MODULES = {
     "World": "deployments.in_python.worlds",
     "call": "tasks.operations.registry",
     "load_spec": "schemas.specs.check",
-    "results": "deployments.in_python.opening",
+    "results": "deployments.in_python.earlier_runs",
     "robot_env": "tasks.worlds.training",
     "run": "deployments.in_python.running",
     "run_spec": "flows.pipelines",

@@ -1,7 +1,7 @@
 """Exit codes of the command line; `robomaker --help` and `docs/commands.md` list them.
 
-`schemas.wire.errors` maps errors to exit codes, `schemas.reports.run_record` ends of runs, `schemas.reports.against`
-answers of `compare` and `run --against`, and `schemas.runs.verification` those of `verify`.
+Which becomes which is said by errors in `schemas.wire.errors`, by ends of runs and by answers of `compare` and
+`run --against` in `schemas.reports.run_exit_codes`, and by those of `verify` in `schemas.runs.verification`.
 """
 
 from collections.abc import Mapping

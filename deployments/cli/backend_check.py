@@ -56,7 +56,7 @@ def _tell(note: str) -> None:
 
 def _request(service: Any) -> dict[str, Any]:
     """Makes the request for a batch of one small job; creates its applications if necessary."""
-    from ...tasks.operations.applications import reuse_application
+    from ...tasks.operations.existing_resources import reuse_application
     from ...tasks.operations.registry import call
 
     common = {"name": "robomaker-doctor", "environment": {"uri": _PLACE}, "robotSoftwareSuite": {"name": "General"}}

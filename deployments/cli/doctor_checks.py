@@ -18,7 +18,7 @@ from typing import Literal
 from ...schemas.settings import Settings
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import RobomakerError
-from ...tasks.nights.missed import has_schedules
+from ...tasks.nights.missed_nights import has_schedules
 from ..prefect_server.local_server import client_variables, server_status
 from .prefect_server import described
 
@@ -421,7 +421,7 @@ def check_broken_off(settings: Settings) -> Finding:
 
 def check_nights(settings: Settings) -> Finding:
     """Checks whether the scheduled runs of the last week happened, and whether the next ones can."""
-    from ...tasks.nights.missed import schedules_of
+    from ...tasks.nights.missed_nights import schedules_of
 
     status = server_status(settings)
     if not status.running:

@@ -34,7 +34,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     service.catalog.get(arn)  # before a server is started for a job that is not there
     api_url = use_server(settings, for_runs=True)
     from ...flows import lookup
-    from ...schemas.reports.run_record import EXIT_CODES
+    from ...schemas.reports.run_exit_codes import EXIT_CODES
     from ...tasks.nights.run_orders import tell_of_left
     from ...tasks.nights.taking_up import TakingUp
     from ...tasks.operations.registry import registry

@@ -15,7 +15,7 @@ from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec
 from .output.answers import open_file, wanted
 from .signals import interrupted_by_signals
 

@@ -11,9 +11,9 @@ from ...schemas.reports.forecast import Forecast, Places
 from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.settings import Settings
-from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.parameter_values import set_options
 from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
+from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
 from ...tasks.inspection.pipeline_parts import RunInterrupted

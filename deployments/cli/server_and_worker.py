@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ...schemas.settings import Settings
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError
-from ...tasks.service.home import prepare_home
+from ...tasks.service.data_home import prepare_home
 from ..endpoint.calling.access_keys import AccessKey, read_access_keys
 from ..endpoint.origins import is_loopback
 from ..endpoint.server import TlsFiles
@@ -95,7 +95,7 @@ def _run_server(
     from ..console.console import Console
     from ..console.rendering import HOME
     from ..endpoint.application import Endpoint, write_access_log
-    from ..endpoint.calling.access_keys import AuditLog
+    from ..endpoint.calling.audit_log import AuditLog
     from ..endpoint.server import run_server
     from ..spec_runs.spec_runs import SpecRuns
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from ...schemas.documents.simulation_jobs import BatchInBrief, JobInBrief
 from ...schemas.documents.worlds import StoredPlace
 from ...tasks.catalog import Catalog, Resource
-from .standing import JOB, JobLine, job_line
+from .job_states import JOB, JobLine, job_line
 
 _MOST_BRIEFS = 5_000
 

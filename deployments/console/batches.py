@@ -19,8 +19,8 @@ from ...tasks.catalog import Resource
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
 from .batch_caches import Known
+from .job_states import JOB, UNFINISHED, WAITING, JobLine, Look, look_of_status, rate_of
 from .rendering import address, icon, render
-from .standing import JOB, UNFINISHED, WAITING, JobLine, Look, look_of_status, rate_of
 from .streams import Parts
 from .visit import Visit
 

@@ -34,18 +34,20 @@ from ...tasks.service.service import Service
 from ..endpoint.application import Endpoint
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.failures import Failures
-from ..endpoint.messages import AccessDeniedException, ProtocolError, ServiceRequest
 from ..endpoint.origins import is_local_host
+from ..endpoint.protocol_errors import AccessDeniedException, ProtocolError
+from ..endpoint.service_requests import ServiceRequest
 from ..foreign_pages import refusal
 from ..spec_runs.spec_runs import SpecRuns
 from . import batches, jobs, login, overview, pages, runs, worlds
 from .batch_caches import BatchBriefs, JobLines, Posters
 from .files import published
-from .orders import going, start, worlds_form
+from .orders import ordered_runs, run_starts, worlds_form
 from .orders.forms import read_fields
 from .rendering import FOLDERS, HOME, MENU, address, asset, render
+from .sessions import Sessions
 from .streams import Streams
-from .visit import Context, Sessions, Visit
+from .visit import Context, Visit
 
 _ACTS = {
     ("jobs", "cancel"): ("CancelSimulationJob", "job"),
@@ -56,10 +58,10 @@ _ACTS = {
 """Operation of each form, and the member that takes the resource's ARN, by the form's URL parts."""
 
 _OTHERS: Mapping[tuple[str, str], Callable[[Visit], Response]] = {
-    ("runs", "cancel"): going.cancel,
-    ("runs", "again"): going.failed_of_run,
-    ("runs", "take-up"): going.take_up,
-    ("batches", "again"): going.failed_of_batch,
+    ("runs", "cancel"): ordered_runs.cancel,
+    ("runs", "again"): ordered_runs.failed_of_run,
+    ("runs", "take-up"): ordered_runs.take_up,
+    ("batches", "again"): ordered_runs.failed_of_batch,
 }
 """Handlers of forms that make more than one call, by the form's URL parts."""
 
@@ -121,10 +123,10 @@ _PAGES: dict[str, Page] = {
     "/worlds/{id:path}/preview.png": worlds.send_preview,
     "/worlds/{id:path}": worlds.show,
     "/generations/{id}": worlds.show_of_job,
-    "/runs": going.show_all,
-    "/runs/new": start.show,
-    "/runs/{id}": going.show,
-    "/runs/{id}/live": going.follow,
+    "/runs": ordered_runs.show_all,
+    "/runs/new": run_starts.show,
+    "/runs/{id}": ordered_runs.show,
+    "/runs/{id}/live": ordered_runs.follow,
     "/runs/{id}/report": runs.send_report,
 }
 
@@ -174,8 +176,8 @@ for _module in (*modules_of(pages.__name__, "pages"), *parts_of_wings("deploymen
 MENU.sort()
 
 _FORMS: Mapping[str, Page] = {
-    "/runs/new": start.take,
-    "/runs/new/check": start.check,
+    "/runs/new": run_starts.take,
+    "/runs/new/check": run_starts.check,
     "/worlds/new": worlds_form.take,
     "/worlds/new/preview": worlds_form.preview,
 }

@@ -11,7 +11,7 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.wire.errors import ObjectNotFoundError, StorageError
 from ...tasks.service.service import Service
 from ...tasks.storage import read_manifest
-from ...tasks.storage.base import join_key
+from ...tasks.storage.object_store import join_key
 
 _TEXT = "text/plain; charset=utf-8"
 _TYPES = {

@@ -18,14 +18,14 @@ from ...tasks.inspection.reports import report_of_job
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting import view_report
 from ...tasks.reporting.outcomes import times_by_part
-from ...tasks.runtime.limits.files import open_left
+from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
 from .files import published, send_file, tail_of
+from .job_states import JOB, job_line
 from .live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .rendering import HOME, render
 from .runs import is_known
-from .standing import JOB, job_line
 from .streams import Parts
 from .visit import Visit
 

@@ -9,10 +9,11 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from ...schemas.wire.errors import ThrottlingException
-from ..endpoint.messages import ProtocolError
+from ..endpoint.protocol_errors import ProtocolError
 from .orders.forms import read_fields
 from .rendering import HOME, render
-from .visit import LIFETIME_S, Context, Visit, cookie_name
+from .sessions import LIFETIME_S
+from .visit import Context, Visit, cookie_name
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 _MOST_BYTES = 16_384

@@ -12,9 +12,9 @@ from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wings import parts_of_wings
 from ...tasks.catalog import Resource
 from .batches import BATCH, batch_lines
+from .job_states import JOB, Look, job_line, look_of_status
 from .rendering import FOLDERS, HOME, address, render
 from .runs import is_known, latest_runs, since_before
-from .standing import JOB, Look, job_line, look_of_status
 from .streams import Parts
 from .visit import Visit
 

@@ -13,7 +13,7 @@ from starlette.responses import HTMLResponse, Response
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
-from ...tasks.comparison.nights import NightRun
+from ...tasks.comparison.compared_runs import NightRun
 from ...tasks.inspection.run_records import RECORD_NAME, read_record, since_last
 from ...tasks.reporting import classify
 from ..spec_runs.spec_runs import Standing, read_standing

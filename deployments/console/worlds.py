@@ -16,7 +16,7 @@ from ...tasks.reporting import view_report
 from ...tasks.simulations.inputs.bundles import world_bundle
 from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
 from ...tasks.worlds.previews import preview_of
-from .standing import look_of_status
+from .job_states import look_of_status
 from .visit import Visit
 
 WORLD = "world"

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...schemas.operations.registry import OPERATIONS
-from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.parameters import Parameter
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import BucketNotFoundError, ConfigurationError
 from ...tasks.backends.backend import JOB_WORKER_FLOW
 from ...tasks.operations.registry import Operation, registry
@@ -141,7 +141,7 @@ def job_worker_deployable(pool: str) -> Deployable:
     """
     return Deployable(
         flow=JOB_WORKER_FLOW,
-        entrypoint=f"{_FLOWS}.simulation_job_batches.{JOB_WORKER_FLOW}",
+        entrypoint=f"{_FLOWS}.pool_job_workers.{JOB_WORKER_FLOW}",
         name=pool,
         description=(
             "A job worker: takes jobs of a batch from the catalog and runs them on the machine of its Prefect worker, "

@@ -19,17 +19,19 @@ from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from ...tasks.service.spans import span
 from ..log_lines import log_formatter
-from .calling.access_keys import AccessKey, AuditLog, Call
+from .calling.access_keys import AccessKey
+from .calling.audit_log import AuditLog, Call
 from .calling.authentication import Authenticator, Signer, is_repeatable
 from .calling.job_callers import JobCallers
 from .calling.scopes import Calls, check_scope
-from .connections import Arrivals, read_body
 from .failures import Failures
 from .health import PATH as METRICS
 from .health import HealthPages, Metrics
-from .messages import AccessDeniedException, ServiceRequest
 from .origins import check_origin
 from .other_services import refused
+from .protocol_errors import AccessDeniedException
+from .request_bodies import Arrivals, read_body
+from .service_requests import ServiceRequest
 from .wire import MAX_BODY_BYTES, Route, Router, WireResponse, request_members
 
 LOGGER = logging.getLogger("robomaker.access")

@@ -1,16 +1,11 @@
-"""Limits for clients: number of connections, sizes of bodies, and time limits for requests and responses."""
+"""Limits of connections: how many there are, and times for asking and for reading the answer."""
 
 import asyncio
 import resource
-from collections.abc import Iterator
-from contextlib import aclosing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
-
-from ...schemas.wire.errors import ThrottlingException
-from .messages import RequestEntityTooLargeException, RequestTimeoutException, ServiceRequest
 
 ENDS = "connection_ends"
 """Key of a request's state with the addresses of its connection: the client's, and this server's."""
@@ -132,80 +127,3 @@ def _longest_quiet(connections: Any) -> _LimitedProtocol:
 def _ended(timer: asyncio.TimerHandle | None) -> None:
     if timer is not None:
         timer.cancel()
-
-
-SMALL_BODY_BYTES = 64 * 1024
-"""Size limit of a small body, in bytes; nearly all requests are smaller. Small and large bodies are counted apart."""
-
-SMALL_BODIES = 512
-LARGE_BODIES = 24
-"""Limit of large request bodies that are received at once; together they fit into memory."""
-
-SMALL_BODY_TIMEOUT_S = 15.0
-LARGE_BODY_TIMEOUT_S = 60.0
-
-
-class Arrivals:
-    """Counts request bodies that are being received."""
-
-    def __init__(self) -> None:
-        self._arriving = {True: 0, False: 0}
-
-    @contextmanager
-    def admitted(self, declared: str | None) -> Iterator[float]:
-        """Admits a request body, or raises an error if too many are being received; yields its time limit in seconds.
-
-        Args:
-            declared: the header `Content-Length`; `None` without that header, which counts as large.
-
-        Yields:
-            Time limit for the body, in seconds.
-
-        Raises:
-            ThrottlingException: too many are on their way already.
-        """
-        is_small = declared is not None and declared.isdecimal() and int(declared[:18]) <= SMALL_BODY_BYTES
-        if self._arriving[is_small] >= (SMALL_BODIES if is_small else LARGE_BODIES):
-            raise ThrottlingException(f"{self._arriving[is_small]} requests are being received")
-        self._arriving[is_small] += 1
-        try:
-            yield SMALL_BODY_TIMEOUT_S if is_small else LARGE_BODY_TIMEOUT_S
-        finally:
-            self._arriving[is_small] -= 1
-
-
-async def read_body(request: ServiceRequest, declared: str | None, max_bytes: int, timeout_s: float) -> bytes:
-    """Reads a request's body, with limits on size and time.
-
-    Args:
-        request: the request, whose body has not been read.
-        declared: the header `Content-Length`.
-        max_bytes: size limit of the body, in bytes.
-        timeout_s: time limit for the body, in seconds.
-
-    Raises:
-        RequestEntityTooLargeException: the body is longer; the rest is left unread.
-        RequestTimeoutException: the body did not arrive in time.
-        ClientDisconnect: the client hung up.
-    """
-    if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):
-        raise _too_large(max_bytes)
-    try:
-        async with asyncio.timeout(timeout_s):
-            return await _read(request, max_bytes)
-    except TimeoutError:
-        raise RequestTimeoutException(f"the body did not arrive within {timeout_s:g} seconds") from None
-
-
-async def _read(request: ServiceRequest, max_bytes: int) -> bytes:
-    body = bytearray()
-    async with aclosing(request.stream()) as parts:
-        async for part in parts:
-            body += part
-            if len(body) > max_bytes:
-                raise _too_large(max_bytes)
-    return bytes(body)
-
-
-def _too_large(max_bytes: int) -> RequestEntityTooLargeException:
-    return RequestEntityTooLargeException(f"the body may have at most {max_bytes} bytes")

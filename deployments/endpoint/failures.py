@@ -16,7 +16,7 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ...schemas.wire.operation_shape import OperationShape
-from .messages import ProtocolError
+from .protocol_errors import ProtocolError
 from .wire import error_response
 
 LOGGER = logging.getLogger("robomaker.endpoint")

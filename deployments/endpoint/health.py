@@ -24,7 +24,8 @@ from starlette.responses import HTMLResponse, Response
 
 from ...tasks.service.service import Service
 from .calling.access_keys import AccessKey
-from .messages import MethodNotAllowedException, ServiceRequest
+from .protocol_errors import MethodNotAllowedException
+from .service_requests import ServiceRequest
 
 _METHODS = ("GET", "HEAD")
 _HEADERS = {

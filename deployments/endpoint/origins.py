@@ -14,7 +14,8 @@ import ipaddress
 import re
 
 from ..foreign_pages import foreign_site
-from .messages import AccessDeniedException, ServiceRequest
+from .protocol_errors import AccessDeniedException
+from .service_requests import ServiceRequest
 
 _HOST = re.compile(r"(?P<name>\[[^\]]*\]|[^:\[\]]*)(:[0-9]{1,5})?")
 _ONE_LABEL = re.compile(r"[a-z0-9_-]+")

@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 from starlette.responses import Response
 
 from ...schemas.runs.variables import CALL_AWS, REFUSED
-from .messages import ServiceRequest
+from .service_requests import ServiceRequest
 from .wire import error_response
 
 Protocol = Literal["json", "query", "ec2", "rest-xml"]

@@ -16,13 +16,13 @@ from ...schemas.wire.errors import InvalidParameterException
 from ...schemas.wire.json_values import load_strict
 from ...schemas.wire.operation_shape import OperationShape
 from ...schemas.wire.request_problems import nearest
-from .messages import (
+from .protocol_errors import (
     MethodNotAllowedException,
     SerializationException,
-    ServiceRequest,
     UnknownOperationException,
     UnsupportedMediaTypeException,
 )
+from .service_requests import ServiceRequest
 
 _MEMBER = re.compile(r"\{(\w+)\}")
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ...schemas.fleet.rollouts.rollout import Rollout
 from ...schemas.wire.arns import ResourceArn
-from ...tasks.fleet.rollout.robot_transitions import remaining_s
+from ...tasks.fleet.rollout.download_progress import remaining_s
 from ...tasks.fleet.views.fleet_standings import Look, deployment_standing
 from ..cli.output.answers import duration
 from ..cli.output.progress import is_animated

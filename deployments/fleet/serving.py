@@ -11,13 +11,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ...schemas.fleet.settings import FleetSettings
 from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError, StorageError
+from ...tasks.fleet.bundle_files import BundleFiles
 from ...tasks.fleet.control.rollbacks import EndedRollouts
 from ...tasks.fleet.ddi.open_orders import OpenOrders
 from ...tasks.fleet.ddi.orders import RobotOrder
 from ...tasks.fleet.fleet_records import KnownRobots
 from ...tasks.fleet.kept_rollouts import report, served_rollouts
 from ...tasks.fleet.order_keeping import OrderKeeper
-from ...tasks.fleet.order_watch import BundleFiles, OrderWatch
+from ...tasks.fleet.order_refresh import OrderWatch
 from ...tasks.fleet.robot_reports import RobotReports
 from ...tasks.fleet.trust.roles import RepositoryReader
 from ...tasks.service.service import Service

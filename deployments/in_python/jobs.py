@@ -15,10 +15,10 @@ from ...schemas.reports.run_states import case_outcome
 from ...schemas.runs.plan import Requirement, RunResult, Verdict
 from ...schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.request_problems import nearest, some
-from ...tasks.runtime.episode.results import RESULT_FILE
+from ...tasks.runtime.episode.run_results import RESULT_FILE
 from ...tasks.service.service import Service
 from ...tasks.storage import read_manifest
-from ...tasks.storage.base import join_key
+from ...tasks.storage.object_store import join_key
 from .html import badge, card, line, table
 from .worlds import World
 

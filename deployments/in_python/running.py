@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from ...schemas.reports.progress import Note, ProgressEvent
-from ...schemas.specs.model import CheckedSpec, with_seed
 from ...schemas.specs.parameter_values import set_options
+from ...schemas.specs.specification import CheckedSpec, with_seed
 from ...tasks.nights.run_standings import stand_of
 from ...tasks.service.service import Service
 from ..cli.inputs.specifications import read_spec

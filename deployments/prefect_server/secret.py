@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError
-from ...tasks.service.home import prepare_home
+from ...tasks.service.data_home import prepare_home
 
 FILE = "auth"
 _USER = "robomaker"

@@ -4,16 +4,17 @@ import uuid
 from collections.abc import Callable
 from typing import Any
 
-from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.resolving import resolve_input
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import InternalServerException, Problem
 from ...tasks.catalog import Catalog
 from ...tasks.operations.step_operations import step_registry
 from ...tasks.service.service import Service
-from ..endpoint.calling.access_keys import AccessKey, AuditLog, Call
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.calling.audit_log import AuditLog, Call
 from ..endpoint.calling.scopes import check_named, check_resources, check_scope, named_resources, only_visible
-from ..endpoint.messages import AccessDeniedException
+from ..endpoint.protocol_errors import AccessDeniedException
 
 _REFERENCE = "${{"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...schemas.settings import max_worlds_per_job
 from ...schemas.specs.check import load_spec
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec
 
 SHIPPED = Path(__file__).parents[1] / "specs"
 """Folder of the specifications that come with this package."""

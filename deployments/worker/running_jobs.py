@@ -15,8 +15,9 @@ from ...flows import lookup
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
-from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
-from ...tasks.execution.job_leases import fail_job, run_under_lease
+from ...tasks.execution.leases.giving_up import fail_job
+from ...tasks.execution.leases.held_leases import HELD, HeldLeases, WorkerStopping
+from ...tasks.execution.leases.leased_runs import run_under_lease
 from ...tasks.jobs.job_owners import needs_elsewhere, standing_of
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed

@@ -17,7 +17,7 @@ from prefect.exceptions import PrefectException
 from ...schemas.settings import Settings
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException
-from ...tasks.execution.held_leases import HELD
+from ...tasks.execution.leases.held_leases import HELD
 from ...tasks.machine.machine_slots import jobs_that_wait
 from ...tasks.machine.slot_files import WaiterRecord
 from ...tasks.service.service import Service

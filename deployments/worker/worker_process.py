@@ -134,7 +134,7 @@ class WorkerProcess:
     def _expire_leases(self) -> int:
         """Releases the leases of a dead worker process; returns how many it held."""
         # Imported late, so that the worker is started before this process has imported anything large.
-        from ...tasks.execution.held_leases import owners_of
+        from ...tasks.execution.leases.held_leases import owners_of
         from ...tasks.service.service import Service
 
         assert self._process is not None

@@ -9,7 +9,7 @@ from ..runs.plan import VideoPolicy
 from ..runs.policies import Policy, wrong_policy
 from ..runs.recording_sources import wrong_sources
 from ..runs.requirements import JobRequirements, wrong_requirements
-from ..runs.ros import wrong_ros
+from ..runs.ros_options import wrong_ros
 from ..runs.trials import Trials, wrong_trials
 from ..wire.base import STORED, Shape, ShapeName, optional
 from ..wire.common import (

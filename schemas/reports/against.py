@@ -4,19 +4,9 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model, optional
 
 Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
-
-ANSWER_EXIT_CODES: dict[Answer, int] = {
-    "better": OK,
-    "not worse": OK,
-    "worse": VERDICT_FAILED,
-    "no difference shown": NO_DIFFERENCE,
-    "not comparable": NOT_COMPARABLE,
-}
-"""Exit codes of `robomaker compare` and of `robomaker run --against`, by the answer."""
 
 
 FEWEST_WORLDS = 6

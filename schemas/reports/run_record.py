@@ -8,14 +8,13 @@ from uuid import UUID
 
 from pydantic import Field
 
-from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner, NeededEnvironment
 from ..known_failures import KnownFailure
 from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
-from .against import ANSWER_EXIT_CODES, Against, AgainstAnswer
+from .against import Against, AgainstAnswer
 from .challenge import Challenge
 from .forecast import ForecastCheck
 
@@ -64,29 +63,6 @@ class JobInputs(Model):
         description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
         "requirements, without ARNs, which are others every night."
     )
-
-
-EXIT_CODES: dict[RunState, int] = {
-    "succeeded": OK,
-    "failed": VERDICT_FAILED,
-    "broken": BROKE,
-    "canceled": CANCELED,
-    "timed out": TIMED_OUT,
-}
-"""Exit code of the command line by the state of a run; see `exit_code_of` for runs with `--against`."""
-
-
-def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
-    """Returns the exit code of a run.
-
-    A run that was compared with an earlier run until its end has the exit code of the comparison's answer.
-
-    Args:
-        state: State of the finished run.
-        against: Answer of the comparison; None: the run was not compared.
-    """
-    is_whole = state in ("succeeded", "failed")
-    return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]
 
 
 class StepRecord(Model):

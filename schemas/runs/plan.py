@@ -31,7 +31,7 @@ from .axes import AxisSetting
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirement_kinds.kind import Requirement
 from .requirements import JobRequirements
-from .ros import RosPlan
+from .ros_options import RosPlan
 from .trials import Trials
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]

@@ -10,7 +10,7 @@ from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, launches
 from ..wire.json_values import load_strict
 from ..wire.request_problems import parsed_member
-from .ros import FrameName, TopicName
+from .ros_options import FrameName, TopicName
 
 SOURCES_VARIABLE = "ROBOMAKER_SOURCES"
 """Name of the launch variable with `RecordingSources` as JSON."""

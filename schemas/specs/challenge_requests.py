@@ -16,11 +16,11 @@ from ..wire.errors import Place, Problem, SpecError
 from ..wire.job_configs import LaunchConfig, is_program
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import path_text
-from .model import CheckedSpec, CheckedStep, made_list_of
 from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
 from .references import parse_template
 from .sabotages import Sabotage, challenged_trials
-from .text import ListNode, MappingNode, Node, child, plain
+from .specification import CheckedSpec, CheckedStep, for_each_of
+from .yaml_nodes import ListNode, MappingNode, Node, child, plain
 
 SABOTAGE_TAG = "sabotage"
 """Tag of a job with the name of its sabotage; absent: the robot is unchanged."""

@@ -18,8 +18,8 @@ from .checking.application_names import application_notes
 from .checking.inputs import InputCheck
 from .checking.respelling import respelt
 from .checking.step_order import circles, in_order
-from .folding import fold_parameters
-from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, is_step_name, output_model
+from .impossible_goals import room_problems, world_count_problems
+from .parameter_folding import fold_parameters
 from .parameters import (
     PARAMETERS,
     Parameter,
@@ -30,9 +30,9 @@ from .parameters import (
     settle,
 )
 from .reference_typing import ANYTHING, Kind, Structure
-from .rooms import room_problems, world_count_problems
 from .sabotages import Sabotage, read_sabotages
-from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
+from .specification import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, is_step_name, output_model
+from .yaml_nodes import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9
 """Similarity of operation names from which the input is checked as that of the similar operation."""

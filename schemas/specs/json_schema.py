@@ -13,9 +13,9 @@ from pydantic.json_schema import models_json_schema
 from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
-from .model import FOR_EACH, REUSABLE, Spec, Step
 from .parameters import Parameter
 from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
+from .specification import FOR_EACH, REUSABLE, Spec, Step
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 

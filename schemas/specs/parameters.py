@@ -29,7 +29,7 @@ from ..wire.request_problems import Location, nearest, some
 from .parameter_values import ParameterValue, value_in_words
 from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, Record
 from .references import PARAMETERS
-from .text import ListNode, MappingNode, ScalarNode, plain
+from .yaml_nodes import ListNode, MappingNode, ScalarNode, plain
 
 ValueType = Literal["string", "integer", "number", "boolean"]
 

@@ -16,7 +16,7 @@ from ..wire.errors import Problem, SpecError
 from ..wire.json_values import is_list, is_mapping, is_object
 from ..wire.operation_shape import READS
 from ..wire.request_problems import path_text
-from .model import CheckedSpec
+from .specification import CheckedSpec
 
 GENERATION = "CreateWorldGenerationJob"
 EXPORT = "CreateWorldExportJob"

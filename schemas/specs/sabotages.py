@@ -14,7 +14,7 @@ from ..wire.base import Model
 from ..wire.errors import ConfigurationError, Problem, SpecError
 from ..wire.json_values import is_mapping
 from ..wire.request_problems import RequestProblem, nearest, problems_of
-from .text import Node, key_place, plain, value_place
+from .yaml_nodes import Node, key_place, plain, value_place
 
 MAX_SABOTAGES = 50
 """Maximum number of sabotages in a file: each is run with every job."""

@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.wire.errors import ServiceUnavailableException
 from .client_tokens import ClientToken, find_resource
-from .engine import open_engine, reading_once, writing
+from .database import open_engine, reading_once, writing
 from .queries import (
     COLUMNS,
     alive,

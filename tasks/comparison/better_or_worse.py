@@ -7,7 +7,7 @@ for the user to decide.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import ANSWER_EXIT_CODES, Answer
+from ...schemas.reports.against import Answer
 from ...schemas.reports.comparison import (
     ComparedRun,
     Comparison,
@@ -16,14 +16,15 @@ from ...schemas.reports.comparison import (
     PairedJob,
     RateChange,
 )
+from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ..reporting import Outcome
 from ..results.rates import margin_units
+from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .e_processes import fewest_worlds
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_parameters
 from .losses import losses_of, told_losses
-from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 

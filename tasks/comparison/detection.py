@@ -10,10 +10,10 @@ import numpy as np
 from ...schemas.reports.comparison import NeededPairs, PlannedPairs
 from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
+from .compared_runs import NightRun
 from .difference_test import POWER, JudgedTrials, pairs_for
 from .e_processes import fewest_worlds
 from .margins import margin_power
-from .nights import NightRun
 from .statistics import mcnemar_power
 
 ASSUMED_SHARE = 0.2

@@ -9,7 +9,7 @@ from ...schemas.reports.changes import ChangedInput, FailureStart
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.specs.parameter_values import value_in_words
 from ..reporting import Outcome
-from .nights import JUDGED, TOLD, CellTable, NightRun, outcome_of
+from .compared_runs import JUDGED, TOLD, CellTable, NightRun, outcome_of
 from .pairing import Pair, pair_jobs
 
 _STEADY_CHANGES = 3

@@ -9,6 +9,7 @@ from ...schemas.reports.history import CellHistory, History, Night, SharesByNigh
 from ...schemas.reports.run_record import CaseOutcome
 from ..reporting import Outcome
 from ..results import rates
+from .compared_runs import TOLD, NightRun, name_of, outcome_of, reason_of
 from .failure_starts import (
     Appearance,
     appearances_of,
@@ -19,7 +20,6 @@ from .failure_starts import (
     results_changed,
 )
 from .losses import losses_of, told_losses
-from .nights import TOLD, NightRun, name_of, outcome_of, reason_of
 from .pairing import Pair, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 from .trends import margin_trends

@@ -12,8 +12,8 @@ from typing import Literal
 from ...schemas.reports.changes import Loss, Losses
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
+from .compared_runs import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 from .failure_starts import Appearance
-from .nights import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 
 LossKind = Literal["gone", "no_longer_judged", "asked_less", "fewer_trials"]
 """Kinds of losses: the lists of `Losses`."""

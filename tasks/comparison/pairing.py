@@ -13,7 +13,7 @@ from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome
 from ..results.table import ResultTable
-from .nights import HEALTH, JUDGED, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
+from .compared_runs import HEALTH, JUDGED, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
 
 Asked = tuple[str, str | None]
 """Name and kind of a requirement; its limit is in the request, since the limit in a result can depend on the run."""

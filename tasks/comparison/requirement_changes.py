@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...schemas.reports.changes import NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.plan import Requirement
-from .nights import HEALTH, name_of
+from .compared_runs import HEALTH, name_of
 from .pairing import FAILED, Pair, TrialPairs
 
 _Limit = tuple[str | None, float | None]

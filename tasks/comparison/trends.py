@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.changes import MarginTrend
 from ..results.rates import margin_units
-from .nights import NightRun
+from .compared_runs import NightRun
 
 WINDOWS = (5, 8, 12)
 """Numbers of runs through which lines are fitted: short windows detect new trends, long ones slow trends."""

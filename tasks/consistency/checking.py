@@ -17,7 +17,7 @@ from ..catalog import Resource
 from ..jobs.job_folders import find_kept, store_kept
 from ..service.service import Service
 from ..storage import MANIFEST_NAME, NEXT_NAME, ObjectStore, finish_thinning, read_manifest
-from ..storage.base import join_key, run_all
+from ..storage.object_store import join_key, run_all
 from ..worlds.archive_places import archive_place
 
 JOB, WORLD, EXPORT = "simulation-job", "world", "world-export-job"

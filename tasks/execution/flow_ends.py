@@ -24,7 +24,7 @@ from prefect.context import FlowRunContext
 from prefect.exceptions import PrefectException, TerminationSignal
 from prefect.states import Cancelled, Completed, Failed
 
-from ...schemas.reports.run_record import EXIT_CODES
+from ...schemas.reports.run_exit_codes import EXIT_CODES
 from ...schemas.reports.run_states import FlowResult
 from ...schemas.wire.errors import RobomakerError
 

@@ -20,7 +20,7 @@ from prefect.states import Cancelled, Crashed
 
 from ...schemas.job_owners import NeededEnvironment
 from ..catalog import Catalog
-from .held_leases import HELD
+from .leases.held_leases import HELD
 from .prefect_settings import on_same_server
 
 _LOOK_S = 1.0

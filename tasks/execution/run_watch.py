@@ -28,7 +28,7 @@ from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import Catalog
 from .dead_flow_runs import HEARTBEAT, closed_as_dead, take_back
 from .flow_ends import started_by_worker
-from .held_leases import HELD
+from .leases.held_leases import HELD
 from .orphans import end_orphan, watching_parent
 from .prefect_settings import asking_once, on_same_server
 

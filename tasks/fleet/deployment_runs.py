@@ -21,11 +21,10 @@ from ...schemas.wire.errors import (
     ThrottlingException,
 )
 from ..catalog import Resource
-from ..execution.job_leases import Lease
+from ..execution.leases.job_leases import Lease
 from ..execution.task_pool import directly, show_note, shown_as, step_runner
 from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application
-from .beginnings import Prepared, begin_rollout, delivery, plan_of
 from .catalog_rollouts import Rollouts
 from .control.rollbacks import roll_back
 from .fleet_records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
@@ -33,6 +32,7 @@ from .kept_rollouts import KeptRollout, stop
 from .reporting.deployment_page import write_deployment
 from .rollout.statuses import counts_of, in_words, waits_for
 from .rollout.waves import waves_of
+from .rollout_beginnings import Prepared, begin_rollout, delivery, plan_of
 from .views.deployment_report import report_of, report_path
 from .views.rollout_tables import MOST_ROWS, robot_rows
 

@@ -41,7 +41,8 @@ from ..catalog import Resource, Stored
 from ..service.service import Service
 from .catalog_rollouts import Rollouts
 from .ddi.open_orders import OpenOrders
-from .ddi.orders import hash_token, is_robot_id, new_token
+from .ddi.orders import is_robot_id
+from .ddi.robot_tokens import hash_token, new_token
 from .kept_rollouts import stop
 from .rollout.statuses import robot_status
 

@@ -2,7 +2,7 @@
 
 from ...schemas.fleet.rollouts.rollout import Stopped
 from ..catalog import Resource
-from ..execution.job_leases import GivenUp
+from ..execution.leases.giving_up import GivenUp
 from ..service.service import Service
 from .catalog_rollouts import Rollouts
 

@@ -10,7 +10,7 @@ from ...schemas.reports.retention import GcItem, RetentionPolicy
 from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
 from ..catalog import Resource
 from ..service.service import Service
-from ..storage.base import ObjectInfo
+from ..storage.object_store import ObjectInfo
 from .catalog_rollouts import Rollouts
 
 FOLDER = "robots/"

@@ -17,10 +17,10 @@ from ...schemas.reports.forecast import Forecast, ForecastCheck, JobCost, Places
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.reports.run_states import is_bad
 from ...schemas.settings import Settings
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.batch_splitting import MOST_REQUESTS
 from ...schemas.specs.probe_requests import BATCH, GENERATION, JobAmount
-from ...schemas.specs.resolving import MOST_REQUESTS
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec
+from ...schemas.specs.yaml_nodes import plain
 
 
 @dataclass(frozen=True)

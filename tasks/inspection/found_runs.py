@@ -22,14 +22,14 @@ from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
 from ..runtime.agents.action_log import ACTIONS_FILE
-from ..runtime.episode.results import RESULT_FILE
-from ..runtime.limits.files import open_left
+from ..runtime.episode.run_results import RESULT_FILE
+from ..runtime.limits.left_files import open_left
 from ..runtime.replay.replay import RunOutputs, read_outputs
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.trials.completion import read_row
 from ..service.service import Service
 from ..storage import MANIFEST_NAME
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)

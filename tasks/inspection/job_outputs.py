@@ -23,12 +23,12 @@ from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
-from ..comparison.nights import TRIALS
+from ..comparison.compared_runs import TRIALS
 from ..results.columns import read_trials
 from ..results.table import RESULTS_FILE, ResultTable
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 
 if TYPE_CHECKING:
     import pyarrow as pa

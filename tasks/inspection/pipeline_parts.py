@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.reports.run_record import RunRecord
-from ...schemas.specs.model import CheckedStep
+from ...schemas.specs.specification import CheckedStep
 from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
 
 _logger = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ from typing import Any
 
 from ...schemas.runs.requirement_kinds.goal import goals_at_start
 from ...schemas.runs.requirements import no_such_room, starts_on_origin
-from ...schemas.specs.model import CheckedSpec, CheckedStep
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     Problem,
@@ -24,7 +24,7 @@ from ..service.patience import patiently
 from ..service.service import Service
 from ..simulations.inputs.bundles import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from ..worlds.generation import WORLDS_PREFIX
 from .forecasting import find_forecast
 

@@ -10,9 +10,9 @@ from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.reports.forecast import JobCost, ProbedJob, StepProbe
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.trials import Trials
-from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.probe_requests import BATCH, EXPORT, GENERATION, JOB, jobs_in, kind_of, worlds_in
 from ...schemas.specs.resolving import resolve_input
+from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
 from ..service.service import Service

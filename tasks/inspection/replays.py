@@ -25,7 +25,7 @@ from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
 from ..simulations.planning.run_plans import run_plan
-from ..simulations.ros.job_services import own_domain
+from ..simulations.ros.ros_domains import own_domain
 from ..storage import MANIFEST_NAME
 from .found_runs import FoundRun, found_run, found_trial, plan_of_found_trial, scratch_folder
 

@@ -23,14 +23,8 @@ from ...schemas.reports.report import (
     ReportSummary,
     RunState,
 )
-from ...schemas.reports.run_record import (
-    JobRecord,
-    RerunOf,
-    RunRecord,
-    StepRecord,
-    exit_code_of,
-    interrupted_in_words,
-)
+from ...schemas.reports.run_exit_codes import exit_code_of
+from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord, interrupted_in_words
 from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.wire.arns import ResourceArn
@@ -40,8 +34,8 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import Resource
-from ..comparison.nights import NightRun
-from ..execution.events import tell_of_report
+from ..comparison.compared_runs import NightRun
+from ..execution.prefect_events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words

@@ -19,8 +19,9 @@ from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJob
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.model import CheckedSpec, CheckedStep
-from ...schemas.specs.resolving import parts_of, resolve_input
+from ...schemas.specs.batch_splitting import parts_of
+from ...schemas.specs.resolving import resolve_input
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
 from ...schemas.templates.parsing import unwrapped_text
 from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 from ..catalog import Resource

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.run_record import RunRecord, SourceCommit
 from ...schemas.wire.errors import ConfigurationError
+from ..comparison.compared_runs import NightRun
 from ..comparison.history import since_last_good_run, since_last_run
-from ..comparison.nights import NightRun
 
 RECORD_NAME, ORDER_NAME = "run.json", "order.json"
 """File name of a run's record, and of the file that replaces it until the run has ended."""

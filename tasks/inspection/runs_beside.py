@@ -12,13 +12,13 @@ from ...schemas.reports.against import Against, AgainstAnswer
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.programs import STOP_EVENTS
-from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.resolving import step_of
+from ...schemas.specs.batch_splitting import step_of
+from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
+from ..comparison.compared_runs import NightRun
 from ..comparison.e_processes import fewest_pairs
 from ..comparison.early_stops import Outcomes, PairedTrials, decide, told_decision
-from ..comparison.nights import NightRun
 from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
 from ..jobs.request_order import mixed_order
 from ..service.service import Service

@@ -25,7 +25,8 @@ from ...schemas.wire.errors import ServiceError, ServiceUnavailableException, St
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
 from ..execution.credential_blocks import read_credential_block
-from ..execution.job_leases import CatalogWait, Lease
+from ..execution.leases.catalog_outages import CatalogWait
+from ..execution.leases.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Progress, Service
@@ -33,8 +34,8 @@ from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
 from .batch_workers import AwaitedJobs, BatchTrials, WorkerWait
 from .job_runs import perform_job, stop_idle_job
-from .places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 from .request_order import mixed_order
+from .simulation_places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots

@@ -16,13 +16,14 @@ from ...schemas.runs.trials import TrialCounts, planned_trials
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..catalog import Catalog, Resource
-from ..execution.held_leases import HELD, WorkerStopping
-from ..execution.job_leases import fail_job, run_under_lease
+from ..execution.leases.giving_up import fail_job
+from ..execution.leases.held_leases import HELD, WorkerStopping
+from ..execution.leases.leased_runs import run_under_lease
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
 from .job_folders import KIND, remove_overtaken_runs
 from .job_runs import launcher, perform_job
-from .places import SIMULATED, Place, permit_of
+from .simulation_places import SIMULATED, Place, permit_of
 
 _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25

@@ -14,8 +14,8 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceUnavailableException, StateConflictError
 from ..catalog import Resource
 from ..execution.credential_blocks import read_credential_block
-from ..execution.held_leases import HELD, died_here
-from ..execution.job_leases import Lease
+from ..execution.leases.held_leases import HELD, died_here
+from ..execution.leases.job_leases import Lease
 from ..service.service import Service
 from ..simulations.containers.cleanup import has_containers, remove_containers, remove_containers_of_job, remove_run
 from ..simulations.environment.folders import remove

@@ -17,7 +17,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ServiceUnavailableException
 from ..catalog import FirstLease, Ownership, Resource
-from ..execution.held_leases import HELD, HeldLeases, died_here, new_owner
+from ..execution.leases.held_leases import HELD, HeldLeases, died_here, new_owner
 from ..service.service import Service
 from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
 

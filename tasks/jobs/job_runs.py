@@ -32,20 +32,23 @@ from ...schemas.wire.errors import (
     TransferStoppedError,
 )
 from ..execution.credential_blocks import read_credential_block
-from ..execution.job_leases import MAX_LOST_WORKERS, CatalogWait, Lease, run_if_unclaimed, run_under_lease
+from ..execution.leases.catalog_outages import CatalogWait
+from ..execution.leases.giving_up import MAX_LOST_WORKERS
+from ..execution.leases.job_leases import Lease
+from ..execution.leases.leased_runs import run_if_unclaimed, run_under_lease
 from ..execution.task_pool import RunStep, directly
 from ..runtime.supervision.finished_outputs import remove_verdict
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job, settle_containers
 from ..simulations.environment.role_access import fresh_keys
-from ..simulations.outputs.output_places import UploadEnd
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
+from ..simulations.outputs.upload_cancellation import UploadEnd
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.run_plans import plan_to_resume, reached_s, run_plan
-from ..simulations.ros.job_services import DOMAIN_VARIABLE, answering, own_domain
+from ..simulations.ros.job_services import answering
+from ..simulations.ros.ros_domains import DOMAIN_VARIABLE, own_domain
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
-from .places import Place
 from .simulation_outcomes import (
     DIED,
     END_EVENTS,
@@ -59,6 +62,7 @@ from .simulation_outcomes import (
     stopped,
     without_outputs,
 )
+from .simulation_places import Place
 
 Stop = Callable[[], StopReason | None]
 """Function that is called while a job runs, and returns why it should stop, or `None`."""

@@ -15,7 +15,7 @@ from ...schemas.runs.plan import RunOutcome
 from ...schemas.runs.programs import StopReason
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StorageError, StorageUnavailableError
-from ..execution.job_leases import Lease
+from ..execution.leases.job_leases import Lease
 from ..runtime.limits.logs import add_note
 from ..simulations.containers.cleanup import remove_run, settle_containers
 from ..simulations.outputs.run_outputs import RunOutputs

@@ -32,7 +32,8 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..execution.credential_blocks import read_credential_block
-from ..execution.job_leases import Lease, run_if_unclaimed
+from ..execution.leases.job_leases import Lease
+from ..execution.leases.leased_runs import run_if_unclaimed
 from ..execution.task_pool import run_tasks, step_runner
 from ..service.service import Progress, Service
 from ..simulations.outputs.output_places import prepare_bucket

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ...schemas.runs.programs import Scarce
 from ...schemas.settings import Settings
-from .free_room import Need, Room, Wait, available_memory_bytes, free_disk_bytes, why_wait
+from .free_memory_and_disk import Need, Room, Wait, available_memory_bytes, free_disk_bytes, why_wait
 from .slot_files import WRITE_EVERY_S, Holder, SlotFiles, Slots, WaiterFiles, WaiterRecord, may_begin
 
 _AFTER_S = 2.0

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from ...schemas.reports.against import Against, AgainstAnswer, in_words
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import StepRecord
-from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
 from ..inspection.runs_beside import DRIVES, RunBeside, earlier_run
 from ..service.service import Service

@@ -13,18 +13,11 @@ from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
-from ...schemas.reports.run_record import (
-    EXIT_CODES,
-    Interruption,
-    JobRecord,
-    RerunOf,
-    RunRecord,
-    SourceCommit,
-    StepRecord,
-)
+from ...schemas.reports.run_exit_codes import EXIT_CODES
+from ...schemas.reports.run_record import Interruption, JobRecord, RerunOf, RunRecord, SourceCommit, StepRecord
 from ...schemas.reports.run_states import run_state
-from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.resolving import step_of
+from ...schemas.specs.batch_splitting import step_of
+from ...schemas.specs.specification import CheckedSpec
 from ..notifications.notices import notify_of
 from ..service.service import Service
 from .pings import ping_end

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ...schemas.job_owners import NeededEnvironment
-from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.text import plain
+from ...schemas.specs.specification import CheckedSpec
+from ...schemas.specs.yaml_nodes import plain
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.json_values import is_list, is_mapping
 from ..jobs.job_owners import SETTINGS, environment_with

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ...schemas.specs.model import CheckedStep
+from ...schemas.specs.specification import CheckedStep
 from ..inspection.pipeline_parts import Permit
 from ..operations.step_operations import step_registry
 

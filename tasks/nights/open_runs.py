@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.run_record import Interruption, Order
-from ..execution.held_leases import new_owner
+from ..execution.leases.held_leases import new_owner
 from ..inspection.run_records import ORDER_NAME, RECORD_NAME
 from .kept_answers import ANSWERS
 

@@ -9,13 +9,13 @@ from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import Order, RerunOf
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
-from ...schemas.specs.model import CheckedSpec, with_seed
+from ...schemas.specs.specification import CheckedSpec, with_seed
 from ..execution.dead_flow_runs import tell_of_dead
 from ..service.service import Service
 from .broken_off import BrokenOff, broken_off
 from .ending import Outlasting, RunFacts, is_pinged
 from .environments import environment_of_run
-from .missed import note_schedule
+from .missed_nights import note_schedule
 from .open_runs import OpenRun
 from .pings import ping_start
 

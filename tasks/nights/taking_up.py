@@ -17,7 +17,7 @@ from pathlib import Path
 from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from .broken_off import BrokenOff, broken_off_runs
-from .missed import has_schedules
+from .missed_nights import has_schedules
 from .open_runs import LOG, OpenRun, is_going
 
 PROGRAM = "prefect_robomaker.deployments.cli.ordered_run"

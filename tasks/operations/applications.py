@@ -15,11 +15,9 @@ from ...schemas.operations.applications import (
     NewApplicationVersion,
 )
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.model import CheckedStep
 from ...schemas.wire.arns import ResourceArn, application_arn
 from ...schemas.wire.errors import (
     InvalidParameterException,
-    ResourceAlreadyExistsException,
     ResourceNotFoundException,
     ThrottlingException,
 )
@@ -37,7 +35,8 @@ from ..simulations.planning.applications import (
 )
 from .registry import Answer, operation, page_of
 
-_CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
+CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
+"""Members of an application that make up its definition."""
 
 
 def create_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -52,7 +51,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
         ResourceAlreadyExistsException: the name is taken.
         InvalidParameterException: a source cannot be read, or the environment is none.
     """
-    definition = _definition(request, service)
+    definition = definition_of(request, service)
     settings, now, kind = service.settings, service.clock(), f"{role}-application"
     arn = application_arn(settings.region, settings.account, kind, request["name"], now)
     resource = service.catalog.create(
@@ -68,7 +67,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
         token=None,
         unique_name=True,
     )
-    return _tagged(resource)
+    return described_with_tags(resource)
 
 
 def describe_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -79,7 +78,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
-    return {**_tagged(resource), "imageDigest": ApplicationDocument.of(resource).image_digest}
+    return {**described_with_tags(resource), "imageDigest": ApplicationDocument.of(resource).image_digest}
 
 
 def list_applications(
@@ -114,8 +113,8 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
     application = find_application(request["application"], role, None, service)
     if is_builtin(application):
         raise InvalidParameterException(f"{application.arn} is built in and stays as it is; make one of another name")
-    definition = _definition(request, service)
-    return revision(_replace(application.arn, definition, request.get("currentRevisionId"), service))
+    definition = definition_of(request, service)
+    return revision(replace_definition(application.arn, definition, request.get("currentRevisionId"), service))
 
 
 def delete_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> None:
@@ -152,7 +151,7 @@ def revision(resource: Resource) -> dict[str, Any]:
         "version": document.version,
         "revisionId": document.revision_id,
         "lastUpdatedAt": resource.updated_at,
-        **{member: content[member] for member in _CONTENT if member in content},
+        **{member: content[member] for member in CONTENT if member in content},
     }
 
 
@@ -169,60 +168,9 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
         )
 
 
-def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Returns the response for an application that exists already with the same definition.
-
-    Returns:
-        `None` when the name is free.
-
-    Raises:
-        ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
-    """
-    resource = service.catalog.find(f"{role}-application", request["name"])
-    if resource is None:
-        return None
-    wanted, existing = _definition(request, service).to_json(), ApplicationDocument.of(resource).to_json()
-    differing = [member for member in sorted(_CONTENT) if wanted.get(member) != existing.get(member)]
-    if differing:
-        raise ResourceAlreadyExistsException(
-            f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name, "
-            "or say ifExists: update"
-        )
-    return _tagged(resource)
-
-
-def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Updates an existing application to the values of a request to create it, with its current archives.
-
-    Returns:
-        The members of the response; `None` when the name is free.
-
-    Raises:
-        InvalidParameterException: a source cannot be read, or the environment is none.
-        ResourceAlreadyExistsException: the application is a built-in one.
-    """
-    resource = service.catalog.find(f"{role}-application", request["name"])
-    if resource is None:
-        return None
-    if is_builtin(resource):
-        raise ResourceAlreadyExistsException(f"{resource.arn} is built in and stays as it is; choose another name")
-    updated = _replace(resource.arn, _definition(request, service), None, service)
-    if tags := request.get("tags"):
-        updated = service.catalog.set_tags(resource.arn, tags)
-    return _tagged(updated)
-
-
-def existing_application(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Returns the response of a step whose application exists already; `None` if the step has to create it."""
-    role = "robot" if step.operation == "CreateRobotApplication" else "simulation"
-    if step.if_exists == "update":
-        return update_application(role, request, service)
-    return reuse_application(role, request, service) if step.if_exists == "reuse" else None
-
-
-def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
+def definition_of(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
     """Makes an application's definition from a request, as a new revision; archives get their current ETags."""
-    definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
+    definition = {member: request[member] for member in CONTENT if request.get(member) is not None}
     if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
         definition.pop("environment", None)  # an empty one: requests give one of the two
@@ -235,7 +183,19 @@ def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocu
     return ApplicationDocument.model_validate({**definition, "version": LATEST, "revisionId": revision_id})
 
 
-def _replace(arn: str, definition: ApplicationDocument, wanted: str | None, service: Service) -> Resource:
+def replace_definition(arn: str, definition: ApplicationDocument, wanted: str | None, service: Service) -> Resource:
+    """Stores another definition of an application, and returns the application.
+
+    Args:
+        arn: ARN of the application.
+        definition: the definition, as a new revision.
+        wanted: revision id that the application has to have; `None`: any.
+        service: the service, with its catalog and object store.
+
+    Raises:
+        InvalidParameterException: the application has another revision id.
+    """
+
     def changes(stored: Stored) -> ApplicationDocument:
         document = ApplicationDocument.model_validate(stored)
         check_revision(wanted, document)
@@ -246,7 +206,8 @@ def _replace(arn: str, definition: ApplicationDocument, wanted: str | None, serv
     return service.catalog.update(arn, changes)
 
 
-def _tagged(resource: Resource) -> dict[str, Any]:
+def described_with_tags(resource: Resource) -> dict[str, Any]:
+    """Returns the response members that describe an application's content, and its tags."""
     return {**revision(resource), "tags": dict(resource.tags)}
 
 

@@ -28,7 +28,7 @@ from ...schemas.wire.errors import InvalidParameterException, ServiceError
 from ...schemas.wire.operation_shape import OperationShape, deprecated_uses
 from ...schemas.wire.request_problems import nearest
 from ..catalog import Page
-from ..execution.job_leases import CatalogWait
+from ..execution.leases.catalog_outages import CatalogWait
 from ..service.service import Service
 
 Answer = Shape | Mapping[str, Any]

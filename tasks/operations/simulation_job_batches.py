@@ -12,7 +12,7 @@ from ...schemas.operations.simulation_job_batches import (
 )
 from ...schemas.runs.requirements import rooms_asked
 from ..catalog import ClientToken, Resource
-from ..execution.job_leases import run_if_unclaimed, run_under_lease
+from ..execution.leases.leased_runs import run_if_unclaimed, run_under_lease
 from ..jobs.batch_runs import BatchRun, jobs_by_request
 from ..service.service import Service
 from ..simulations.inputs.bundles import check_rooms

@@ -22,7 +22,7 @@ from ..catalog import ClientToken, Resource
 from ..execution.credential_blocks import read_credential_block
 from ..execution.task_pool import run_alone, step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
-from ..jobs.places import Place, permit_of
+from ..jobs.simulation_places import Place, permit_of
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.run_environment import DEFAULT_COMPUTE

@@ -14,7 +14,7 @@ from ...schemas.wire.errors import (
     InvalidParameterException,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.job_leases import run_under_lease
+from ..execution.leases.leased_runs import run_under_lease
 from ..jobs.world_jobs import cancel_world_job, run_export
 from ..service.service import Service
 from ..simulations.outputs.output_places import check_output_location

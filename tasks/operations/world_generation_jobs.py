@@ -11,7 +11,7 @@ from ...schemas.operations.world_generation_jobs import (
     ListWorldGenerationJobsRequest,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.job_leases import run_under_lease
+from ..execution.leases.leased_runs import run_under_lease
 from ..jobs.world_jobs import NO_FAILURES, cancel_world_job, in_order, plan_count, run_generation
 from ..service.service import Service
 from .registry import Answer, operation, page_of

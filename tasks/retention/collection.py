@@ -13,9 +13,9 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUnavailableException, StorageError
 from ..catalog import Resource
-from ..runtime.episode.results import RESULT_FILE
+from ..runtime.episode.run_results import RESULT_FILE
 from ..service.service import Service
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from .cached_copies import collect_copies
 from .inventory import (
     Unit,

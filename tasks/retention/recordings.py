@@ -10,7 +10,7 @@ from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceU
 from ..inspection.judged_recordings import FOLDER, STORED_AGAIN
 from ..inspection.run_records import ORDER_NAME
 from ..service.service import Service
-from ..storage.base import ObjectInfo
+from ..storage.object_store import ObjectInfo
 from .inventory import texts_of_jobs
 
 _LEAST = 2 * STORED_AGAIN

@@ -18,7 +18,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..inspection.reports import rebuild_report
 from ..runtime.agents.action_log import ACTIONS_FILE
-from ..runtime.episode.results import RESULT_FILE
+from ..runtime.episode.run_results import RESULT_FILE
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.states.provenance import PROVENANCE_FILE
 from ..runtime.video.video_settings import POSTER_FILE
@@ -27,7 +27,7 @@ from ..simulations.containers.cleanup import remove_containers_of_job, remove_ru
 from ..simulations.environment.folders import remove
 from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
-from ..storage.base import join_key
+from ..storage.object_store import join_key
 from ..worlds.archive_places import archive_place
 from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit

@@ -12,7 +12,7 @@ from typing import Literal
 
 from ...schemas.wire.errors import ServiceUnavailableException, StorageUnavailableError
 from ..storage import ObjectInfo, ObjectStore, split_stored
-from ..storage.base import Result, Stopped, StoreOver, Tell, never, tell_none
+from ..storage.object_store import Result, Stopped, StoreOver, Tell, never, tell_none
 
 _LISTEN_EVERY_S = 0.5
 """Interval between two checks whether to give up, during a pause or a call, in seconds."""

@@ -28,9 +28,9 @@ from ...schemas.wire.errors import ResourceAlreadyExistsException
 from ..backends.backend import Backend, open_backend
 from ..catalog import Catalog, ClientToken, FirstLease, Resource
 from ..storage import open_store
-from ..storage.base import ObjectStore, Stopped
+from ..storage.object_store import ObjectStore, Stopped
 from ..storage.roles import ReadBlock, Roles, open_roles
-from .home import prepare_home
+from .data_home import prepare_home
 from .patience import Patience, PatientStore, at_once
 
 

@@ -22,8 +22,8 @@ from ..service.service import Service
 from ..storage import read_manifest, removed_before
 from .inputs.bundles import check_rooms
 from .inputs.data_sources import resolve_data_sources
-from .outputs.bounds import lacks_outputs
 from .outputs.output_places import check_output_location
+from .outputs.storable_files import lacks_outputs
 from .planning.application_plans import image_of
 from .planning.job_contents import CurrentApplications, changed_import, contents_of_request
 from .planning.run_plans import world_arn

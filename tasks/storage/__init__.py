@@ -1,8 +1,8 @@
 """Object stores with S3's interface: a directory, or an S3 endpoint, with the same layout."""
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
-from .base import ObjectInfo, ObjectStore
-from .opening import open_store
+from .configured_store import open_store
+from .object_store import ObjectInfo, ObjectStore
 from .publication import (
     MANIFEST_NAME,
     NEXT_NAME,

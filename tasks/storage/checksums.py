@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from ...schemas.wire.errors import ChecksumMismatchError, TransferStoppedError
-from .base import Stopped, never
+from .object_store import Stopped, never
 
 _PIECE_BYTES = 1 << 20
 _ZEROS = memoryview(bytes(_PIECE_BYTES))

@@ -23,7 +23,8 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from .base import (
+from .checksums import copy_with_holes, etag_of, store_etag
+from .object_store import (
     ObjectInfo,
     Stopped,
     Tell,
@@ -36,7 +37,6 @@ from .base import (
     refuse_stopped,
     tell_none,
 )
-from .checksums import copy_with_holes, etag_of, store_etag
 from .untrusted_folders import open_regular, os_failures
 
 _ABANDONED_AFTER_S = 86_400.0

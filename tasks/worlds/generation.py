@@ -13,7 +13,7 @@ from ...schemas.wire.arns import world_id
 from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
-from ..execution.events import tell_of_world
+from ..execution.prefect_events import tell_of_world
 from ..execution.task_pool import RunStep
 from ..service.patience import at_once, patiently
 from ..service.service import Service

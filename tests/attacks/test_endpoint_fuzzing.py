@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.deployments.endpoint.messages import ProtocolError
+from prefect_robomaker.deployments.endpoint.protocol_errors import ProtocolError
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.operation_shape import OperationShape
 from prefect_robomaker.tasks.operations.registry import call, registry

@@ -38,7 +38,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
-from prefect_robomaker.tasks.runtime.episode.results import Episode
+from prefect_robomaker.tasks.runtime.episode.run_results import Episode
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle

@@ -21,14 +21,14 @@ from helpers.processes import wait_for
 from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.ros import RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import RosOptions, RosPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.ros.bridge_recorder import TOPICS
 from prefect_robomaker.tasks.runtime.ros.ros_robot import RosBridge
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 

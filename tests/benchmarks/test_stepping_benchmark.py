@@ -39,7 +39,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_r
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
-from prefect_robomaker.tasks.runtime.episode.results import Observer
+from prefect_robomaker.tasks.runtime.episode.run_results import Observer
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.robots.robot import Robot

@@ -13,7 +13,7 @@ from helpers.receivers import Webhook
 
 from prefect_robomaker.schemas.reports.run_record import Order, new_run_id
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.nights.missed import missed_nights, note_schedule, schedules_of
+from prefect_robomaker.tasks.nights.missed_nights import missed_nights, note_schedule, schedules_of
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
 if TYPE_CHECKING:

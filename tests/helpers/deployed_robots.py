@@ -11,7 +11,7 @@ from typing import Any
 
 from helpers.fleet_calls import Fleets
 from prefect_robomaker.schemas.fleet.rollouts.rollout import Canceled, Failed, Fetched, Progressed, Report, Succeeded
-from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.fleet.deployment_runs import DeploymentRun
 from prefect_robomaker.tasks.fleet.kept_rollouts import report, served_rollouts
 from prefect_robomaker.tasks.operations.registry import call

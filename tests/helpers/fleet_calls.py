@@ -6,7 +6,7 @@ from typing import Any
 from helpers.application_calls import Applications
 from prefect_robomaker.schemas.documents.document_base import Changes
 from prefect_robomaker.schemas.fleet.documents import DeploymentJobDocument, RobotEnrolment
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 from prefect_robomaker.tasks.fleet.fleet_records import robots_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -24,7 +24,7 @@ from helpers.random_templates import random_template
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
 from prefect_robomaker.schemas.worlds.world import StabilityChecks, World, WorldChecks
-from prefect_robomaker.tasks.worldforge.furniture.arrangement import INDISPENSABLE
+from prefect_robomaker.tasks.worldforge.furniture.usual_furniture import INDISPENSABLE
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION, generate_world, seeds_for
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import (

@@ -8,14 +8,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from prefect_robomaker.schemas.reports.run_record import (
-    EXIT_CODES,
-    JobInputs,
-    JobRecord,
-    RunRecord,
-    SourceCommit,
-    UsedApplication,
-)
+from prefect_robomaker.schemas.reports.run_exit_codes import EXIT_CODES
+from prefect_robomaker.schemas.reports.run_record import JobInputs, JobRecord, RunRecord, SourceCommit, UsedApplication
 from prefect_robomaker.schemas.runs.plan import Requirement, Verdict
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.tasks.inspection.run_records import write_record

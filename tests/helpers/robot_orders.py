@@ -4,7 +4,8 @@ import hashlib
 from typing import Any
 
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder, hash_token
+from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 
 TOKEN = "0123456789abcdef" * 4
 

@@ -18,8 +18,8 @@ from prefect_robomaker.tasks.fleet.trust.metadata import Changes
 from prefect_robomaker.tasks.fleet.trust.publishing import Publisher
 from prefect_robomaker.tasks.fleet.trust.repository_files import RepositoryFiles
 from prefect_robomaker.tasks.fleet.trust.roles import FOLDER, application_role, target_key
-from prefect_robomaker.tasks.storage.base import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.object_store import ObjectInfo, ObjectStore
 
 BUCKET = "robomaker"
 ADDRESS = "http://repository/"

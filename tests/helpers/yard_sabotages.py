@@ -28,7 +28,7 @@ JUDGED_ELSEWHERE: Mapping[str, str] = dict.fromkeys(
     "tests/tasks/runtime/requirements/test_motion.py::test_who_is_spoilt_is_caught",
 ) | {
     "topic": "tests/tasks/runtime/requirements/test_topic_rule.py::test_who_is_spoilt_is_caught",
-    "off": "tests/tasks/runtime/episode/test_results.py::test_switching_off_what_is_not_there_is_an_error",
+    "off": "tests/tasks/runtime/episode/test_run_results.py::test_switching_off_what_is_not_there_is_an_error",
 }
 """Tests of kinds that need more than the yard has, such as a world or a robot that can fall."""
 

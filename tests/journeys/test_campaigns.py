@@ -12,7 +12,7 @@ from prefect_robomaker.flows.pipelines import run_spec
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobBatchDocument
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.schemas.specs import resolving
+from prefect_robomaker.schemas.specs import batch_splitting
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
@@ -35,7 +35,7 @@ def test_a_batch_of_a_campaign_has_one_task_run_for_those_that_ran_and_says_how_
     prefect_server: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(resolving, "MOST_REQUESTS", 3)
+    monkeypatch.setattr(batch_splitting, "MOST_REQUESTS", 3)
     quick, crashes = order({"DURATION_S": "0.1"}), order({"FAIL_AT_STEP": "2"})
     del quick["iamRole"], crashes["iamRole"]
     refused = copy.deepcopy(quick)

@@ -22,7 +22,7 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     WorldGenerationError,
 )
-from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.leases.giving_up import MAX_LOST_WORKERS
 from prefect_robomaker.tasks.execution.task_pool import step_runner
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from types import ModuleType
 
-from prefect_robomaker.deployments.endpoint import messages
+from prefect_robomaker.deployments.endpoint import protocol_errors
 from prefect_robomaker.deployments.service_model.shapes import WIDEST
 from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS, OPERATIONS
 from prefect_robomaker.schemas.wire import errors
@@ -86,7 +86,7 @@ def _contents() -> str:
 
 def _errors() -> str:
     own = _error_table(errors, errors.ServiceError)
-    protocol = _error_table(messages, messages.ProtocolError)
+    protocol = _error_table(protocol_errors, protocol_errors.ProtocolError)
     return (
         f"## Errors\n\n{own}\n\n"
         "Every operation lists those that it declares. `ServiceUnavailableException` may come from all of them, when "

@@ -103,7 +103,7 @@ def spec_name(given: str, option: str = "--name") -> str:
     Raises:
         ConfigurationError: the text is not a valid name.
     """
-    from ....schemas.specs.model import is_spec_name
+    from ....schemas.specs.specification import is_spec_name
 
     if not is_spec_name(given):
         raise ConfigurationError(f"{option} is {given!r}; letters, digits, - and _ would be right")

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ....schemas.operations.registry import OPERATIONS
-from ....schemas.specs.model import CheckedSpec
 from ....schemas.specs.parameters import AsText
-from ....schemas.specs.text import MappingNode, parse
+from ....schemas.specs.specification import CheckedSpec
+from ....schemas.specs.yaml_nodes import MappingNode, parse
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.visitor_specifications import SHIPPED, checked
 

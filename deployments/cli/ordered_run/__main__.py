@@ -19,7 +19,8 @@ from ....schemas.reports.run_record import Order
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, RobomakerError, SpecError
 from ....tasks.nights.open_runs import CANCEL, OpenRun
-from ...endpoint.calling.access_keys import AccessKey, AuditLog, read_access_keys
+from ...endpoint.calling.access_keys import AccessKey, read_access_keys
+from ...endpoint.calling.audit_log import AuditLog
 from ...spec_runs.spec_runs import StandingFile, read_standing
 from ..prefect_server import use_server, wait_for_server_once
 from ..signals import interrupted_by_signals

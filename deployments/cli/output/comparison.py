@@ -7,7 +7,7 @@ from ....schemas.reports.changes import CellChange, RequirementChange, SinceLast
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, MissedNight, Night
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
-from ....tasks.comparison.nights import NightRun
+from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
 from ....tasks.reporting import outcomes
 from ....tasks.reporting.nights.changes import (

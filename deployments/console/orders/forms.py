@@ -7,8 +7,9 @@ from urllib.parse import parse_qs
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 
-from ...endpoint.connections import SMALL_BODY_TIMEOUT_S, read_body
-from ...endpoint.messages import RequestEntityTooLargeException, SerializationException, ServiceRequest
+from ...endpoint.protocol_errors import RequestEntityTooLargeException, SerializationException
+from ...endpoint.request_bodies import SMALL_BODY_TIMEOUT_S, read_body
+from ...endpoint.service_requests import ServiceRequest
 
 MOST_BYTES = 512 * 1024
 """Limit of a form's size in bytes: specifications of thousands of lines; more jobs are written with `forEach`."""

@@ -7,7 +7,7 @@ from ....schemas.documents.simulation_jobs import JobInBrief
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....tasks.service.service import is_builtin
 from ....tasks.simulations.planning.applications import version_kind
-from ..standing import JOB, job_line
+from ..job_states import JOB, job_line
 from ..visit import Visit
 
 KINDS = ("robot-application", "simulation-application")

@@ -10,11 +10,11 @@ from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.comparison import MetricChange
 from ....schemas.reports.run_record import RunRecord
-from ....schemas.specs.model import is_spec_name
+from ....schemas.specs.specification import is_spec_name
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....tasks.comparison.better_or_worse import compare
+from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.comparison.history import history_of
-from ....tasks.comparison.nights import NightRun
 from ....tasks.inspection.run_records import find_records, names_of_specifications, read_record
 from ....tasks.reporting import HistoryPage, view_history
 from ..rendering import HOME

@@ -1,16 +1,12 @@
-"""Access keys with which clients sign requests, and the audit log of API calls."""
+"""The access keys that clients have to sign with, read from a file, and what each is good for."""
 
 import configparser
-import json
 import logging
-import os
 import stat
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
-from typing import Literal, Self, get_args
+from typing import Literal, get_args
 
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.wire.request_problems import nearest
@@ -107,74 +103,3 @@ def _access_key(path: Path, profile: str, key: str, secret: str, values: Mapping
 
 def _advice(path: Path, problem: str) -> str:
     return f"ROBOMAKER_ACCESS_KEYS_FILE is '{path}'; it has to have the form of ~/.aws/credentials, and {problem}"
-
-
-MAX_RESOURCES = 20
-"""Limit of the resources named in the log entry of a call; `resource_count` has the full number."""
-
-LOGGER = logging.getLogger("robomaker.endpoint")
-
-
-@dataclass
-class Call:
-    """Entry of an API call in the audit log."""
-
-    request_id: str
-    address: str | None
-    key: AccessKey | None = None
-    """Access key that signed the call; `None`: none was required, or the signature was refused."""
-
-    operation: str | None = None
-    resources: Sequence[str] = ()
-    outcome: str = "ok"
-    """Result of an API call in the audit log: `ok`, or the error's name."""
-
-    job: str | None = None
-    """ARN of the simulation job whose process sent the API call; `None`: another program did."""
-
-
-class AuditLog:
-    """Audit log file of API calls; several servers may share it.
-
-    Args:
-        path: the file; one that is made is its user's alone.
-        clock: the time.
-
-    Raises:
-        ConfigurationError: the file cannot be written.
-    """
-
-    def __init__(self, path: Path, clock: Callable[[], datetime]) -> None:
-        self._clock = clock
-        self._lock = threading.Lock()
-        try:
-            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-        except OSError as error:
-            raise ConfigurationError(
-                f"--audit-log {path}: {error.strerror}; name a file that can be written"
-            ) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        os.close(self._file)
-
-    def write(self, call: Call) -> None:
-        """Appends a call to the audit log; a failure to do so is only logged."""
-        line = {
-            "time": self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-            "caller": call.key.name if call.key else call.job,
-            "access_key": call.key and call.key.id,
-            "address": call.address,
-            "operation": call.operation,
-            "resources": list(call.resources[:MAX_RESOURCES]),
-            "resource_count": len(call.resources),
-            "outcome": call.outcome,
-            "request_id": call.request_id,
-        }
-        try:
-            with self._lock:
-                os.write(self._file, json.dumps(line).encode() + b"\n")
-        except OSError as error:
-            LOGGER.error("request %s is not in the audit log: %s", call.request_id, error.strerror)

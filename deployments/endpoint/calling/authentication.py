@@ -16,13 +16,13 @@ from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
 
 from ....schemas.wire.errors import ThrottlingException
-from ..messages import (
+from ..protocol_errors import (
     IncompleteSignatureException,
     InvalidSignatureException,
     MissingAuthenticationTokenException,
-    ServiceRequest,
     UnrecognizedClientException,
 )
+from ..service_requests import ServiceRequest
 from .access_keys import AccessKey
 
 GRACE_S = 2.0

@@ -18,7 +18,7 @@ from ....tasks.catalog import Resource
 from ....tasks.runtime.sandbox.local_callers import Callers, as_address
 from ....tasks.service.service import Service
 from ..connections import ENDS
-from ..messages import AccessDeniedException
+from ..protocol_errors import AccessDeniedException
 from .scopes import named_resources
 
 _OF_ITSELF = frozenset(

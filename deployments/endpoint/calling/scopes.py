@@ -11,8 +11,9 @@ from ....schemas.wire.operation_shape import READS, OperationShape
 from ....tasks.catalog import Catalog, Resource, tokens_of
 from ....tasks.operations.registry import Operation, registry
 from ....tasks.service.service import Service, is_builtin
-from ..messages import AccessDeniedException
-from .access_keys import SCOPES, AccessKey, AuditLog, Call, Scope
+from ..protocol_errors import AccessDeniedException
+from .access_keys import SCOPES, AccessKey, Scope
+from .audit_log import AuditLog, Call
 
 _SUBMITTED = frozenset(
     {

@@ -14,8 +14,8 @@ from ....tasks.fleet.fleet_records import DEPLOYMENT, FLEET, ROBOT, robots_of
 from ....tasks.fleet.reporting.deployment_view import view_rollout
 from ....tasks.fleet.views.deployment_report import report_of
 from ....tasks.fleet.views.fleet_standings import deployed_by, fleet_standing
+from ...console.job_states import Look, look_of_status
 from ...console.rendering import render
-from ...console.standing import Look, look_of_status
 from ...console.streams import Parts
 from ...console.visit import Visit
 

@@ -1,4 +1,4 @@
-"""Update server for robots as an ASGI application, and the times when robots last polled."""
+"""The door as an ASGI application: robots poll it, report to it, and download from it."""
 
 import asyncio
 import logging
@@ -17,7 +17,6 @@ from ....tasks.fleet.ddi.open_orders import (
     cancel_document,
     order_document,
 )
-from ....tasks.fleet.ddi.orders import token_in
 from ....tasks.fleet.ddi.received_reports import (
     AttributesSent,
     CancelFeedback,
@@ -30,37 +29,12 @@ from ....tasks.fleet.ddi.received_reports import (
     parse_attributes,
     parse_feedback,
 )
+from ....tasks.fleet.ddi.robot_tokens import token_in
 from .addresses import METHODS, Address, Addresses, Resource
 from .agents import AgentAnswers, AgentSide
 from .downloads import Downloads, ReadPart
+from .last_seen import LastSeen
 from .robot_answers import Disconnected, DoorRefusal, read_body, send_document, send_refusal
-
-
-class LastSeen:
-    """Collects the last poll times of robots, and passes them on regularly.
-
-    Args:
-        hand_on: receives the collected times, in seconds since 1970, by robot; must not block.
-        interval_s: time for which they are collected, in seconds.
-    """
-
-    def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:
-        self._hand_on = hand_on
-        self._interval_s = interval_s
-        self._seen: dict[str, float] = {}
-
-    def note(self, robot: str, at_s: float) -> None:
-        """Records that a robot polled."""
-        if not self._seen:
-            asyncio.get_running_loop().call_later(self._interval_s, self.flush)
-        self._seen[robot] = at_s
-
-    def flush(self) -> None:
-        """Passes on the collected poll times of robots."""
-        seen, self._seen = self._seen, {}
-        if seen:
-            self._hand_on(seen)
-
 
 LOGGER = logging.getLogger("robomaker.robots")
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from ...runs.recording_sources import RECORDED_RUN
 from ...wire.errors import Problem
 from ...wire.request_problems import Location, nearest, path_text
-from ..model import CheckedStep, for_each_of
-from ..text import ListNode, MappingNode, Node, ScalarNode, child
+from ..specification import CheckedStep, for_each_of
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child
 
 BUILT_IN: Mapping[str, tuple[str, ...]] = {
     "robot": ("scout", "walker"),

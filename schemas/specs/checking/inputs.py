@@ -15,18 +15,8 @@ from ...templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
 from ...wire.errors import InvalidParameterException, Place, Problem
 from ...wire.json_values import is_object, load_strict
 from ...wire.request_problems import Location, RequestProblem, nearest, path_text
-from ..folding import is_folded
-from ..model import (
-    FOR_EACH,
-    FOR_EACH_KEYS,
-    INDEX,
-    as_written,
-    axes_of,
-    for_each_of,
-    is_step_name,
-    place_of,
-    variable_of,
-)
+from ..batch_splitting import parts_of
+from ..parameter_folding import is_folded
 from ..reference_typing import (
     ANYTHING,
     TEXT,
@@ -39,9 +29,8 @@ from ..reference_typing import (
     kind_of,
 )
 from ..references import PARAMETERS, ReferenceMistake, parse_template
-from ..resolving import parts_of
-from ..step_axes import VALUE, clashing_axes, clashing_words, is_axes_location
-from ..text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from ..specification import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
 from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...wire.request_problems import Location, closest
-from ..model import FOR_EACH, FOR_EACH_KEYS
 from ..reference_typing import ListOf, Structure, kind_of
 from ..step_axes import AXES, AXES_KEYS, VALUE, StepAxes
-from ..text import ListNode, MappingNode, Node, ScalarNode
+from ..specification import FOR_EACH, FOR_EACH_KEYS
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
 
 _OF_REQUIRED = 0.7

@@ -17,7 +17,7 @@ from .programs.application import Application
 from .programs.launching import Sandbox, environment, interpreted, script_command
 from .programs.work import ChildWork, ScriptWork, Watch
 from .settings import Home, Options
-from .states import Event, Failed, Passed, Phase, State, kept, wanted
+from .state_machine import Event, Failed, Passed, Phase, State, kept, wanted
 
 Work = Union[ChildWork, ScriptWork, Watch]
 """Work that runs while the agent polls the server."""

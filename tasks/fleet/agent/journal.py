@@ -11,7 +11,7 @@ from typing import Any
 
 from .deployment import Order, deployment_of, version_of
 from .errors import AgentError
-from .states import End, Phase, Probation, State
+from .state_machine import End, Phase, Probation, State
 
 FORMAT = 1
 

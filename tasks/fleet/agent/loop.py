@@ -17,7 +17,7 @@ from .effects import Effects, Work
 from .errors import StepFailed
 from .polls import Polls
 from .programs.application import Application
-from .states import TRIED, Ended, Event, Failed, Phase, Restarted, State, Steady, advance, wanted
+from .state_machine import TRIED, Ended, Event, Failed, Phase, Restarted, State, Steady, advance, wanted
 
 
 class Notifier:

@@ -11,7 +11,7 @@ from typing import Callable, Protocol
 from .deployment import Order
 from .errors import TryLater
 from .server import Poll, Refused
-from .states import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
+from .state_machine import BEFORE_SWITCH, STEPS, Cancelled, Delivered, End, Event, Ordered, Phase, State, Withdrawn
 
 _MAX_MISSED_POLLS = 3
 """Number of polls without the open order after which it counts as withdrawn.

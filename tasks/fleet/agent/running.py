@@ -23,7 +23,7 @@ from .programs.application import Application
 from .programs.launching import find_sandbox, kill_leftovers
 from .server import Server
 from .settings import Home, Options, checked_options
-from .states import STEPS, State, wanted
+from .state_machine import STEPS, State, wanted
 
 
 def run(home: Home, options: Options) -> None:

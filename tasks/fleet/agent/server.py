@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from .deployment import Order
 from .errors import AgentError, TryLater
 from .settings import Connection
-from .states import End
+from .state_machine import End
 
 MAX_BODY_BYTES = 1 << 20
 TIMEOUT_S = 15.0

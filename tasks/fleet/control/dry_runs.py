@@ -11,10 +11,10 @@ from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
 from ....schemas.lifecycles import is_terminal
 from ...catalog import Resource
 from ...service.service import Service
-from ..beginnings import plan_of
 from ..fleet_records import DEPLOYMENT, last_deployment, robots_of
+from ..rollout.maintenance_windows import is_open, opens_s
 from ..rollout.waves import waves_of
-from ..rollout.windows import is_open, opens_s
+from ..rollout_beginnings import plan_of
 from .deployment_decisions import served_architectures
 
 AWAY_S = 300.0

@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ....schemas.wire.errors import ResourceNotFoundException, StateConflictError
-from .orders import RobotOrder, is_token
+from .orders import RobotOrder
 from .received_reports import Feedback
+from .robot_tokens import is_token
 
 MAX_FEEDBACKS = 1000
 """Limit of the accepted feedback messages about one order; one that ends the order is always accepted."""

@@ -1,9 +1,6 @@
-"""Update order for one robot (the file to install, how to launch it), and the tokens with which robots log in."""
+"""An order for one robot: which file it shall install, and what it shall launch."""
 
-import hashlib
-import hmac
 import re
-from collections.abc import Callable
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -46,36 +43,3 @@ class RobotOrder(BaseModel):
         default=None, description="Path of the signed deployment document that an agent fetches; absent: none."
     )
     tags: dict[str, str] | None = Field(default=None, description="Tags of the robot, for its agent; absent: none.")
-
-
-_BYTES = 32
-_MAX_CHARACTERS = 128
-_SCHEME = b"targettoken"
-
-
-def new_token(random_bytes: Callable[[int], bytes]) -> str:
-    """Makes a secret token with which one robot logs in: 64 hexadecimal digits.
-
-    Args:
-        random_bytes: function that returns that many unpredictable bytes, such as `secrets.token_bytes`.
-    """
-    return random_bytes(_BYTES).hex()
-
-
-def hash_token(token: str) -> bytes:
-    """Returns the hash under which a robot's token is stored: 32 bytes."""
-    return hashlib.sha256(token.encode()).digest()
-
-
-def is_token(token: bytes, expected: bytes) -> bool:
-    """Whether a token has the expected hash, compared in constant time."""
-    return hmac.compare_digest(hashlib.sha256(token).digest(), expected)
-
-
-def token_in(authorization: bytes | None) -> bytes | None:
-    """Returns the token in a request header `Authorization: TargetToken …`; `None` if it has none or it is too long."""
-    scheme, _, token = (authorization or b"").partition(b" ")
-    token = token.strip()
-    if scheme.lower() != _SCHEME or not token or len(token) > _MAX_CHARACTERS:
-        return None
-    return token

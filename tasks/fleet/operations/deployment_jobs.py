@@ -29,7 +29,7 @@ from ....schemas.wire.errors import (
     StorageError,
 )
 from ...catalog import ClientToken, Resource
-from ...execution.job_leases import run_under_lease
+from ...execution.leases.leased_runs import run_under_lease
 from ...operations.registry import Answer, operation, page_of, registry
 from ...service.service import Service
 from ...simulations.planning.applications import find_application

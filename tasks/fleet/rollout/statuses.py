@@ -15,9 +15,9 @@ from ....schemas.fleet.operations.deployment_jobs import (
 )
 from ....schemas.fleet.operations.robots import RobotStatus
 from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
+from .download_progress import remaining_s
 from .ledger import Ledger
-from .robot_transitions import remaining_s
-from .windows import is_open, opens_s
+from .maintenance_windows import is_open, opens_s
 
 
 def counts_of(rollout: Rollout) -> Counter[str]:

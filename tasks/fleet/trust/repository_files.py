@@ -19,7 +19,7 @@ from ....schemas.wire.errors import (
     ObjectExistsError,
     ObjectNotFoundError,
 )
-from ...storage.base import ObjectStore
+from ...storage.object_store import ObjectStore
 from .metadata import Content, Repository, to_metadata
 from .roles import FOLDER, NEWEST_TIMESTAMP_KEY, TIMESTAMPS, metadata_key, timestamp_key
 

@@ -13,7 +13,7 @@ from tuf.api.serialization import DeserializationError
 
 from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
 from ...service.service import Service
-from ...storage.base import ObjectInfo
+from ...storage.object_store import ObjectInfo
 from .metadata import Attested, Changes, Repository, to_metadata
 from .publishing import Publisher, delegated_roles, publisher_of
 from .repository_files import RepositoryFiles

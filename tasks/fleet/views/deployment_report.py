@@ -12,8 +12,8 @@ from ...catalog import Resource
 from ...service.service import Service
 from ..catalog_rollouts import Rollouts
 from ..reporting.deployment_page import write_deployment
+from ..rollout.maintenance_windows import closed_spans
 from ..rollout.waves import waves_of
-from ..rollout.windows import closed_spans
 from .fleet_standings import deployed_by, deployment_standing
 from .rollout_tables import notes_of
 

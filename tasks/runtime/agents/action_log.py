@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.wire.base import Model
-from ..limits.files import open_left
+from ..limits.left_files import open_left
 from .agent_client import ACTION_HEADER
 from .agent_layout import Layout
 

@@ -10,7 +10,7 @@ from ....schemas.runs.plan import RecordedActions
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunEnded
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
 from .agent_client import ACTION_HEADER
 from .agent_protocol import read_action

@@ -14,7 +14,7 @@ from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunStopped
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from .action_log import ACTIONS_FILE, ActionRecorder, header_of
 from .agent_client import (
     ACTION,

@@ -25,7 +25,7 @@ from ....schemas.runs.requirement_kinds.kind import NotMeasuredError
 from ....schemas.wire.errors import InvalidParameterException, LaunchError
 from ....schemas.worlds.world import World
 from ..episode.context import SimulationContext
-from ..episode.results import MAX_PATH_POINTS, EnvironmentReport
+from ..episode.run_results import MAX_PATH_POINTS, EnvironmentReport
 from ..judging.bags import Bag, Message, RecordingFault, find_recording
 from ..judging.topic_scene import CLOCK, Measurements, TopicScene
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from ....schemas.runs.axes import AxisSetting, number_kind
 from ....schemas.runs.axis_kinds.kind import AxisError, Setter, refusal
-from ..episode.results import Observer
+from ..episode.run_results import Observer
 from .rig import ModelRig
 
 

@@ -15,7 +15,7 @@ from dm_control.rl.control import PhysicsError
 
 from ....schemas.runs.plan import Requirement
 from .physics import floor_geoms, raw_physics, robot_bodies, robot_body
-from .results import Findings, Observer
+from .run_results import Findings, Observer
 
 LOOK_EVERY_STEPS = 50
 """Steps between two searches for non-finite numbers, which do not become finite again. A search costs 10 us, a step of

@@ -18,7 +18,7 @@ from ....schemas.worlds.world import WORLD_FILE, World
 from ..applications.indoor_navigation.environment import TIME_LIMIT_VARIABLE
 from ..applications.indoor_navigation.environment import make_environment as indoor_navigation
 from ..episode.context import SimulationContext
-from ..episode.results import read_report
+from ..episode.run_results import read_report
 from ..recording.recording import Recorder
 from ..robots.robot import CONTROL_TIMESTEP_S
 from ..robots.robot_lookup import ROBOT_VARIABLE

@@ -16,7 +16,7 @@ import numpy as np
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.recording_sources import RECORDED_RUN
 from ....schemas.runs.requirement_kinds.kind import RequirementError
-from ....schemas.runs.ros import RosOptions
+from ....schemas.runs.ros_options import RosOptions
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
@@ -26,7 +26,7 @@ from ..episode.context import RobotProgramError, SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError, load_factory
 from ..episode.progress import Phase, Progress, Stop
-from ..episode.results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
+from ..episode.run_results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
 from ..recording.recording import McapRecorder, Recorder, RecordingError
 from ..ros.ros_robot import RosBridge
 from ..states.checkpoints import Checkpointer

@@ -7,7 +7,7 @@ from contextlib import suppress
 from types import FrameType
 
 from ..episode.progress import Progress, RunStopped
-from ..episode.results import versions
+from ..episode.run_results import versions
 from ..limits.logs import redirect_output
 from ..rendering import cameras
 from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_checkpoints

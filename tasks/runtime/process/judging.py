@@ -16,7 +16,7 @@ from typing import Any
 from ....schemas.runs.plan import RunResult
 from ....schemas.wire.errors import RobomakerError
 from ..applications.recorded_run import RecordedRun, make_agent
-from ..episode.results import make_result
+from ..episode.run_results import make_result
 from ..limits.processes import die_with_parent
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver

@@ -14,7 +14,7 @@ import mujoco
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ..episode.physics import raw_physics, robot_body
 from ..episode.progress import PATH_FILE, RunEnded, line_of
-from ..episode.results import Observer
+from ..episode.run_results import Observer
 from ..requirements.observer import RequirementsObserver
 from ..states.failure_state import FailureRecorder
 from ..states.provenance import Actions, ProvenanceRecorder

@@ -13,7 +13,7 @@ from ..episode.context import ActionError, ObservationError
 from ..episode.health import PhysicsHealth
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, RunEnded, RunStopped, Stop, unanswered
-from ..episode.results import EnvironmentReport, Episode, Observer, ReportingEnvironment, read_report
+from ..episode.run_results import EnvironmentReport, Episode, Observer, ReportingEnvironment, read_report
 from ..recording.recording import Recorder
 from ..recording.state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 from ..states.checkpoints import Checkpointer, LoopState, RunParts

@@ -21,7 +21,7 @@ from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress, RunStopped, Stop
-from ..episode.results import Episode, Observer, make_result
+from ..episode.run_results import Episode, Observer, make_result
 from ..limits.logs import add_note
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver

@@ -13,7 +13,7 @@ from ....schemas.runs.provenance import PROVENANCE_FILE, JointPlace, MachineFact
 from ....schemas.runs.verification import Divergence
 from ..agents.action_log import ACTIONS_FILE, ActionLog, ActionLogError
 from ..episode.progress import program_in_words
-from ..episode.results import RESULT_FILE
+from ..episode.run_results import RESULT_FILE
 from ..states.digest import DIGEST_FILE, StateTimeline, read_timeline
 
 STOPPED_FROM_OUTSIDE = ("duration limit", "canceled")

@@ -14,7 +14,7 @@ from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
 from ..episode.progress import RunEnded
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from .scene import Scene
 
 _NO_PHYSICS = "the environment has no `physics` to judge it by"

@@ -13,10 +13,10 @@ from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
-from ....schemas.runs.ros import RosOptions, RosPlan, Suite
+from ....schemas.runs.ros_options import RosOptions, RosPlan, Suite
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import RobotProgramError
-from ..episode.results import Findings
+from ..episode.run_results import Findings
 from ..recording import messages as ros
 from ..recording.recording import Frames, Recorder
 from ..robots.drives import RawDrive
@@ -25,7 +25,7 @@ from .bridge_recorder import TOPICS, BridgeRecorder
 from .dds import Reach
 from .dds_wire import DdsWire
 from .ros1_wire import Ros1Wire
-from .timing import Lockstep, TimerNodeError, Timing, make_timing
+from .simulated_time import Lockstep, TimerNodeError, Timing, make_timing
 from .wire import STILL, Command, Peers, Wire
 
 COMMANDS = "/cmd_vel"

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.base import Model
-from ..limits.files import read_left
+from ..limits.left_files import read_left
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"

@@ -19,7 +19,7 @@ import numpy as np
 from ....schemas.runs.plan import RunPlan
 from ..episode.physics import raw_physics
 from ..episode.progress import program_in_words
-from ..episode.results import Observer
+from ..episode.run_results import Observer
 from .checkpoint_files import (
     REASON_FILE,
     CheckpointError,

@@ -25,7 +25,7 @@ from ....schemas.runs.provenance import (
     StrongContact,
 )
 from ..episode.physics import raw_physics
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from .digest import digest_of_model
 
 KEEP_EVERY_S = 0.05

@@ -20,7 +20,7 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ....schemas.runs.variables import without_secrets
 from ..episode.physics import raw_physics
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from .checkpoint_files import write_whole
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .imported_code import digest_of_folder, imported_code

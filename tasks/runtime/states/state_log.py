@@ -22,7 +22,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from ..episode.physics import raw_physics
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 
 ABOUT_FILE = "about.json"
 STATES_FILE = "states.log"

@@ -17,17 +17,9 @@ from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.runs.requirements import JobRequirement
 from ..agents.agent_socket import remove_agent_socket
 from ..episode.progress import unanswered
-from ..episode.results import (
-    MAX_RESULT_BYTES,
-    OWN_VERDICT,
-    RESULT_FILE,
-    Parts,
-    decide_verdict,
-    never_answered,
-    versions,
-    write_result,
-)
-from ..limits.files import read_left
+from ..episode.run_results import MAX_RESULT_BYTES, OWN_VERDICT, RESULT_FILE, never_answered, versions, write_result
+from ..episode.verdicts import Parts, decide_verdict
+from ..limits.left_files import read_left
 from ..limits.logs import add_note
 from ..trials.completion import complete_after_all
 from .run_outcomes import OFTEN, Exit, Outcome, failure_reason, tool_in_words

@@ -9,7 +9,7 @@ from ....schemas.runs.programs import RunStop
 from ....schemas.runs.recording_sources import sources_in
 from ....schemas.runs.variables import variables_of
 from ....schemas.wire.errors import InvalidParameterException
-from ..episode.results import write_result
+from ..episode.run_results import write_result
 from ..limits.logs import LOG_FOLDER
 from ..process.judging_request import JudgingRequest
 from ..ros.topic_report import PROGRAM

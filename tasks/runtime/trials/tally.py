@@ -20,7 +20,7 @@ from ....schemas.runs.trial_rows import (
     TrialsSummary,
 )
 from ....schemas.runs.trials import Trials
-from ..episode.results import Parts, TrialParts, decide_verdict
+from ..episode.verdicts import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisEffect, AxisParts, Part
 
 MAX_NAMES = 200

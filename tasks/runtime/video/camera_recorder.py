@@ -17,9 +17,9 @@ import mujoco
 import numpy as np
 from PIL import Image as PillowImage
 
-from ....schemas.runs.ros import RosOptions
+from ....schemas.runs.ros_options import RosOptions
 from ..episode.physics import raw_physics
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from ..recording import messages as ros
 from ..recording.camera_frames import CAMERA_FRAME, OPTICAL_FRAME, TO_OPTICAL, Mount, camera_info, find_mount, frames_of
 from ..recording.messages import CameraInfo, CompressedImage

@@ -15,7 +15,7 @@ from PIL import Image as PillowImage
 
 from ....schemas.worlds.appearance import appearance_named
 from ..episode.physics import raw_physics
-from ..episode.results import Findings, Observer
+from ..episode.run_results import Findings, Observer
 from ..rendering.cameras import Camera, Depths, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import CameraNameError, View, choose_views

@@ -12,7 +12,7 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.runs.programs import ProgramPlan
-from ....schemas.runs.ros import RosPlan
+from ....schemas.runs.ros_options import RosPlan
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource
@@ -37,7 +37,7 @@ from ..environment.folders import (
 from ..environment.role_access import container_variables
 from ..environment.run_environment import RunEnvironment, container_sandbox, gpu_of, tool_plan
 from ..inputs.world_packages import put_world_into_copies, world_variables
-from ..ros.job_services import DOMAIN_VARIABLE
+from ..ros.ros_domains import DOMAIN_VARIABLE
 from .cleanup import ContainerNote, noted_container
 from .command_lines import (
     NO_PROGRAM,

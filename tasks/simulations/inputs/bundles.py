@@ -37,7 +37,7 @@ from ...catalog import Resource
 from ...service.patience import at_once, patiently, stopped_of
 from ...service.service import Service
 from ...storage import ObjectInfo, ObjectStore, fetch, unpack
-from ...storage.base import Stopped, never
+from ...storage.object_store import Stopped, never
 
 
 def unpack_colcon_bundle(folder: Path) -> None:

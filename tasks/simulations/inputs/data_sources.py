@@ -18,7 +18,7 @@ from ....schemas.wire.errors import (
 )
 from ...service.service import Service
 from ...storage import unpack
-from ...storage.base import ObjectInfo
+from ...storage.object_store import ObjectInfo
 from ..environment.folders import DATA_SOURCES, Sandbox, protect, remove
 
 MAX_FILES = 100

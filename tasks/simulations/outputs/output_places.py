@@ -1,26 +1,22 @@
-"""Destinations of outputs in the object store, notes for the result, and cancellation of uploads."""
+"""Places of outputs in the object store, their buckets, and notes about outputs for the result."""
 
 import logging
-import threading
-import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
-from ....schemas.runs.programs import StopReason
 from ....schemas.runs.requirements import REQUIREMENTS_VARIABLE, doubtful_requirements
 from ....schemas.wire.errors import (
     InvalidParameterException,
     ObjectNotFoundError,
-    ServiceUnavailableException,
     StorageAccessDeniedError,
     StorageError,
 )
-from ...catalog import Catalog, Resource
+from ...catalog import Resource
 from ...service.service import Service
-from ...storage.base import check_bucket, check_key, join_key
+from ...storage.object_store import check_bucket, check_key, join_key
 from ..environment.run_environment import application_configs
 from .upload_files import Upload
 
@@ -130,61 +126,3 @@ def notes_of(
     ]
     kept = folder / _NEW_BUCKET
     return [*notes, kept.read_text()] if kept.is_file() else notes
-
-
-_ASK_EVERY_S = 0.2
-"""Seconds between two checks in the catalog for a cancellation, as often as during a run; the threads of an upload ask
-thousands of times a second.
-"""
-
-
-class UploadEnd:
-    """Checks whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
-
-    A timeout of the batch lets uploads finish.
-
-    Args:
-        job: ARN of the job.
-        batch: ARN of its batch; `None`: it has none.
-        catalog: The catalog.
-        why_stop: Function that returns the reason why the job has to end, or `None`.
-    """
-
-    def __init__(
-        self,
-        job: str,
-        batch: str | None,
-        catalog: Catalog,
-        why_stop: Callable[[], StopReason | None],
-    ) -> None:
-        self._job = job
-        self._batch = batch
-        self._catalog = catalog
-        self._why_stop = why_stop
-        self._ended_by = why_stop()
-        self._lock = threading.Lock()
-        self._next_s = time.monotonic() + _ASK_EVERY_S
-        self._heard = False
-
-    def __call__(self) -> bool:
-        """Returns the last answer; one thread asks the catalog again when it is time, and the others do not wait."""
-        if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
-            try:
-                self._heard = self._is_canceled()
-                self._next_s = time.monotonic() + _ASK_EVERY_S
-            finally:
-                self._lock.release()
-        return self._heard
-
-    def _is_canceled(self) -> bool:
-        try:
-            if self._ended_by is StopReason.CANCELED:
-                return SimulationJobDocument.of(self._catalog.get(self._job)).upload_canceled
-            reason = self._why_stop()
-            if reason is StopReason.BATCH_CANCELED and self._batch is not None:
-                # A job worker that ends may stop its jobs, too; the next one goes on with them.
-                return reason is not self._ended_by and self._catalog.cancel_requested(self._batch)
-            return reason is StopReason.CANCELED
-        except ServiceUnavailableException as error:  # it is asked again at once
-            _logger.warning("whether the upload of %s is to end is not known: %s", self._job, error)
-            return False

@@ -18,10 +18,10 @@ from types import TracebackType
 from ....schemas.runs.provenance import ManifestFile
 from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import ObjectStore
-from ...storage.base import check_key, join_key
 from ...storage.checksums import digest_of
+from ...storage.object_store import check_key, join_key
 from ...storage.untrusted_folders import regular_files
-from .bounds import Room
+from .storable_files import Room
 from .upload_files import Upload, take, visit_matches
 
 _WAITING, _LEDGER = "rolling", "rolled.jsonl"

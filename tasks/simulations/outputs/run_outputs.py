@@ -21,12 +21,12 @@ from ...catalog import Resource
 from ...runtime.supervision.finished_outputs import add_result_notes
 from ...service.service import Service
 from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
-from ...storage.base import Stopped, check_key, join_key, never
+from ...storage.object_store import Stopped, check_key, join_key, never
 from ...storage.untrusted_folders import FolderFile, regular_files
 from ..environment.role_access import acting_service, role_of
-from .bounds import FIRST, RESULT_FILE, Found, LeftOut, Room, check_wanted, distinct, rank, storable_files
 from .output_places import keep_new_bucket, notes_of, output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
+from .storable_files import FIRST, RESULT_FILE, Found, LeftOut, Room, check_wanted, distinct, rank, storable_files
 from .upload_files import Upload, link_or_copy, uploads_of, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")

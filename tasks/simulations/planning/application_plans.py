@@ -12,7 +12,7 @@ from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.policies import POLICY_FACTORY, parse_policy, policy_in
 from ....schemas.runs.programs import PortPlan, ProgramPlan
-from ....schemas.runs.ros import RosPlan
+from ....schemas.runs.ros_options import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...bundles.colcon import own_program, package_folders
 from ...bundles.launch_files import node_variables, own_master
@@ -26,7 +26,8 @@ from ..environment.run_environment import RunEnvironment, application_configs, t
 from ..inputs.bundles import application_bundle
 from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
-from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
+from ..ros.job_services import FOLDER, NODE, make_message_package, message_variables
+from ..ros.ros_domains import DOMAIN_VARIABLE
 from .applications import LATEST, find_application, python_package
 from .launch_configurations import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
 from .topic_recording import note_no_recorder

@@ -32,7 +32,7 @@ from ..environment.run_environment import (
 from ..inputs.bundles import world_bundle
 from ..inputs.data_sources import fetch_data_sources
 from ..inputs.world_packages import place_world_packages
-from ..ros.job_services import DOMAIN_VARIABLE
+from ..ros.ros_domains import DOMAIN_VARIABLE
 from .application_plans import plan_applications
 from .topic_recording import with_topic_recorder
 
@@ -137,7 +137,7 @@ def run_plan(
         run_id: Id of the run.
         folder: Empty folder of the run.
         service: Service that stores worlds, applications and data; the last two are read as the role of the request.
-        ros_domain: ROS 2 domain of the run; see `job_services.own_domain`.
+        ros_domain: the run's own domain of ROS 2; see `ros_domains.own_domain`.
         stopped: Function called during long operations; true cancels them.
 
     Raises:

@@ -9,7 +9,7 @@ from ....schemas.extras import how_to_install
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import ApplicationRole, ProgramPlan
 from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderRequest
-from ..ros.job_services import DOMAIN_VARIABLE
+from ..ros.ros_domains import DOMAIN_VARIABLE
 
 _DISK_SHARE = 8
 """Divisor of the job's disk limit that gives the recorder's limit, so that the recording never ends the run."""

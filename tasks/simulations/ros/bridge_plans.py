@@ -6,9 +6,9 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ....schemas.runs.ros import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
+from ....schemas.runs.ros_options import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
 from ....schemas.wire.errors import InvalidParameterException, LaunchError
-from .job_services import DOMAIN_VARIABLE
+from .ros_domains import DOMAIN_VARIABLE
 
 RANGE_VARIABLE, LOCALHOST_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
 _SUITES: Mapping[str, Suite] = {"ROS": 1, "ROS2": 2}

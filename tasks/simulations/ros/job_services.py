@@ -1,6 +1,5 @@
-"""ROS services that a job's programs can call, and the job's ROS 2 domain."""
+"""ROS services of a job: its programs ask about the job, and cancel it, over a socket."""
 
-import hashlib
 import json
 import logging
 import os
@@ -8,7 +7,7 @@ import socket
 import struct
 import subprocess
 import threading
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -153,34 +152,3 @@ def _answer_to(connection: socket.socket, arn: str, service: Service) -> dict[st
     except (ValueError, RecursionError) as error:
         return _told(f"a question is one line of JSON: {type(error).__name__}")
     return answer(asked, arn, service)
-
-
-DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
-DOMAINS = range(1, 102)
-"""ROS 2 domain ids whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0.
-"""
-
-
-@contextmanager
-def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
-    """Reserves a ROS 2 domain id that no other running job of this machine has; yields it.
-
-    The name of an abstract socket holds it. Such names belong to the machine, whichever user runs jobs, or to the
-    container in which they run, as the ports of a domain do; and they are free again when the process dies.
-
-    Args:
-        job: ARN of the job. The same job gets the same domain again if possible; jobs on two machines of a network,
-            which hear each other, too, most likely get different ones.
-        holders: Prefix of the sockets' names; only processes with the same prefix avoid each other's domains.
-    """
-    first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
-    for domain in (*DOMAINS[first:], *DOMAINS[:first]):
-        with socket.socket(socket.AF_UNIX) as holder:
-            try:
-                holder.bind(f"\0{holders}-{domain}")
-            except OSError:
-                continue
-            yield domain
-            return
-    _logger.warning("%s gets ROS 2 domain %d, which another job has too: none is free", job, DOMAINS[first])
-    yield DOMAINS[first]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 from ....schemas.roles import Role, find_role, is_within
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import CredentialsRefusedError, StorageAccessDeniedError
-from ..base import ObjectInfo, ObjectStore, Result, StoreOver
+from ..configured_store import s3_endpoint
 from ..directory import DirectoryStore
-from ..opening import s3_endpoint
+from ..object_store import ObjectInfo, ObjectStore, Result, StoreOver
 from .roles_file import Keys, ReadBlock, read_roles_file
 
 if TYPE_CHECKING:

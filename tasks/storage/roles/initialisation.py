@@ -15,8 +15,8 @@ from ....schemas.extras import how_to_install
 from ....schemas.roles import Role
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, StorageAccessDeniedError, StorageError, StorageUnavailableError
-from ..base import ObjectStore
-from ..opening import own_session, s3_endpoint
+from ..configured_store import own_session, s3_endpoint
+from ..object_store import ObjectStore
 from .roles_file import buckets_of, parse_roles, policy_of, read_roles_file
 
 SERVER = "MinIO"

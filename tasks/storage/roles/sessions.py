@@ -12,7 +12,7 @@ from botocore.session import get_session
 from ....schemas.roles import ITSELF, Role
 from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableError
 from ..aws_sessions import new_session
-from ..opening import own_session
+from ..configured_store import own_session
 from ..s3.failures import from_client_error
 from .roles_file import Keys, ReadBlock, policy_of
 

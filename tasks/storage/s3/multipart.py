@@ -18,8 +18,8 @@ from urllib.parse import quote
 from botocore.exceptions import BotoCoreError, ClientError
 
 from ....schemas.wire.errors import ChecksumMismatchError, TransferStoppedError
-from ..base import WORKERS, Stopped, never
 from ..checksums import crc32_of_parts, crc32_text
+from ..object_store import WORKERS, Stopped, never
 from .quick_puts import QuickPuts, Stored
 
 if TYPE_CHECKING:

@@ -33,7 +33,8 @@ from ....schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..aws_sessions import new_session
-from ..base import (
+from ..checksums import compare, crc32_of, has_content, measure
+from ..object_store import (
     WORKERS,
     WORKERS_FOR_SMALL,
     ObjectInfo,
@@ -48,7 +49,6 @@ from ..base import (
     refuse_stopped,
     tell_none,
 )
-from ..checksums import compare, crc32_of, has_content, measure
 from .failures import s3_failures
 from .multipart import PartedUploads
 from .quick_puts import QuickPuts

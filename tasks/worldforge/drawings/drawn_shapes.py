@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 
-from ....schemas.specs.text import key_place, parse, plain, value_place
+from ....schemas.specs.yaml_nodes import key_place, parse, plain, value_place
 from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.base import Model
 from ....schemas.wire.errors import ConfigurationError, Problem, SpecError

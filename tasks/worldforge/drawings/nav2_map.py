@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 
-from ....schemas.specs.text import parse, plain
+from ....schemas.specs.yaml_nodes import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns

@@ -11,7 +11,7 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.brief import choose_sets, why_unused
-from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, SPARE, Density, dining_room, usual_types
+from ..furniture.usual_furniture import INDISPENSABLE, KITCHEN_RUN, SPARE, Density, dining_room, usual_types
 from ..materials.materials import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter

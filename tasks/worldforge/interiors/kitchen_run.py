@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Literal, NamedTuple
 
-from ..furniture.arrangement import Density, front_of
+from ..furniture.usual_furniture import Density, front_of
 from ..geometry.boxes import Pose, footprint
 from ..geometry.parts import Style
 from .candidates import FLUSH_M

@@ -5,9 +5,9 @@ from dataclasses import replace
 from math import cos, hypot, pi, sin
 
 from ....schemas.worlds.world import Furniture, Point, RoomType, contains
-from ..furniture.arrangement import Density
 from ..furniture.catalogue import parts_of, styles_of
 from ..furniture.placed_parts import height_at
+from ..furniture.usual_furniture import Density
 from ..geometry.boxes import Box, box_of, pose_of
 from ..geometry.parts import Style
 from .candidates import against_walls, sits_at

@@ -11,7 +11,7 @@ from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall, boun
 from ..doors.door_parts import open_box, swept_box
 from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over, strip
 from ..geometry.occupancy import wall_corners
-from .ways import Ways
+from .free_ways import Ways
 
 Rects = NDArray[np.float64]
 """Rectangles, shape (n, 4): west, south, east, north, in metres."""

@@ -8,24 +8,13 @@ from random import Random
 from typing import NamedTuple
 
 from ....schemas.worlds.world import Floorplan, Furniture, Room, RoomType, bounds
-from ..furniture.arrangement import (
-    COVERAGE_CAP,
-    FIRST,
-    KITCHEN_RUN,
-    MOST_PIECES,
-    RULES,
-    Density,
-    Rule,
-    first_count,
-    forms_for,
-    front_of,
-    wished_share,
-)
 from ..furniture.catalogue import COMPACT, styles_of
+from ..furniture.usual_furniture import FIRST, KITCHEN_RUN, RULES, Density, Rule, first_count, forms_for, front_of
 from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
 from . import candidates
 from .placement import TALL_M, RoomSpace
+from .room_density import COVERAGE_CAP, MOST_PIECES, wished_share
 
 NewId = Callable[[str], str]
 """Function that returns a new id for a piece of a furniture kind."""

@@ -2,7 +2,7 @@
 
 from math import hypot, inf
 
-from ..furniture.arrangement import RULES, Density
+from ..furniture.usual_furniture import RULES, Density
 from ..geometry.boxes import Box, Pose, footprint, pose_of
 from ..geometry.parts import Style
 from .candidates import against_walls, facing, in_the_open

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from ....schemas.templates.body import INTERIOR_PATH, SERVICE_LEAST_AREA_M2, WorldTemplateBody
 from ....schemas.worlds.world import Preference
-from ..furniture.arrangement import SMALL_ROOM_NEEDS
+from ..furniture.usual_furniture import SMALL_ROOM_NEEDS
 from .room_furnishing import RoomFurnishing
 
 _TRIES = 6

@@ -10,7 +10,7 @@ import pytest
 from prefect_robomaker.deployments.cli.commands.operations import call
 from prefect_robomaker.deployments.cli.grammar import EPILOGUE
 from prefect_robomaker.schemas import exit_codes
-from prefect_robomaker.schemas.reports.run_record import EXIT_CODES
+from prefect_robomaker.schemas.reports.run_exit_codes import EXIT_CODES
 
 
 def test_help_names_every_command_and_exit_code(robomaker) -> None:

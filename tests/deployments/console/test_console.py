@@ -169,7 +169,7 @@ def test_a_key_that_only_reads_has_no_buttons_and_may_not_act(
 
 
 def test_acts_are_in_the_audit_log(visitor: Visitor, store_job: StoreJob, tmp_path: Any, service: Service) -> None:
-    from prefect_robomaker.deployments.endpoint.calling.access_keys import AuditLog
+    from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 
     job = store_job("Running")
     with AuditLog(tmp_path / "audit", service.clock) as audit_log:

@@ -10,7 +10,7 @@ import pytest
 from helpers.night_records import make_job, make_night, store_night
 
 from prefect_robomaker.deployments.console.rendering import address
-from prefect_robomaker.deployments.console.visit import Sessions
+from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException

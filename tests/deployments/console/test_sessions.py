@@ -2,9 +2,9 @@
 
 import pytest
 
-from prefect_robomaker.deployments.console.visit import LIFETIME_S, Sessions
+from prefect_robomaker.deployments.console.sessions import LIFETIME_S, Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.deployments.endpoint.messages import UnrecognizedClientException
+from prefect_robomaker.deployments.endpoint.protocol_errors import UnrecognizedClientException
 from prefect_robomaker.schemas.wire.errors import ThrottlingException
 
 ALICE = AccessKey("AKID", "word", "alice")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.messages import (
+from prefect_robomaker.deployments.endpoint.protocol_errors import (
     MethodNotAllowedException,
     SerializationException,
     UnknownOperationException,

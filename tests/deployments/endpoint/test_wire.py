@@ -16,8 +16,8 @@ import pytest
 from helpers.asgi import JSON, Client
 
 from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, Endpoint
-from prefect_robomaker.deployments.endpoint.connections import LARGE_BODIES, SMALL_BODIES
 from prefect_robomaker.deployments.endpoint.failures import Failures
+from prefect_robomaker.deployments.endpoint.request_bodies import LARGE_BODIES, SMALL_BODIES
 from prefect_robomaker.deployments.endpoint.wire import MAX_BODY_BYTES
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException

@@ -14,7 +14,8 @@ from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDoc
 from prefect_robomaker.schemas.exit_codes import IN_WORDS
 from prefect_robomaker.schemas.reports.against import AgainstAnswer, Answer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, ControlResult, SabotageResult
-from prefect_robomaker.schemas.reports.run_record import JobRecord, exit_code_of
+from prefect_robomaker.schemas.reports.run_exit_codes import exit_code_of
+from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import (
     ConfigurationError,

@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, AuditLog
-from prefect_robomaker.deployments.endpoint.messages import AccessDeniedException
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
+from prefect_robomaker.deployments.endpoint.protocol_errors import AccessDeniedException
 from prefect_robomaker.deployments.spec_runs.rights import Permits, problems_of_rights
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import CheckedSpec
+from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

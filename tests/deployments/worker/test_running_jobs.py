@@ -15,7 +15,7 @@ from prefect_robomaker.deployments.worker.running_jobs import MOST_TRIES, Jobs
 from prefect_robomaker.deployments.worker.worker_process import in_words
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
-from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.execution.leases.held_leases import HeldLeases
 from prefect_robomaker.tasks.jobs.job_owners import OwnOrder
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service, Timing

@@ -11,7 +11,7 @@ from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry

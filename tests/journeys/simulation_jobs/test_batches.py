@@ -10,7 +10,7 @@ from prefect_robomaker.schemas.documents.simulation_jobs import BatchProgress, F
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.jobs import batch_runs
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.operations.registry import call, registry

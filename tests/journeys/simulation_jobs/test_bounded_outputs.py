@@ -14,14 +14,14 @@ from helpers.processes import wait_for
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.runs.programs import StopReason
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, TransferStoppedError
-from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service, Timing
-from prefect_robomaker.tasks.simulations.outputs import output_places
-from prefect_robomaker.tasks.simulations.outputs.output_places import UploadEnd
+from prefect_robomaker.tasks.simulations.outputs import upload_cancellation
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
+from prefect_robomaker.tasks.simulations.outputs.upload_cancellation import UploadEnd
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
@@ -221,7 +221,7 @@ def test_uploads_go_on_when_the_batch_was_not_cancelled(
     job = order()
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
     reasons: list[StopReason | None] = [None]
-    monkeypatch.setattr(output_places, "_ASK_EVERY_S", 0.0)
+    monkeypatch.setattr(upload_cancellation, "_ASK_EVERY_S", 0.0)
     ended = UploadEnd("none", batch, service.catalog, lambda: reasons[-1])
     reasons.append(reason)
 

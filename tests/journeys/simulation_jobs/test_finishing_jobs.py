@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.backends.backend import Backend
 from prefect_robomaker.tasks.inspection.reports import report_of_job
 from prefect_robomaker.tasks.jobs.batch_workers import BatchWorker
 from prefect_robomaker.tasks.jobs.job_runs import JobRun, perform_job
-from prefect_robomaker.tasks.jobs.places import Place
+from prefect_robomaker.tasks.jobs.simulation_places import Place
 from prefect_robomaker.tasks.machine.machine_slots import MachineSlots, Turn
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.reporting import view_report

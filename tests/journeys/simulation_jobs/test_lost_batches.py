@@ -12,7 +12,8 @@ from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
-from prefect_robomaker.tasks.execution.job_leases import Lease, LeaseLostError, run_if_unclaimed
+from prefect_robomaker.tasks.execution.leases.job_leases import Lease, LeaseLostError
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_if_unclaimed
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service, Timing

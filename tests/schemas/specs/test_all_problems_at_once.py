@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.text import parse, plain
+from prefect_robomaker.schemas.specs.yaml_nodes import parse, plain
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 GOOD = """\

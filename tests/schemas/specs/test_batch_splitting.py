@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.trials import TrialCounts
-from prefect_robomaker.schemas.specs.resolving import MOST_REQUESTS, EarlierParts, Part, parts_of, step_of
+from prefect_robomaker.schemas.specs.batch_splitting import MOST_REQUESTS, EarlierParts, Part, parts_of, step_of
 
 BATCH = "StartSimulationJobBatch"
 

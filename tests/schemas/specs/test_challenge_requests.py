@@ -8,9 +8,9 @@ import pytest
 from prefect_robomaker.schemas.operations.simulation_job_batches import StartSimulationJobBatchRequest
 from prefect_robomaker.schemas.specs.challenge_requests import ChallengeCut, challenged_spec
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import CheckedSpec
 from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.specs.sabotages import BUILT_IN
+from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 ROLE = "arn:aws:iam::000000000000:role/test"

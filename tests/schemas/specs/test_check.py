@@ -13,9 +13,9 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.specs.check import load_request, load_spec
 from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE, schema_text
-from prefect_robomaker.schemas.specs.model import output_model, with_seed
 from prefect_robomaker.schemas.specs.resolving import resolve_input
-from prefect_robomaker.schemas.specs.text import parse, plain
+from prefect_robomaker.schemas.specs.specification import output_model, with_seed
+from prefect_robomaker.schemas.specs.yaml_nodes import parse, plain
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 SPECS = REPOSITORY / "deployments" / "specs"

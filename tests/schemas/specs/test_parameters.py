@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.folding import fold_parameters
 from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE
+from prefect_robomaker.schemas.specs.parameter_folding import fold_parameters
 from prefect_robomaker.schemas.specs.parameter_values import param_options, set_options
 from prefect_robomaker.schemas.specs.parameters import (
     AsText,
@@ -22,7 +22,7 @@ from prefect_robomaker.schemas.specs.parameters import (
 )
 from prefect_robomaker.schemas.specs.references import parse_template
 from prefect_robomaker.schemas.specs.resolving import resolve_input
-from prefect_robomaker.schemas.specs.text import MappingNode, parse, plain
+from prefect_robomaker.schemas.specs.yaml_nodes import MappingNode, parse, plain
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 SPEC = """\

@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.specs.sabotages import (
     parse_sabotages,
     read_sabotages,
 )
-from prefect_robomaker.schemas.specs.text import parse
+from prefect_robomaker.schemas.specs.yaml_nodes import parse
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 

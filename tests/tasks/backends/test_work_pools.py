@@ -38,7 +38,7 @@ class Lab:
         from prefect.client.schemas.actions import WorkPoolCreate
         from prefect.workers.process import ProcessWorker
 
-        from prefect_robomaker.flows.simulation_job_batches import RunJobWorker
+        from prefect_robomaker.flows.pool_job_workers import RunJobWorker
 
         self.client = client
         self.name = f"lab-{uuid.uuid4().hex[:8]}"

@@ -20,9 +20,8 @@ from prefect_robomaker.schemas.wire.errors import (
     ServiceUnavailableException,
     StateConflictError,
 )
-from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource
-from prefect_robomaker.tasks.catalog import engine as engines
-from prefect_robomaker.tasks.catalog.engine import FIRST_VERSION
+from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource, database
+from prefect_robomaker.tasks.catalog.database import FIRST_VERSION
 
 MakeResource = Callable[..., NewResource]
 # SQLite lets no other connection write in between.
@@ -471,7 +470,7 @@ def test_a_catalog_of_another_program_is_refused(version: int, expected: str, ur
 def test_a_migration_changes_a_catalog_once(url: str, clock: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     Catalog.open(url, clock=clock).close()
     migrated: list[str] = []
-    monkeypatch.setattr(engines, "MIGRATIONS", (lambda connection: migrated.append(connection.dialect.name),))
+    monkeypatch.setattr(database, "MIGRATIONS", (lambda connection: migrated.append(connection.dialect.name),))
     for _ in range(2):
         Catalog.open(url, clock=clock).close()
     assert len(migrated) == 1

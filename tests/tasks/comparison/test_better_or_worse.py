@@ -7,11 +7,11 @@ from helpers.night_records import make_job, make_night
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.reports.against import ANSWER_EXIT_CODES
 from prefect_robomaker.schemas.reports.comparison import Comparison
+from prefect_robomaker.schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
-from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 
 
 def compared(before: Any, after: Any, **options: Any) -> Comparison:

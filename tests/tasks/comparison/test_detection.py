@@ -7,6 +7,7 @@ import pytest
 from helpers.night_records import make_night
 from scipy.special import bdtr, ndtri
 
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.detection import (
     ASSUMED_SHARE,
     PlannedTrials,
@@ -15,7 +16,6 @@ from prefect_robomaker.tasks.comparison.detection import (
     plan_pairs,
 )
 from prefect_robomaker.tasks.comparison.margins import margin_power, score
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.comparison.statistics import mcnemar_power
 
 

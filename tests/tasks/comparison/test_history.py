@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.deployments.cli.output.comparison import history_lines
 from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.notifications.notification_texts import message_of
 
 

@@ -7,10 +7,10 @@ from helpers.night_records import make_night
 
 from prefect_robomaker.schemas.reports.against import AgainstAnswer, in_words
 from prefect_robomaker.schemas.reports.comparison import Comparison
-from prefect_robomaker.schemas.reports.run_record import exit_code_of
+from prefect_robomaker.schemas.reports.run_exit_codes import exit_code_of
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of
-from prefect_robomaker.tasks.comparison.nights import NightRun
 
 OLD, NEW, OTHER = (make_night("FFFFFFFF", number).run_id for number in range(3))
 

@@ -12,8 +12,8 @@ from prefect_robomaker.schemas.reports.run_record import JobRecord, RerunOf, Run
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_good_run, since_last_run
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.inspection.run_records import since_last_good
 from prefect_robomaker.tasks.notifications.notices import is_due
 from prefect_robomaker.tasks.notifications.notification_texts import Message, message_of

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import since_last_run
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.comparison.trends import HORIZON, WINDOWS, margin_trends, shrinking
 
 

@@ -8,7 +8,7 @@ from helpers.night_records import make_job, make_night, make_trials_night, store
 
 from prefect_robomaker.schemas.reports.comparison import Comparison
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
-from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.results.table import RESULTS_FILE, ResultTable
 
 

@@ -12,7 +12,7 @@ from helpers.kept_orders import Table, open_rollout, order
 from helpers.robot_orders import robot_order
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
-from prefect_robomaker.tasks.fleet.order_watch import BundleFiles
+from prefect_robomaker.tasks.fleet.bundle_files import BundleFiles
 from prefect_robomaker.tasks.service.service import Service
 
 

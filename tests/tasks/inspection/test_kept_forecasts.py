@@ -8,7 +8,7 @@ from prefect_robomaker.schemas.reports.forecast import Forecast, ForecastCheck, 
 from prefect_robomaker.schemas.reports.run_record import StepRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import CheckedSpec
+from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.tasks.inspection.forecasting import check_forecast, find_forecast, keep_forecast
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)

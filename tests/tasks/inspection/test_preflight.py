@@ -14,7 +14,6 @@ from prefect_robomaker.schemas.reports.forecast import Forecast, Places
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import (
-    ResourceAlreadyExistsException,
     SpecError,
     StorageAccessDeniedError,
     StorageError,
@@ -22,7 +21,6 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.backends.backend import BackendError, open_backend
 from prefect_robomaker.tasks.inspection.forecasting import keep_forecast
 from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions, check_templates
-from prefect_robomaker.tasks.operations.applications import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
@@ -119,31 +117,6 @@ def test_outputs_that_do_not_fit_on_the_disk_by_the_forecast_are_found_before_an
         keep_forecast(forecast, wanted, service.settings)
         with nullcontext() if fits else pytest.raises(StorageError, match=r"1000000000\.0 GB by the forecast of 2026"):
             check_disk(wanted, service)
-
-
-def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service) -> None:
-    service.store.ensure_bucket("applications")
-    service.store.put_bytes("applications", "mine.zip", b"one")
-    source = [{"s3Bucket": "applications", "s3Key": "mine.zip"}]
-    request = {"name": "mine", "sources": source, "robotSoftwareSuite": SUITE, "tags": {"team": "blue"}}
-    made = call("CreateRobotApplication", request, service)
-    service.store.put_bytes("applications", "mine.zip", b"two")
-
-    updated = update_application("robot", {**request, "tags": {"night": "1"}}, service)
-
-    assert updated is not None
-    assert updated["arn"] == made["arn"]
-    assert updated["revisionId"] != made["revisionId"]
-    assert updated["sources"][0]["etag"] != made["sources"][0]["etag"]
-    assert updated["tags"] == {"team": "blue", "night": "1"}
-    assert update_application("robot", {**request, "name": "other"}, service) is None
-
-
-def test_a_built_in_application_is_not_updated(service: Service) -> None:
-    request = {"name": "scout", "environment": {"uri": "python://mine"}, "robotSoftwareSuite": SUITE}
-
-    with pytest.raises(ResourceAlreadyExistsException, match="built in"):
-        update_application("robot", request, service)
 
 
 @pytest.mark.parametrize("kind", ["dask", "ray"])

@@ -9,7 +9,7 @@ from helpers.night_records import FIRST_NIGHT, make_night, store_night
 
 from prefect_robomaker.schemas.reports.run_record import RerunOf, RunRecord
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.inspection.run_records import (
     find_records,
     names_of_specifications,

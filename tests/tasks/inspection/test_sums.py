@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
-from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord, RunState
+from prefect_robomaker.schemas.reports.run_exit_codes import EXIT_CODES
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RunState
 from prefect_robomaker.schemas.reports.run_states import count_outcomes, counts_in_words, outcomes_in_words, run_state
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.notifications.notification_texts import message_of

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.machine.free_room import available_memory_bytes
+from prefect_robomaker.tasks.machine.free_memory_and_disk import available_memory_bytes
 
 GIB = 1 << 30
 

@@ -1,6 +1,6 @@
 """People are told that jobs wait, and not all the time."""
 
-from prefect_robomaker.tasks.machine.free_room import Wait
+from prefect_robomaker.tasks.machine.free_memory_and_disk import Wait
 from prefect_robomaker.tasks.machine.machine_slots import Notices
 
 SLOTS, MEMORY = Wait("slots", "2 jobs run"), Wait("memory", "none")

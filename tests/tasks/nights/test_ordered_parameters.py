@@ -5,8 +5,8 @@ from pathlib import Path
 from prefect_robomaker.schemas.reports.against import Against
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import with_seed
-from prefect_robomaker.schemas.specs.text import plain
+from prefect_robomaker.schemas.specs.specification import with_seed
+from prefect_robomaker.schemas.specs.yaml_nodes import plain
 from prefect_robomaker.tasks.nights.ending import RunFacts
 from prefect_robomaker.tasks.nights.open_runs import ORDER
 from prefect_robomaker.tasks.nights.run_orders import as_ordered, keep_order, ordered_spec

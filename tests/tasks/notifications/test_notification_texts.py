@@ -12,8 +12,8 @@ from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, S
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import since_last_run
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.notifications.notices import is_due
 from prefect_robomaker.tasks.notifications.notification_texts import failed_jobs, message_of
 from prefect_robomaker.tasks.reporting.console_pages import ConsolePages

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
 from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
-from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord
+from prefect_robomaker.schemas.reports.run_exit_codes import EXIT_CODES
+from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.schemas.reports.run_states import run_state
 from prefect_robomaker.schemas.runs.plan import Verdict
 from prefect_robomaker.tasks.reporting import junit_xml, summarize

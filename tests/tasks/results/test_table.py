@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.results import rates
 from prefect_robomaker.tasks.results.table import RESULTS_FILE, ResultTable
 

@@ -8,7 +8,7 @@ from helpers.ports import free_port
 from helpers.postgres_server import NEEDS_POSTGRESQL
 
 from prefect_robomaker.schemas.wire.errors import CatalogAwayError, ConfigurationError
-from prefect_robomaker.tasks.catalog.engine import open_engine
+from prefect_robomaker.tasks.catalog.database import open_engine
 from prefect_robomaker.tasks.service.catalog_wait import once_catalog_answers
 
 

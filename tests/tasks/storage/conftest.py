@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from helpers.s3_server import S3Server
 
-from prefect_robomaker.tasks.storage.base import ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.object_store import ObjectStore
 from prefect_robomaker.tasks.storage.s3 import S3Store
 
 

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
-from prefect_robomaker.tasks.storage.base import ObjectStore
+from prefect_robomaker.tasks.storage.object_store import ObjectStore
 
 BAD_KEYS = [
     "",

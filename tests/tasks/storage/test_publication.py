@@ -22,8 +22,8 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageFullError,
 )
 from prefect_robomaker.tasks.storage import fetch, publish, read_manifest, unpublish
-from prefect_robomaker.tasks.storage.base import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
+from prefect_robomaker.tasks.storage.object_store import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)

@@ -50,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
     files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
 
     from .....tasks.comparison.better_or_worse import compare
-    from .....tasks.comparison.nights import NightRun
+    from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.inspection.run_records import read_record
     from ...output.comparison import comparison_lines
 

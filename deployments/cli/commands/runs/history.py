@@ -46,11 +46,11 @@ def execute(arguments: argparse.Namespace) -> int:
     # A name is no path, whatever it is.
     page = output_file(arguments.to, "--to") or home / "history" / f"{Path(arguments.name).name}.html"
 
+    from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.comparison.history import history_of
-    from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import find_records
     from .....tasks.nights.broken_off import unfinished_nights
-    from .....tasks.nights.missed import missed_nights
+    from .....tasks.nights.missed_nights import missed_nights
     from .....tasks.reporting import write_history
     from ...output.comparison import history_lines
 

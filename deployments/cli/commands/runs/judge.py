@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker judge`: judges a ROS recording by requirements; the exit code is the verdict."""
     from .....schemas.settings import Settings
     from .....schemas.specs.check import load_spec
-    from .....schemas.specs.text import parse, plain
+    from .....schemas.specs.yaml_nodes import parse, plain
     from .....tasks.inspection.judged_recordings import (
         asked_of,
         check_recording,

@@ -84,7 +84,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
 
 def _own(path: str | None) -> "list[Sabotage]":
     from .....schemas.specs.sabotages import parse_sabotages
-    from .....schemas.specs.text import parse
+    from .....schemas.specs.yaml_nodes import parse
     from ...inputs.specifications import read_text
 
     return [] if path is None else parse_sabotages(parse(read_text(path), path))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from prefect.client.schemas.schedules import CronSchedule
 
     from .....schemas.settings import Settings
-    from .....schemas.specs.model import CheckedSpec
+    from .....schemas.specs.specification import CheckedSpec
     from ....deploying.deployables import Deployable
     from ....deploying.registration import Registered
 

@@ -25,7 +25,7 @@ from ...output.answers import in_columns, print_either
 if TYPE_CHECKING:
     from .....schemas.reports.comparison import PlannedPairs
     from .....schemas.reports.forecast import Forecast
-    from .....schemas.specs.model import CheckedSpec
+    from .....schemas.specs.specification import CheckedSpec
     from .....tasks.comparison.detection import Question
     from .....tasks.inspection.reuse_plans import PlannedPart
     from ...planning import PlannedStep
@@ -107,8 +107,8 @@ def _needed(
 ) -> "list[PlannedPairs]":
     """Plans the number of trials that answers each question, by earlier runs and the probe."""
     from .....schemas.settings import Settings
+    from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
-    from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import find_records
     from ...planning import planned_trials_of, with_time
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from .....schemas.reports.against import Against
     from .....schemas.settings import Settings
-    from .....schemas.specs.model import CheckedSpec
     from .....schemas.specs.parameter_values import ParameterValue
+    from .....schemas.specs.specification import CheckedSpec
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -137,7 +137,7 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
 
 def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
     """Reads the specification, and applies the options that replace its values."""
-    from .....schemas.specs.model import with_seed
+    from .....schemas.specs.specification import with_seed
     from ...inputs.specifications import given_parameters, read_spec
 
     spec = read_spec(arguments.spec, given_parameters(arguments))

@@ -19,7 +19,7 @@ from typing import Any, Callable
 
 from ..deployment import deployment_of
 from ..errors import AgentError
-from ..states import Checked, Event, Failed, Passed, Phase, Trusted
+from ..state_machine import Checked, Event, Failed, Passed, Phase, Trusted
 
 
 def line(**content: Any) -> str:

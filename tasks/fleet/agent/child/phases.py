@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable
 
 from ..errors import StepFailed, TryLater
 from ..settings import Home
-from ..states import Phase, State
+from ..state_machine import Phase, State
 from .fetching import fetch, source_of
 from .unpacking import unpack
 

@@ -31,7 +31,7 @@ from tuf.ngclient.fetcher import FetcherInterface
 from ..deployment import Deployment, Document, File, Order, Version, application_of, parse_document
 from ..errors import StepFailed, TryLater, disk_failure
 from ..journal import sync_file
-from ..states import Trusted
+from ..state_machine import Trusted
 from .fetching import HttpStatus, Source, fetch, refusal
 
 MOST_ATTESTATIONS = 16

@@ -11,7 +11,7 @@ from typing import Any, Callable
 from ..deployment import Version
 from ..errors import disk_failure
 from ..settings import Home, Options
-from ..states import MAX_ENDS
+from ..state_machine import MAX_ENDS
 from .launching import Sandbox, environment, kill_leftovers, launch_command
 
 _LONGEST_PAUSE_S = 60.0

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Callable
 
 from ..child.forking import Child, events_of
-from ..states import Event, Failed, Passed, Phase
+from ..state_machine import Event, Failed, Passed, Phase
 
 _SHOWN_BYTES = 300
 

@@ -13,7 +13,7 @@ from .....schemas.worlds.world import World
 from ...axes.imperfections import CommandDelay, CommandGains, LidarErrors, OdometryErrors, WheelSlip
 from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.occupancy_map import OccupancyMap, read_world_map
-from ...episode.results import EnvironmentReport
+from ...episode.run_results import EnvironmentReport
 from ...rendering.views import FOLLOW
 from ...robots.robot import CONTROL_TIMESTEP_S, Robot
 from ...robots.robot_lookup import find_robot

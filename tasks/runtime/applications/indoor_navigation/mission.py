@@ -14,7 +14,7 @@ from .....schemas.runs.plan import Collision, Requirement, RoomVisit
 from .....schemas.worlds.world import Point, Room, contains
 from ...episode.context import KeepsAttributes
 from ...episode.physics import ContactForces, can_touch, geom_names, robot_geoms
-from ...episode.results import MAX_PATH_POINTS, EnvironmentReport, thin_out
+from ...episode.run_results import MAX_PATH_POINTS, EnvironmentReport, thin_out
 from .telemetry import RobotState
 
 HARD_COLLISION_N = 20.0

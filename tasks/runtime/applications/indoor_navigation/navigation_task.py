@@ -32,7 +32,7 @@ from ...axes.imperfections import (
     WheelSlip,
 )
 from ...episode.occupancy_map import OccupancyMap
-from ...episode.results import EnvironmentReport
+from ...episode.run_results import EnvironmentReport
 from ...recording.recording import Frames, Recorder
 from ...robots.drives import DifferentialDrive, VelocityController, VelocityDrive, bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot

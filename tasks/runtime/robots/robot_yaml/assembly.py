@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .....schemas.runs.ros import NOT_OF_ROBOTS
+from .....schemas.runs.ros_options import NOT_OF_ROBOTS
 from ..robot import Lidar, Limits, Robot, sensor_type
 from ..sensors.kind import Sensor, SensorKind
 from .drive import make_drive, planar_joints

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from .....schemas.specs.text import MappingNode, child, key_place, parse, plain, value_place
+from .....schemas.specs.yaml_nodes import MappingNode, child, key_place, parse, plain, value_place
 from .....schemas.wire.errors import LaunchError, SpecError
 from .....schemas.wire.request_problems import problems_of
 from .shape import ROBOT_MODELS, RobotModel, robot_model_type

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from pydantic import Field, create_model
 
 from .....schemas.discovery import classes_of
-from .....schemas.runs.ros import RosOptions
+from .....schemas.runs.ros_options import RosOptions
 from .....schemas.wire.base import Model, optional
 from .....schemas.wire.errors import ConfigurationError
 from .....schemas.wire.json_values import is_object

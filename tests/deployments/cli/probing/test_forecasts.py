@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.reports.progress import ProgressEvent
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import CheckedSpec
+from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.tasks.inspection.forecasting import find_forecast
 from prefect_robomaker.tasks.service.service import Service
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, AuditLog
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from prefect_robomaker.tasks.inspection.run_records import write_record
 from prefect_robomaker.tasks.operations.registry import call

@@ -7,7 +7,7 @@ import pytest
 from starlette.requests import Request
 
 from prefect_robomaker.deployments.console.orders.forms import read_fields
-from prefect_robomaker.deployments.endpoint.messages import ProtocolError
+from prefect_robomaker.deployments.endpoint.protocol_errors import ProtocolError
 
 KIND = "multipart/form-data; boundary=----WebKitFormBoundaryX"
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.endpoint.calling.authentication import Replays, is_repeatable
-from prefect_robomaker.deployments.endpoint.messages import InvalidSignatureException
+from prefect_robomaker.deployments.endpoint.protocol_errors import InvalidSignatureException
 from prefect_robomaker.schemas.wire.errors import ThrottlingException
 
 VALID = timedelta(minutes=5)

@@ -12,7 +12,8 @@ from botocore.credentials import Credentials
 from helpers.asgi import Answer, Client
 
 from prefect_robomaker.deployments.endpoint.application import Endpoint
-from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey, AuditLog
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 from prefect_robomaker.deployments.endpoint.calling.scopes import named_resources, needed_scope
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.tasks.service.service import Service

@@ -19,7 +19,7 @@ from helpers.processes import wait_for
 from tuf.api.exceptions import DownloadHTTPError
 from tuf.ngclient import FetcherInterface, Updater
 
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 from prefect_robomaker.tasks.fleet.fleet_records import enrollable
 from prefect_robomaker.tasks.fleet.trust.ceremonies import renew_root
 from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import offer

@@ -8,7 +8,7 @@ import pytest
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
 from prefect_robomaker.tasks.fleet.agent.errors import AgentError
 from prefect_robomaker.tasks.fleet.agent.journal import Journal
-from prefect_robomaker.tasks.fleet.agent.states import End, Phase, Probation, State
+from prefect_robomaker.tasks.fleet.agent.state_machine import End, Phase, Probation, State
 
 VERSION = Version("courier", "2", "0" * 64, Launch("courier", "drive", "before", None, {"A": "1"}), "job-2", {"B": "2"})
 BUNDLE = File("applications/courier/bundles/x", 7, "0" * 64)

@@ -5,7 +5,7 @@ from typing import Any
 
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
 from prefect_robomaker.tasks.fleet.agent.loop import Agent
-from prefect_robomaker.tasks.fleet.agent.states import Checked, Event, Ordered, Passed, Phase, State, Trusted
+from prefect_robomaker.tasks.fleet.agent.state_machine import Checked, Event, Ordered, Passed, Phase, State, Trusted
 
 ORDER = Order(1, "applications/courier/deployments/job-1.json")
 VERSION = Version("courier", "1", "0" * 64, Launch("courier", "drive"), "job-1")

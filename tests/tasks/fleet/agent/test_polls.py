@@ -9,7 +9,15 @@ from prefect_robomaker.tasks.fleet.agent.deployment import Order
 from prefect_robomaker.tasks.fleet.agent.errors import TryLater
 from prefect_robomaker.tasks.fleet.agent.polls import Polls
 from prefect_robomaker.tasks.fleet.agent.server import Poll
-from prefect_robomaker.tasks.fleet.agent.states import Cancelled, Delivered, End, Ordered, Phase, State, Withdrawn
+from prefect_robomaker.tasks.fleet.agent.state_machine import (
+    Cancelled,
+    Delivered,
+    End,
+    Ordered,
+    Phase,
+    State,
+    Withdrawn,
+)
 
 ORDER = Order(7, "applications/courier/deployments/7.json")
 

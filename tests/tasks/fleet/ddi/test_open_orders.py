@@ -8,7 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException, StateConflictError
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 
 ROBOTS = ("robot1", "robot2")
 IDS = st.integers(1, 6)

@@ -9,7 +9,7 @@ from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact
 from prefect_robomaker.schemas.wire.errors import ConcurrentDeploymentException
 from prefect_robomaker.tasks.catalog import Catalog
-from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.leases.giving_up import MAX_LOST_WORKERS
 from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
 from prefect_robomaker.tasks.fleet.control.deployment_decisions import approve, pause, resume
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts

@@ -10,7 +10,7 @@ from helpers.fleet_calls import Fleets
 
 from prefect_robomaker.schemas.fleet.documents import RobotDocument
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 from prefect_robomaker.tasks.fleet.fleet_records import enrol, enrollable
 from prefect_robomaker.tasks.fleet.trust.ceremonies import renew_root
 from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import VALID_S, offer, take

@@ -13,8 +13,8 @@ from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.held_leases import HeldLeases
-from prefect_robomaker.tasks.execution.job_leases import run_if_unclaimed
+from prefect_robomaker.tasks.execution.leases.held_leases import HeldLeases
+from prefect_robomaker.tasks.execution.leases.leased_runs import run_if_unclaimed
 from prefect_robomaker.tasks.jobs.job_owners import (
     OwnOrder,
     environment_needed,

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.wire.errors import (
 )
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.applications import MAX_VERSIONS
-from prefect_robomaker.tasks.storage.base import ObjectInfo
+from prefect_robomaker.tasks.storage.object_store import ObjectInfo
 
 DIGEST = "sha256:" + "0123456789abcdef" * 4
 

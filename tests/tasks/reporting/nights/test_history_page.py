@@ -11,8 +11,8 @@ from PIL import Image
 
 from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
-from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.reporting import render_history, render_report, write_history
 from prefect_robomaker.tasks.reporting.nights.changes import change_in_words
 from prefect_robomaker.tasks.reporting.nights.charts import outcome_strip

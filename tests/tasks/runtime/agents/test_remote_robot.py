@@ -19,7 +19,7 @@ from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.agents.agent_client import HEADER, HELLO, SimulationError, connect
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.agents.remote_robot import CONNECT_TIMEOUT_VARIABLE, RemoteRobot
-from prefect_robomaker.tasks.runtime.episode.results import Findings
+from prefect_robomaker.tasks.runtime.episode.run_results import Findings
 
 
 def test_lockstep_to_the_end_of_the_episode(start: Callable[..., Job]) -> None:

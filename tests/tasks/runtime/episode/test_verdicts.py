@@ -6,16 +6,14 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Requirement, Verdict
 from prefect_robomaker.schemas.runs.requirement_kinds.kind import NOT_READ
-from prefect_robomaker.tasks.runtime.episode.results import (
+from prefect_robomaker.tasks.runtime.episode.run_results import (
     OWN_VERDICT,
     EnvironmentReport,
     Episode,
     Findings,
-    Parts,
-    TrialParts,
-    decide_verdict,
     make_result,
 )
+from prefect_robomaker.tasks.runtime.episode.verdicts import Parts, TrialParts, decide_verdict
 
 MET = Requirement(name="met", satisfied=True, detail="")
 MISSED = Requirement(name="missed", satisfied=False, detail="")

@@ -33,7 +33,7 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.applications import scout
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
-from prefect_robomaker.tasks.runtime.episode.results import OWN_VERDICT, make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import OWN_VERDICT, make_result
 from prefect_robomaker.tasks.runtime.judging.bags import RecordingFault, find_recording
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.cdr import encode

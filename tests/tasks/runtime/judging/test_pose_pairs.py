@@ -19,7 +19,7 @@ from prefect_robomaker.schemas.runs.requirement_kinds.localization import Locali
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.judging.bags import find_recording
 from prefect_robomaker.tasks.runtime.judging.pose_pairs import PosePairs, StampedPose
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode

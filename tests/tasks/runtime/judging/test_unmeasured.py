@@ -26,7 +26,7 @@ from prefect_robomaker.schemas.runs.plan import Requirement, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.recording_sources import RecordingSources
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.judging.bags import find_recording
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder

@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
-from prefect_robomaker.tasks.runtime.episode.results import Episode
+from prefect_robomaker.tasks.runtime.episode.run_results import Episode
 from prefect_robomaker.tasks.runtime.process.attempt import recording_findings
 from prefect_robomaker.tasks.runtime.process.run_loop import RunStopped, run_episode
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time

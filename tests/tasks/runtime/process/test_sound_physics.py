@@ -14,7 +14,7 @@ from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
-from prefect_robomaker.tasks.runtime.episode.results import EnvironmentReport, make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import EnvironmentReport, make_result
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 

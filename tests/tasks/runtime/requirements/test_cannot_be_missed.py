@@ -14,7 +14,7 @@ from helpers.stop_flags import StopFlag
 from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirement_kinds.kind import RequirementError
 from prefect_robomaker.tasks.runtime.episode.progress import RunEnded
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver

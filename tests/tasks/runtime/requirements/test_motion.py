@@ -20,7 +20,7 @@ from prefect_robomaker.schemas.runs.requirement_kinds import expression
 from prefect_robomaker.schemas.runs.requirement_kinds.kind import RequirementError
 from prefect_robomaker.tasks.runtime.episode.floor import MapFloor
 from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver

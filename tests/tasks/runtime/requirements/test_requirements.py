@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, Ru
 from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequirement
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.episode.physics import robot_body
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver

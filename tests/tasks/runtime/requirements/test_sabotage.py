@@ -27,7 +27,7 @@ from prefect_robomaker.tasks.runtime.trials.completion import read_row
 _JOBS = "tests/journeys/test_sabotaged_jobs.py"
 _HANGS = "tests/tasks/runtime/supervision/test_unanswered.py"
 JUDGES: Mapping[str, Mapping[str, str]] = {
-    "tasks/runtime/episode/results.py": {
+    "tasks/runtime/episode/run_results.py": {
         "factory": "test_factories",
         "program": "test_a_program",
         "own environment": "test_an_environment_that_drives_and_asks_itself",

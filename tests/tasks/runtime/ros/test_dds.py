@@ -16,7 +16,7 @@ from prefect_robomaker.tasks.runtime.ros.bridge_recorder import TOPICS
 from prefect_robomaker.tasks.runtime.ros.dds import Participant, Reach, configuration, dds_type_name, ros_type_name
 from prefect_robomaker.tasks.runtime.ros.dds_wire import TWIST, TWIST_STAMPED, DdsWire
 from prefect_robomaker.tasks.runtime.ros.wire import Command, Topic
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 
 SCAN = ros.LaserScan(
     ros.Header(ros.Time(1, 2), "base_scan"), -3.0, 3.0, 0.1, 0.0, 0.2, 0.06, 3.5, np.arange(7, dtype=np.float32)

@@ -19,7 +19,7 @@ from helpers.processes import wait_for
 from helpers.rclpy_nodes import rclpy as rclpy  # a fixture
 from helpers.scripted_wire import ScriptedWire
 
-from prefect_robomaker.schemas.runs.ros import RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import RosOptions, RosPlan
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
 from prefect_robomaker.tasks.runtime.recording.cdr import decode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
@@ -29,7 +29,7 @@ from prefect_robomaker.tasks.runtime.ros.ros_robot import RosBridge
 from prefect_robomaker.tasks.runtime.ros.wire import Command, Peers
 from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
 from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 
 RAW, DEPTH, POINTS = "/camera/image_raw", "/camera/depth/image_raw", "/camera/depth/points"
 INFO, DEPTH_INFO, JPEG = "/camera/camera_info", "/camera/depth/camera_info", "/camera/image_raw/compressed"

@@ -9,7 +9,7 @@ import pytest
 from helpers.scripted_wire import ScriptedWire
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
-from prefect_robomaker.schemas.runs.ros import KnownTopic, RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import KnownTopic, RosOptions, RosPlan
 from prefect_robomaker.schemas.wire.base import choices
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment

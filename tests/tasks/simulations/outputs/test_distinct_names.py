@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.simulations.outputs.bounds import Found, distinct
+from prefect_robomaker.tasks.simulations.outputs.storable_files import Found, distinct
 
 PATH = Path("somewhere")
 NAMES = st.lists(st.sampled_from(["a", "b", "a/b", "a/b/c", "a.1", "a/b.1", "b/c", "b.1/c"]), max_size=8)

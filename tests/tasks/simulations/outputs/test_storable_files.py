@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import StorageError
-from prefect_robomaker.tasks.simulations.outputs.bounds import Room, storable_files
+from prefect_robomaker.tasks.simulations.outputs.storable_files import Room, storable_files
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import write_checkpoint
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.run_plans import checkpoint_every_s, plan_to_resume
-from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
+from prefect_robomaker.tasks.simulations.ros.ros_domains import own_domain
 from prefect_robomaker.tasks.storage import read_manifest
 
 Swing = Callable[..., dict[str, Any]]

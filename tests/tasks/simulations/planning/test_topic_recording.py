@@ -9,7 +9,7 @@ import pytest
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
-from prefect_robomaker.schemas.runs.ros import RosOptions, RosPlan
+from prefect_robomaker.schemas.runs.ros_options import RosOptions, RosPlan
 from prefect_robomaker.tasks.runtime.ros.topic_report import RecorderRequest
 from prefect_robomaker.tasks.simulations.planning.topic_recording import with_topic_recorder
 

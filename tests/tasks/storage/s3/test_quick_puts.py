@@ -20,8 +20,8 @@ from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
 from prefect_robomaker.tasks.storage.aws_sessions import new_session
-from prefect_robomaker.tasks.storage.base import WORKERS, WORKERS_FOR_SMALL, ObjectInfo
 from prefect_robomaker.tasks.storage.checksums import crc32_of
+from prefect_robomaker.tasks.storage.object_store import WORKERS, WORKERS_FOR_SMALL, ObjectInfo
 from prefect_robomaker.tasks.storage.s3 import S3Store
 from prefect_robomaker.tasks.storage.s3.quick_puts import QuickPuts
 

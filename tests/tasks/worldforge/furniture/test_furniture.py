@@ -7,8 +7,8 @@ import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture
-from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES, parts_of, styles_of
+from prefect_robomaker.tasks.worldforge.furniture.usual_furniture import RULES
 from prefect_robomaker.tasks.worldforge.geometry.parts import BEARING_M, Part, Style
 
 LOOKS = [(kind, style) for kind in (*MODEL_TYPES, *LOOSE_TYPES) for style in styles_of(kind)]

@@ -10,8 +10,8 @@ import pytest
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Preference, Room, contains
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.furniture.arrangement import usual_types
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES
+from prefect_robomaker.tasks.worldforge.furniture.usual_furniture import usual_types
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
     furniture_corners,

@@ -9,7 +9,7 @@ import pytest
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
+from prefect_robomaker.tasks.worldforge.furniture.usual_furniture import RULES
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import furniture_corners
 from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at

@@ -9,8 +9,8 @@ from helpers.paths import TESTS
 from helpers.room_rules import DENSE_SHARES, LINE, RULES, TEMPLATES, Case, broken, few_forms, is_fine, same_pieces
 
 from prefect_robomaker.schemas.worlds.world import Furniture, World
-from prefect_robomaker.tasks.worldforge.furniture import arrangement
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
+from prefect_robomaker.tasks.worldforge.interiors import room_density
 
 HOUSE, LOFT = "house, dense", "loft, 40 loose objects"
 DOCS = TESTS.parent / "docs"
@@ -89,8 +89,8 @@ def test_a_rule_notices_a_world_that_breaks_it(rule: str) -> None:
 
 
 def test_shares_of_dense_rooms_are_those_of_the_documentation(monkeypatch: pytest.MonkeyPatch) -> None:
-    emptied = {kind: (0.0, 0.0, full_m2) for kind, (_, _, full_m2) in arrangement._SHARES.items()}
-    monkeypatch.setattr(arrangement, "_SHARES", emptied)
+    emptied = {kind: (0.0, 0.0, full_m2) for kind, (_, _, full_m2) in room_density._SHARES.items()}
+    monkeypatch.setattr(room_density, "_SHARES", emptied)
     assert list(RULES["density"](Case(TEMPLATES[HOUSE], SABOTAGES["density"]())))
     told = re.findall(r"^\| (\w+) \| \d+ % \| (\d+) % \| (\d+) m² \|$", (DOCS / "worlds.md").read_text(), re.MULTILINE)
     assert {kind: (int(share) / 100, float(full_m2)) for kind, share, full_m2 in told} == DENSE_SHARES

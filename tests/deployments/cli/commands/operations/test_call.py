@@ -12,7 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
-from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.execution.leases.held_leases import HeldLeases
 from prefect_robomaker.tasks.jobs.job_owners import OwnOrder
 from prefect_robomaker.tasks.machine.slot_files import WaiterFiles, WaiterRecord
 from prefect_robomaker.tasks.operations.registry import registry

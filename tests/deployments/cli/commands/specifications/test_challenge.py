@@ -12,7 +12,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.specs import sabotages
 from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, parse_sabotages
-from prefect_robomaker.schemas.specs.text import parse
+from prefect_robomaker.schemas.specs.yaml_nodes import parse
 
 Command = Callable[..., Any]
 WriteSpec = Callable[[str], Path]

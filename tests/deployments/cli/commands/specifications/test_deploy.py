@@ -99,7 +99,7 @@ def test_the_job_worker_of_a_pool_is_deployed_under_the_name_of_the_pool(
     made = client.read_deployment_by_name(f"RunJobWorker/{pool}")
     assert (ended.code, ended.out) == (0, f"RunJobWorker/{pool}  created\n")
     assert (made.work_pool_name, made.tags) == (pool, ["robomaker", "job-worker"])
-    assert made.entrypoint == "prefect_robomaker.flows.simulation_job_batches.RunJobWorker"
+    assert made.entrypoint == "prefect_robomaker.flows.pool_job_workers.RunJobWorker"
     assert made.job_variables == {"env": {"ROBOMAKER_MAX_JOBS": "3"}}
     assert made.parameter_openapi_schema["required"] == ["batch"]
     assert f"prefect worker start --pool {pool} --limit 1" in ended.err

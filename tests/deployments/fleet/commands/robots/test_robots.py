@@ -8,7 +8,7 @@ import pytest
 
 from prefect_robomaker.schemas.fleet.documents import RobotAttributes
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.ddi.robot_tokens import hash_token
 from prefect_robomaker.tasks.fleet.fleet_records import ROBOT
 from prefect_robomaker.tasks.service.service import Service
 

@@ -10,7 +10,7 @@ from prefect_robomaker.tasks.fleet.agent.child.fetching import HttpStatus, Part,
 from prefect_robomaker.tasks.fleet.agent.child.trust import Repository
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, Order
 from prefect_robomaker.tasks.fleet.agent.errors import StepFailed
-from prefect_robomaker.tasks.fleet.agent.states import State, Trusted, advance
+from prefect_robomaker.tasks.fleet.agent.state_machine import State, Trusted, advance
 
 FRESH_S = 1_700_000_000.0
 

@@ -14,7 +14,7 @@ from securesystemslib.signer import CryptoSigner
 
 from prefect_robomaker.tasks.fleet.agent.child.fetching import HttpStatus, Part
 from prefect_robomaker.tasks.fleet.agent.errors import TryLater
-from prefect_robomaker.tasks.fleet.agent.states import State
+from prefect_robomaker.tasks.fleet.agent.state_machine import State
 
 from .conftest import FRESH_S, Robot, refused
 

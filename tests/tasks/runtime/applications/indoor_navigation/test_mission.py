@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.worlds.world import Room, contains
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.mission import Mission
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.telemetry import RobotState
-from prefect_robomaker.tasks.runtime.episode.results import thin_out
+from prefect_robomaker.tasks.runtime.episode.run_results import thin_out
 
 L_SHAPE = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)]
 

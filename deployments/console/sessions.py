@@ -1,0 +1,105 @@
+"""Sessions of the console: of those who have logged in, how long they last, and how often a login may fail."""
+
+import hmac
+import secrets
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ...schemas.wire.errors import ThrottlingException
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.protocol_errors import UnrecognizedClientException
+
+LIFETIME_S = 12 * 3600
+"""Time that a session lasts."""
+
+_MOST_FAILURES = 10
+_FAILURES_WITHIN_S = 60.0
+_MOST_SESSIONS = 10_000
+
+
+@dataclass(frozen=True)
+class Session:
+    """A logged-in browser session of the web console."""
+
+    key: AccessKey
+    form_token: str
+    """Secret token of the session's forms, which pages of other sites do not know."""
+
+    ends_at_s: float
+
+
+class Sessions:
+    """All login sessions of a web console server.
+
+    Args:
+        access_keys: access keys that may log in, by id.
+        clock: seconds that only grow.
+        new_token: makes what cannot be guessed.
+    """
+
+    def __init__(
+        self,
+        access_keys: Mapping[str, AccessKey],
+        clock: Callable[[], float],
+        new_token: Callable[[], str] = lambda: secrets.token_urlsafe(32),
+    ) -> None:
+        self._access_keys = access_keys
+        self._clock = clock
+        self._new_token = new_token
+        self._sessions: dict[str, Session] = {}
+        self._failures: dict[str, deque[float]] = {}
+        """Times of the last failed logins, by address."""
+        self._lock = threading.Lock()
+
+    def log_in(self, key_id: str, secret: str, client: str = "") -> str:
+        """Checks an access key, starts a session, and returns its cookie token.
+
+        Args:
+            key_id: the id of an access key.
+            secret: secret of the access key.
+            client: the visitor's IP address: failed logins are limited for each address.
+
+        Raises:
+            UnrecognizedClientException: id and secret are not those of an access key.
+            ThrottlingException: too many logins failed within the last minute.
+        """
+        now = self._clock()
+        with self._lock:
+            failures = self._failures.get(client, ())
+            if len(failures) == _MOST_FAILURES and now - failures[0] < _FAILURES_WITHIN_S:
+                raise ThrottlingException(f"{_MOST_FAILURES} logins failed within a minute; try again in a minute")
+            key = self._access_keys.get(key_id)
+            expected = key.secret if key else self._new_token()
+            if not hmac.compare_digest(expected.encode(), secret.encode()) or key is None:
+                self._note_failure(client, now)
+                raise UnrecognizedClientException("there is no access key with this id and this secret")
+            self._forget_old(now)
+            token = self._new_token()
+            self._sessions[token] = Session(key, self._new_token(), now + LIFETIME_S)
+        return token
+
+    def find(self, token: str | None) -> Session | None:
+        """Returns the session of a cookie token; `None` if there is none or it has expired."""
+        with self._lock:
+            session = self._sessions.get(token or "")
+        return session if session is not None and session.ends_at_s > self._clock() else None
+
+    def log_out(self, token: str | None) -> None:
+        """Ends a session."""
+        with self._lock:
+            self._sessions.pop(token or "", None)
+
+    def _note_failure(self, client: str, now: float) -> None:
+        times = self._failures.pop(client, None) or deque(maxlen=_MOST_FAILURES)
+        times.append(now)
+        self._failures[client] = times
+        while len(self._failures) > _MOST_SESSIONS:
+            del self._failures[next(iter(self._failures))]
+
+    def _forget_old(self, now: float) -> None:
+        for token in [token for token, session in self._sessions.items() if session.ends_at_s <= now]:
+            del self._sessions[token]
+        while len(self._sessions) >= _MOST_SESSIONS:
+            del self._sessions[next(iter(self._sessions))]

@@ -1,0 +1,36 @@
+"""Exit codes of runs: by the end of a run, and by the answer of `compare` and `run --against`."""
+
+from ..exit_codes import BROKE, CANCELED, NO_DIFFERENCE, NOT_COMPARABLE, OK, TIMED_OUT, VERDICT_FAILED
+from .against import AgainstAnswer, Answer
+from .run_record import RunState
+
+EXIT_CODES: dict[RunState, int] = {
+    "succeeded": OK,
+    "failed": VERDICT_FAILED,
+    "broken": BROKE,
+    "canceled": CANCELED,
+    "timed out": TIMED_OUT,
+}
+"""Exit codes of the command line, by how the run ended; see `exit_code_of` for runs with `--against`."""
+
+ANSWER_EXIT_CODES: dict[Answer, int] = {
+    "better": OK,
+    "not worse": OK,
+    "worse": VERDICT_FAILED,
+    "no difference shown": NO_DIFFERENCE,
+    "not comparable": NOT_COMPARABLE,
+}
+"""Exit codes of `robomaker compare` and of `robomaker run --against`, by the answer."""
+
+
+def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
+    """Returns the exit code of a run.
+
+    One that came to its end beside an earlier run has the code of the answer: that is what was asked.
+
+    Args:
+        state: how the run ended.
+        against: the answer; None: it was not carried out beside an earlier run.
+    """
+    is_whole = state in ("succeeded", "failed")
+    return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]

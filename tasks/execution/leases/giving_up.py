@@ -1,0 +1,59 @@
+"""Giving up on jobs: how many job workers may die while they run a job, and how the job is failed after them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ....schemas.documents.document_base import FailureChanges
+from ....schemas.documents.simulation_jobs import Outcome
+from ....schemas.lifecycles import LIFECYCLES
+from ....schemas.wings import parts_of_wings
+from ...catalog import Resource
+from ...service.service import Service
+from .job_leases import Lease
+
+MAX_LOST_WORKERS = 3
+_MOST_OF_BATCHES = 10
+"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
+
+_CODE = "InternalServiceError"
+_EVENTS = ("terminate", "fail", "canceled")
+
+
+@dataclass(frozen=True)
+class GivenUp:
+    """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
+
+    failure_code: str
+    """Its failure code, in place of that of other jobs."""
+
+    tell: Callable[[Resource, Service], None]
+    """Called once it has ended."""
+
+
+def _given_up(kind: str) -> GivenUp | None:
+    return next((part.KINDS[kind] for part in parts_of_wings("tasks", "given_up") if kind in part.KINDS), None)
+
+
+def why_not_retried(lease: Lease, service: Service) -> str | None:
+    """Returns the reason why a job has reached its retry limit; `None` if it may run."""
+    most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
+    lost = service.catalog.lost_workers(lease.job.arn)
+    if lost < most:
+        return None
+    return f"{lost} job workers died, one after the other, while they ran this job; it is not begun again"
+
+
+def fail_job(lease: Lease, reason: str, service: Service) -> None:
+    """Ends a job as failed (or canceled, if that was requested), and cancels a batch's jobs."""
+    transitions = LIFECYCLES[lease.job.kind].transitions
+    own = _given_up(lease.job.kind)
+    changes = FailureChanges(failure_code=_CODE if own is None else own.failure_code, failure_reason=reason)
+    if lease.job.kind == "simulation-job":
+        changes = Outcome(status="Failed", failure_code=_CODE, failure_reason=reason).announced(finished=None)
+    for job in service.catalog.children(lease.job.arn, kind="simulation-job"):
+        service.catalog.request_cancel(job.arn)
+    for event in _EVENTS:
+        if (lease.job.status, event) in transitions:
+            lease.transition(event, changes)
+    if own is not None:
+        own.tell(lease.job, service)

@@ -1,0 +1,21 @@
+"""Pauses of a rollout: between a person's decisions to pause it and to resume it; pure functions."""
+
+from ....schemas.fleet.rollouts.rollout import Pause, Paused, Resumed
+
+MOST_PAUSES = 100
+"""Earlier ones are forgotten."""
+
+
+def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
+    """Returns a rollout's pauses after one begins or ends; a repetition changes nothing.
+
+    Args:
+        pauses: earlier pauses, oldest first.
+        event: a person's decision.
+        now_s: when, in seconds since the epoch.
+    """
+    last = pauses[-1] if pauses else None
+    is_paused = last is not None and last.until_s is None
+    if isinstance(event, Paused):
+        return pauses if is_paused else (*pauses, Pause(from_s=now_s))[-MOST_PAUSES:]
+    return (*pauses[:-1], last.model_copy(update={"until_s": now_s})) if last is not None and is_paused else pauses

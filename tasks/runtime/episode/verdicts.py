@@ -1,0 +1,71 @@
+"""Verdicts of runs: decided from requirements, defects of the run and trials."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....schemas.runs.plan import Requirement, Verdict
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Facts from which the verdict of a run is decided."""
+
+    own: Verdict = "NONE"
+    """Verdict of the environment, or of a program that runs alone."""
+
+    requirements: Sequence[Requirement] = ()
+    """Requirements of job and environment; those with `counts: false` are ignored."""
+
+    defects: Sequence[Requirement] = ()
+    """Defects of the run itself, as missed requirements: broken physics, no step at all."""
+
+    trials: "TrialParts | None" = None
+    """Trials of the run; `None`: it is one episode."""
+
+    is_canceled: bool = False
+    """Whether the run was cancelled; nothing is judged then."""
+
+
+@dataclass(frozen=True)
+class TrialParts:
+    """Numbers of a run's trials by verdict."""
+
+    planned: int
+    passed: int
+    failed: int
+    errors: int
+    unjudged: int
+
+
+def decide_verdict(parts: Parts) -> Verdict:
+    """Decides the verdict of a run: PASS, FAIL or ERROR.
+
+    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Two things need no trust in a
+    measurement: a robot under the floor has failed, unless the physics itself broke; trials are independent, so a
+    failed one counts beside a broken one.
+
+    Args:
+        parts: What the verdict is made from.
+    """
+    if parts.is_canceled:
+        return "NONE"
+    if parts.trials is not None:
+        return _of_trials(parts.trials)
+    judged = [item for item in parts.requirements if item.counts]
+    against = [*judged, *parts.defects]
+    if any(not item.satisfied for item in parts.defects) and all(item.error is None for item in parts.defects):
+        return "FAIL"
+    if parts.own == "ERROR" or any(item.error is not None for item in against):
+        return "ERROR"
+    if parts.own == "FAIL" or not all(item.satisfied for item in against):
+        return "FAIL"
+    return "PASS" if parts.own == "PASS" or judged else "NONE"
+
+
+def _of_trials(trials: TrialParts) -> Verdict:
+    finished = trials.passed + trials.failed + trials.errors + trials.unjudged
+    if trials.failed:
+        return "FAIL"
+    if trials.errors or finished < trials.planned or (trials.passed and trials.unjudged):
+        return "ERROR"
+    return "PASS" if trials.passed else "NONE"

@@ -1,0 +1,31 @@
+"""Density of furniture: shares of the floor that it covers in sparse, moderate and dense rooms, and the most pieces."""
+
+from ....schemas.worlds.world import RoomType
+from ..furniture.usual_furniture import Density
+
+_SHARES: dict[RoomType, tuple[float, float, float]] = {
+    "Bathroom": (0.19, 0.30, 14.0),
+    "Bedroom": (0.20, 0.34, 30.0),
+    "Closet": (0.20, 0.27, 12.0),
+    "Dining": (0.20, 0.30, 16.0),
+    "Hallway": (0.16, 0.23, 10.0),
+    "Kitchen": (0.20, 0.29, 14.0),
+    "Living": (0.20, 0.31, 24.0),
+    "Office": (0.18, 0.28, 14.0),
+    "Storage": (0.20, 0.29, 12.0),
+}
+"""Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
+hold when people and robots pass. Larger rooms are emptier, as the cube root of their area."""
+
+COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense": 0.5}
+"""Share of the floor after which only kinds still missing are added."""
+
+MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
+"""Pieces in a room of up to 40 m2; larger ones hold more, by the power 2/3 of their area."""
+
+
+def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> float:
+    """Returns the share of the floor that furniture of a room should cover."""
+    moderate, dense, full_m2 = _SHARES[room_type]
+    share = {"Sparse": 0.0, "Moderate": moderate, "Dense": dense}[density]
+    return share * min(1.0, (full_m2 / floor_m2) ** (1 / 3))
