@@ -13,8 +13,8 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE
 from prefect_robomaker.schemas.specs.parameters import Parameter, ValueType
 from prefect_robomaker.schemas.specs.references import parse_template
-from prefect_robomaker.schemas.specs.step_axes import AXES_KEYS
 from prefect_robomaker.schemas.specs.specification import DEFAULT_VARIABLE, FOR_EACH_KEYS, INDEX, IfExists, Spec, Step
+from prefect_robomaker.schemas.specs.step_axes import AXES_KEYS
 from prefect_robomaker.schemas.worlds.step_operations import STEP_OPERATIONS
 
 PAGE = REPOSITORY / "docs" / "specification.md"

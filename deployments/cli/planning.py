@@ -7,8 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 from ...schemas.runs.trials import planned_trials
 from ...schemas.specs.references import ReferenceMistake, parse_template
-from ...schemas.specs.specification import FOR_EACH, INDEX, CheckedSpec, CheckedStep, for_each_of, variable_of
-from ...schemas.specs.yaml_nodes import ListNode, Node, ScalarNode, child, plain
+from ...schemas.specs.resolving import written_cells
+from ...schemas.specs.specification import (
+    FOR_EACH,
+    INDEX,
+    CheckedSpec,
+    CheckedStep,
+    axes_of,
+    for_each_of,
+    made_list_of,
+    variable_of,
+)
+from ...schemas.specs.step_axes import AXES
+from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain
+from ...schemas.wire.errors import SpecError
 from .output.answers import duration
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from ..wire.request_problems import path_text
 from .probe_requests import BATCH, GENERATION, JOB, ProbeSize, check_probed, cut, kind_of, of_each_kind, without_trials
 from .references import parse_template
 from .sabotages import Sabotage, challenged_trials
-from .specification import CheckedSpec, CheckedStep, for_each_of
+from .specification import CheckedSpec, CheckedStep, made_list_of
 from .yaml_nodes import ListNode, MappingNode, Node, child, plain
 
 SABOTAGE_TAG = "sabotage"

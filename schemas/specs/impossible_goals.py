@@ -16,8 +16,8 @@ from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem, SpecError
 from ..wire.request_problems import Location, path_text
 from .references import ReferenceMistake, parse_template
+from .specification import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
 from .step_axes import AXES, VALUE
-from .specification import FOR_EACH, CheckedSpec, CheckedStep, for_each_of, variable_of
 from .yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"

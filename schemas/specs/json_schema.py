@@ -14,8 +14,8 @@ from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .parameters import Parameter
-from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
 from .specification import FOR_EACH, REUSABLE, Spec, Step
+from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 

@@ -10,12 +10,15 @@ from pydantic import ValidationError
 from ..operations.registry import STEPS
 from ..runs.trial_designs import Cells
 from ..wire.errors import Place, Problem, SpecError
-from ..wire.json_values import is_list
+from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, path_text, problems_of
 from .batch_splitting import Part, parts_of
 from .references import PARAMETERS, ReferenceMistake, parse_template
-from .specification import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
-from .yaml_nodes import ListNode, MappingNode, Node
+from .specification import FOR_EACH, INDEX, CheckedStep, axes_of, for_each_of, place_of, variable_of
+from .step_axes import VALUE, axes_problems, cells_of, clashing_axes, clashing_words, job_of_cell, points_seed
+from .yaml_nodes import ListNode, MappingNode, Node, child, key_place, plain, value_place
+
+_REQUESTS = "createSimulationJobRequests"
 
 
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

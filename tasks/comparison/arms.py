@@ -17,11 +17,11 @@ from ...schemas.reports.report import ArmComparison, AxisResult, Share
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import BINS, Value
-from ...schemas.specs.resolving import step_of
+from ...schemas.specs.batch_splitting import step_of
 from ..results.rates import share_of
+from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
 from .e_processes import fewest_worlds
-from .nights import NightRun
 from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
 from .statistics import holm_adjusted
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.against import Against, AgainstAnswer, Answer
+from .compared_runs import NightRun
 from .e_processes import (
     Numbers,
     best_margin,
@@ -27,7 +28,6 @@ from .e_processes import (
     sign_wealth,
     threshold,
 )
-from .nights import NightRun
 from .pairing import BROKEN, FAILED, PASSED, STOPPED
 
 Outcomes = NDArray[np.int8]

@@ -21,7 +21,7 @@ from prefect_robomaker.schemas.specs.json_schema import spec_schema
 from prefect_robomaker.schemas.wings import parts_of_wings
 from prefect_robomaker.schemas.worlds.description import WorldDescription
 from prefect_robomaker.schemas.worlds.world import World
-from prefect_robomaker.tasks.catalog.engine import FIRST_VERSION, MIGRATIONS
+from prefect_robomaker.tasks.catalog.database import FIRST_VERSION, MIGRATIONS
 from prefect_robomaker.tasks.catalog.tables import metadata
 from prefect_robomaker.tasks.results.columns import Names, schema_of
 from prefect_robomaker.tasks.results.table import ResultTable

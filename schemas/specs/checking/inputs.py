@@ -29,8 +29,19 @@ from ..reference_typing import (
     kind_of,
 )
 from ..references import PARAMETERS, ReferenceMistake, parse_template
-from ..specification import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
-from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, value_place
+from ..specification import (
+    FOR_EACH,
+    FOR_EACH_KEYS,
+    INDEX,
+    as_written,
+    axes_of,
+    for_each_of,
+    is_step_name,
+    place_of,
+    variable_of,
+)
+from ..step_axes import VALUE, clashing_axes, clashing_words, is_axes_location
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within

@@ -6,8 +6,8 @@ from typing import Any
 
 from ...wire.request_problems import Location, closest
 from ..reference_typing import ListOf, Structure, kind_of
-from ..step_axes import AXES, AXES_KEYS, VALUE, StepAxes
 from ..specification import FOR_EACH, FOR_EACH_KEYS
+from ..step_axes import AXES, AXES_KEYS, VALUE, StepAxes
 from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 from .placeholders import KIND, chosen, inner
 

@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import Any
 
 from ...wire.request_problems import Location, RequestProblem
-from ..model import INDEX, is_step_name
 from ..reference_typing import ANYTHING, NUMBER, Anything, Kind, ListOf, common, kind_of_value
 from ..references import PARAMETERS
+from ..specification import INDEX, is_step_name
 from ..step_axes import AXES, VALUE, axes_problems
-from ..text import ListNode, MappingNode, Node, ScalarNode
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 
 _OPENING = "${{"
 _CELLS = (("include",), ("exclude",))

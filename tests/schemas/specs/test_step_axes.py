@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.deployments.cli.planning import jobs_of_axes, planned
 from prefect_robomaker.schemas.runs.axes import AXIS_TAG, cell_in_tags, tag_value
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.model import with_seed
 from prefect_robomaker.schemas.specs.resolving import resolve_input
+from prefect_robomaker.schemas.specs.specification import with_seed
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 WORLDS = [f"arn:aws:robomaker:us-east-1:000000000000:world/generation-1/world-{number}" for number in (1, 2)]

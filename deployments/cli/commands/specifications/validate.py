@@ -14,7 +14,7 @@ from ...arguments import add_output, add_parameters
 from ...output.answers import print_problems
 
 if TYPE_CHECKING:
-    from .....schemas.specs.model import CheckedSpec
+    from .....schemas.specs.specification import CheckedSpec
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
