@@ -163,19 +163,27 @@ def decorate(world: World, sides: Sides, shapes: Shapes) -> Decoration:
 
 
 def _ornaments(world: World, sides: Sides, shapes: Shapes) -> Iterator[tuple[Ornament, Mesh | None]]:
-    # As cheap and as lasting as chance gets: nothing else takes draws from it.
-    dice = Random(world.floorplan_seed * 1_000_003 + world.interior_seed)  # noqa: S311 (chance, not secrecy)
-    walls = list(faces(world))
     for number, wall in enumerate(world.floorplan.walls):
         if windows_in(wall, world):
             yield from pierced_wall(number, wall, sides(wall, world), world)
     yield from ceilings(world)
     yield from lamp_shades(world)
-    for ornament in (
-        *window_frames(world, walls),
-        *skirting(world, walls),
-        *curtains(world, walls, shapes, dice),
-        *furnishings(world, walls, shapes, dice),
-        *things_on_tops(world, shapes, dice),
-    ):
+    for ornament in ornaments(world, shapes):
         yield ornament, None
+
+
+def ornaments(world: World, shapes: Shapes) -> Iterator[Ornament]:
+    """Yields what rooms are decorated with, without what walls and ceilings are drawn as.
+
+    Args:
+        world: the world.
+        shapes: gathers the meshes of what stands and hangs about.
+    """
+    # As cheap and as lasting as chance gets: nothing else takes draws from it.
+    dice = Random(world.floorplan_seed * 1_000_003 + world.interior_seed)  # noqa: S311 (chance, not secrecy)
+    walls = list(faces(world))
+    yield from window_frames(world, walls)
+    yield from skirting(world, walls)
+    yield from curtains(world, walls, shapes, dice)
+    yield from furnishings(world, walls, shapes, dice)
+    yield from things_on_tops(world, shapes, dice)

@@ -21,6 +21,8 @@ from ..materials.materials import surface_name
 from ..materials.textures import sample
 from ..model.mjcf import wall_faces
 from .preview_raster import Block, Image, LightMap, Palette, Raster, View
+from .preview_things import things_from_above
+from .room_looks import THRESHOLD_COLOR, has_joint, threshold
 
 WIDTH, HEIGHT = 960, 720
 """Width and height of the preview picture, in pixels."""
@@ -34,6 +36,7 @@ _OUTSIDE = "wall_outside"
 _GLASS = rgb("a8d0e0")
 _EDGE_M = 0.06
 _BEFORE_M = 0.08
+_OVER_M = 0.004
 
 Colors = NDArray[np.uint8]
 
@@ -54,6 +57,8 @@ def render_preview(world: World) -> bytes:
             _draw_solid(solid, raster, palette)
             if solid.size[2] > 0.015:
                 blocks.append(_block(solid))
+    for solid in things_from_above(world):
+        _draw_solid(solid, raster, palette)
     for solid in cut_door_solids(world.floorplan, _CUT_M):
         _draw_solid(solid, raster, palette)
     colors = np.take(palette.table(), raster.ids, axis=0)
@@ -90,6 +95,11 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
         floor_color = palette.add_floor(surface_name("floor", room))
         for x0, y0, x1, y1 in room_rects(room):
             raster.parallelogram((x0, y0, 0.0), (x1 - x0, 0, 0), (0, y1 - y0, 0), floor_color)
+    for passage in world.floorplan.passages:
+        if has_joint(passage, world):
+            west, south, east, north = threshold(passage)
+            strip_color = palette.add((*THRESHOLD_COLOR, 1.0))
+            raster.parallelogram((west, south, _OVER_M), (east - west, 0, 0), (0, north - south, 0), strip_color)
     for wall in world.floorplan.walls:
         if wall.bottom_m < _CUT_M:
             blocks += [_draw_wall(wall, _top_m(wall, world), world, raster, palette)]

@@ -40,6 +40,8 @@ _TOLD_FROM_M = 1.0
 """Nearer furniture is cut by the picture's edge."""
 _NEAR_M, _BEFORE_EYES_M = 0.8, 0.45
 _FAR_M = 7.0
+_FLOOR_SHARE = 0.2
+"""Share of floor that a picture should have: things are seen to stand on it."""
 
 _MAIN = {
     "Bathroom": ("Baths", "Showers", "Toilets", "VanityCounters"),
@@ -50,7 +52,7 @@ _MAIN = {
     "Office": ("Desks",),
 }
 """Furniture that makes a room what it is: a picture of the room shows it."""
-_MAIN_WEIGHT = 3.0
+_MAIN_WEIGHT = 5.0
 
 
 def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 600) -> bytes:
@@ -132,6 +134,7 @@ class _View:
         self._picture, self._room = picture, room
         numbers = {item.id: number for number, item in enumerate(pieces)}
         self._piece = np.array([numbers.get(name.partition(".")[0], -1) for name in names])
+        self._floor = np.array([name.startswith("floor_") for name in names])
         self._door = np.array([name.startswith("door-") for name in names])
         main = _MAIN.get(room.type, ())
         self._enough = np.array([_MAIN_SHARE if item.model_type in main else _TOLD_SHARE for item in pieces])
@@ -152,6 +155,7 @@ class _View:
         seen = np.where(geoms < 0, 0.0, np.minimum(distances, _FAR_M))
         score = 4.0 * float(told @ self._weights) / max(float(self._weights.sum()), 1.0)
         score += 1.6 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
+        score += 2.0 * min(float((self._floor[known] & (geoms >= 0)).mean()), _FLOOR_SHARE)
         score -= 1.5 * float((self._door[known] & (geoms >= 0)).mean()) + 1.0 * float((geoms < 0).mean())
         near = (distances >= 0) & (distances < _NEAR_M)
         return score - 2.5 * float(near.mean()) - 6.0 * float((near & (distances < _BEFORE_EYES_M)).mean())

@@ -9,8 +9,10 @@ from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
 from prefect_robomaker.tasks.worldforge.pictures.preview_raster import Raster, View
+from prefect_robomaker.tasks.worldforge.pictures.preview_things import things_from_above
 
 from ..conftest import MakeBody
 
@@ -101,3 +103,21 @@ def test_round_things_are_round() -> None:
     raster = Raster(VIEW)
     raster.post((0.0, 0.0, 0.0), 0.5, 1.0, 1)
     assert (raster.ids > 0).sum() == pytest.approx(50 * 50 * 0.5, rel=0.05)
+
+
+def test_rugs_and_small_things_are_seen_from_above(flat: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = {solid.name for solid in things_from_above(flat)}
+    assert any(name.startswith("rug_") for name in names)
+    carriers = {item.id for item in flat.furniture}
+    assert {name.split("_", 1)[1].rsplit("_", 2)[0] for name in names if name.startswith("thing_")} & carriers
+    with_things = pixels(flat)
+    monkeypatch.setattr(preview, "things_from_above", lambda _: [])
+    changed = np.abs(with_things - pixels(flat)).max(axis=2) > 12
+    assert 0.001 < changed.mean() < 0.2
+
+
+def test_a_strip_lies_between_two_floors(flat: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_strips = pixels(flat)
+    monkeypatch.setattr(preview, "has_joint", lambda *_: False)
+    changed = np.abs(with_strips - pixels(flat)).max(axis=2) > 12
+    assert 0.00005 < changed.mean() < 0.02

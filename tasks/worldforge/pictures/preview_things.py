@@ -1,0 +1,57 @@
+"""Rugs and small things of a world as a picture from above shows them: as boxes, posts and balls of their size."""
+
+from collections.abc import Iterator
+from math import atan2
+
+from ....schemas.worlds.world import GazeboSource, World
+from ..decor.decor import ornaments
+from ..furniture.placed_parts import Solid
+from ..geometry.parts import Color, Shape, Vector
+from ..ornaments.ornament_shapes import Shapes
+from ..ornaments.ornaments import Ornament
+
+_SEEN = ("rug_", "thing_")
+"""Decoration that one sees from above, over walls that are cut: the beginnings of its names."""
+_LEAST_M = 0.07
+"""Smaller things are two pixels wide."""
+_LEAFY = ("bush", "flowers", "fruit", "sprigs")
+_ROUND = ("bottle", "bowl", "glass", "jar", "kettle", "mug", "pan", "plate", "pot", "vase")
+
+
+def things_from_above(world: World) -> Iterator[Solid]:
+    """Yields the rugs and small things of a world that its picture from above shows.
+
+    Args:
+        world: the world; those from Gazebo have no decoration of ours.
+    """
+    if isinstance(world.source, GazeboSource):
+        return
+    for ornament in ornaments(world, Shapes()):
+        if ornament.name.startswith(_SEEN):
+            shape, size = _form(ornament)
+            if max(size[0], size[1]) >= _LEAST_M:
+                yield Solid(ornament.name, shape, ornament.center, size, "z", _yaw(ornament), _color(ornament), False)
+
+
+def _form(ornament: Ornament) -> tuple[Shape, Vector]:
+    """Shape and full extents; the name of a mesh says its form and its extents in millimetres."""
+    if not ornament.mesh:
+        x, y, z = ornament.size
+        return "box", (2 * x, 2 * y, 2 * z)
+    form, *extents = ornament.mesh.removeprefix("shape_").rsplit("_", 3)
+    x, y, z = (int(extent) / 1000 for extent in extents)
+    if form in _LEAFY:
+        return "ellipsoid", (x, y, z)
+    return ("cylinder", (min(x, y), min(x, y), z)) if form in _ROUND else ("box", (x, y, z))
+
+
+def _yaw(ornament: Ornament) -> float:
+    if not ornament.quat:
+        return 0.0
+    cosine, _, _, sine = map(float, ornament.quat.split())
+    return 2 * atan2(sine, cosine)
+
+
+def _color(ornament: Ornament) -> Color:
+    red, green, blue, alpha = map(float, ornament.look.split('"')[1].split())
+    return red, green, blue, alpha
