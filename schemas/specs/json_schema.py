@@ -13,7 +13,7 @@ from pydantic.json_schema import models_json_schema
 from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
-from .model import FOR_EACH, REUSABLE, Spec, Step
+from .model import FOR_EACH, IF_EXISTS, Spec, Step
 from .parameters import Parameter
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
@@ -63,9 +63,16 @@ def _step(schema: dict[str, Any]) -> dict[str, Any]:
         }
         for name, operation in sorted(STEPS.items())
     ]
+    rules += [
+        {
+            "if": {"properties": {"operation": {"const": name}}, "required": ["operation"]},
+            "then": {"properties": {"ifExists": {"enum": list(values)}}},
+        }
+        for name, values in sorted(IF_EXISTS.items())
+    ]
     rules.append(
         {
-            "if": {"properties": {"operation": {"enum": sorted(REUSABLE)}}},
+            "if": {"properties": {"operation": {"enum": sorted(IF_EXISTS)}}},
             "else": {"properties": {"ifExists": {"const": "fail"}}},
         }
     )
