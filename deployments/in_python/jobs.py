@@ -44,6 +44,11 @@ class Job:
         return self.record.test or self.record.label
 
     @property
+    def title(self) -> str:
+        """Name for people, unique in the run: `scout in flat 3`."""
+        return self.record.name or self.name
+
+    @property
     def status(self) -> str:
         """Status in the service; of requests `NotCreated`, or `Pending` while no job has come of it yet."""
         return self.record.status

@@ -226,6 +226,9 @@ class JobTrials(Changes):
 class JobInBrief(FailureChanges, Brief):
     """The few members of a simulation job which the web console's live pages read instead of the whole document."""
 
+    simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
+    robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    world_name: str | None = optional("Name of its world, as people see it.")
     request_index: int | None = optional("Place of its request in its batch.")
     last_started_at: str | None = optional("When its last run began.")
     simulated_at: str | None = optional("When its programs had ended.")
@@ -252,6 +255,7 @@ class SimulationJobDocument(SimulationJobProgress, Document):
     data_sources: list[ResolvedDataSource] | None = optional("Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    world_name: str | None = optional("Name of its world, as people see it: `flat 3`; absent: it has no world.")
     application_arns: dict[str, str] = Field(
         default={}, description="ARNs of applications that its request names barely, by role and name: `robot scout`."
     )

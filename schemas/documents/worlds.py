@@ -22,6 +22,10 @@ class WorldDocument(Document):
     """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
     template: str | None = optional("ARN of the template it was generated from.")
+    template_name: str | None = optional(
+        "Name that the template had then, of which the world's name is made; absent: it had none, or an early release "
+        "made the world."
+    )
     plan: str | None = optional("Key of its plan; equal for equal plans. Absent in worlds of early releases.")
     bundle: StoredPlace | None = optional("Place of its bundle.")
     reused_from: str | None = optional("ARN of the world whose bundle it shares; absent: it was generated.")
@@ -98,6 +102,7 @@ class WorldGenerationJobDocument(WorldGenerationProgress, Document):
 
     request: WorldGenerationRequest = Field(description="The request.")
     template_body: str = Field(description="The template's body when the job was created.")
+    template_name: str | None = optional("The template's name when the job was created; absent: it had none.")
     seed: int = Field(description="Seed that the worlds' seeds are drawn from.")
     reuse: bool = Field(default=False, description="Whether worlds that are there already are not generated again.")
 

@@ -21,7 +21,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         console_url: address of the console as other machines reach it; empty: none is known.
     """
     results = results or _results_of(report)
-    labels = {world.arn: world.label for world in report.worlds}
+    labels = {world.arn: world.title for world in report.worlds}
     return ReportSummary(
         name=report.name,
         run_id=report.run_id,
@@ -48,11 +48,12 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
 
 def _results_of(report: Report) -> ResultTable:
     """The jobs of a report, each as one trial."""
-    labels = {world.arn: world.label for world in report.worlds}
+    labels = {world.arn: world.title for world in report.worlds}
     return ResultTable.of(
         [
             JobRecord(
                 label=job.label,
+                name=job.name,
                 status=job.status,
                 verdict=job.result.verdict if job.result else None,
                 failure_code=job.failure_code,
@@ -120,6 +121,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
     outcome, result = outcome_of(job), job.result
     return JobCase(
         name=job.label,
+        title=job.name,
         test=test,
         arn=job.arn,
         outcome=outcome.value,

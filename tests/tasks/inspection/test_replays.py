@@ -157,12 +157,16 @@ def test_a_rerun_that_comes_to_no_state_says_why(service: Service, swing: Simula
 
 
 def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="'nothing' is no run: name the ARN or the id of a simulation job"):
+    with pytest.raises(
+        ConfigurationError, match="'nothing' is neither ARN, id nor name of any of the simulation jobs, nor s3"
+    ):
         verify_run("nothing", service)
     with pytest.raises(ConfigurationError, match=r"there is no provenance\.json in its outputs"):
         verify_run(str(tmp_path), service)
-    with pytest.raises(ResourceNotFoundException):
+    with pytest.raises(ConfigurationError, match="'sim-000000000000' is neither ARN, id nor name"):
         verify_run("sim-000000000000", service)
+    with pytest.raises(ResourceNotFoundException):
+        verify_run(service.arn("simulation-job", "sim-000000000000"), service)
 
 
 @pytest.fixture
