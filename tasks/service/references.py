@@ -126,7 +126,7 @@ def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besid
     if wanted.startswith("arn:"):
         raise ResourceNotFoundException(f"there is no resource {wanted}")
     newest = service.catalog.list(kind, limit=_LOOKED_AT).resources
-    known = [name for each in newest for name in (_name(each, service), each.id)]
+    known = [name for each in newest for name in (name_of(each, service), each.id)]
     known += _names_in_latest_run(service) if kind == JOB else []
     raise ConfigurationError(
         f"{wanted!r} is neither ARN, id nor name of any of the {_WORDS[kind]}{besides}{near_names(wanted, known)}"
@@ -137,13 +137,14 @@ def _told(resource: Resource, service: Service) -> str:
     """Says what a candidate is: id, name, time, and of a job its run."""
     run = SimulationJobDocument.of(resource).spec_run if resource.kind == JOB else None
     of_run = f" of {run}" if run else ""
-    return f"{resource.id} ({_name(resource, service)}{of_run}, made {resource.created_at:%Y-%m-%d %H:%M})"
+    return f"{resource.id} ({name_of(resource, service)}{of_run}, made {resource.created_at:%Y-%m-%d %H:%M})"
 
 
-def _name(resource: Resource, service: Service) -> str:
+def name_of(resource: Resource, service: Service) -> str:
+    """Returns the name of a world or simulation job, its id where it has none; of anything else its own name."""
     if resource.kind == WORLD:
         return name_of_world(resource, service)
-    return name_of_job(SimulationJobDocument.of(resource)) or resource.id
+    return (name_of_job(SimulationJobDocument.of(resource)) or resource.id) if resource.kind == JOB else resource.name
 
 
 def _by_arn_or_id(wanted: str, kind: Kind, service: Service) -> list[Resource]:
