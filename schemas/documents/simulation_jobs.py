@@ -125,7 +125,17 @@ class MadeOf(Part):
     @property
     def robot_etag(self) -> str | None:
         """ETag of the robot application's archive; `None` if there was no robot application or no archive."""
-        return self.robot.removeprefix(ARCHIVE) if self.robot is not None and self.robot.startswith(ARCHIVE) else None
+        return self.etags.get("robot")
+
+    @property
+    def etags(self) -> dict[str, str]:
+        """ETags of those of its applications that were archives, by role."""
+        contents = {"robot": self.robot, "simulation": self.simulation}
+        return {
+            role: content.removeprefix(ARCHIVE)
+            for role, content in contents.items()
+            if content is not None and content.startswith(ARCHIVE)
+        }
 
 
 class ReusedFrom(Part):
