@@ -8,9 +8,9 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, get_args
 
-from ..wire.arns import ResourceArn
+from ..wire.arns import IdPrefix, ResourceArn
 from ..wire.errors import InvalidParameterException
 from .variants import variants
 
@@ -110,6 +110,12 @@ def meant(wanted: str, known: Mapping[str, Iterable[str]]) -> list[str]:
     """
     exact = [each for each, names in known.items() if wanted == each or wanted in names]
     return exact or [each for each in known if begins_id(wanted, each)]
+
+
+def is_id(text: str) -> bool:
+    """Whether a text has the form of an id, or of its beginning: the kind, and some of its random part."""
+    kind, _, random_part = text.partition("-")
+    return kind in get_args(IdPrefix) and len(random_part) >= LEAST_OF_ID and random_part.isalnum()
 
 
 def begins_id(wanted: str, resource_id: str) -> bool:

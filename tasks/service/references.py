@@ -1,6 +1,6 @@
 """Finding the world or simulation job that a person means: by ARN, id, the beginning of an id, or name."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -24,8 +24,15 @@ from .service import Service
 
 WORLD: Kind = "world"
 JOB: Kind = "simulation-job"
-_KINDS_IN_IDS = {WORLD: ("generation", "import", "variation"), JOB: ("sim",)}
-_WORDS = {WORLD: "worlds", JOB: "simulation jobs"}
+_KINDS_IN_IDS: Mapping[str, tuple[str, ...]] = {
+    WORLD: ("generation", "import", "variation"),
+    JOB: ("sim",),
+    "simulation-job-batch": ("batch",),
+    "world-generation-job": ("generation",),
+    "world-export-job": ("export",),
+    "deployment-job": ("deployment",),
+}
+_WORDS: Mapping[str, str] = {WORLD: "worlds", JOB: "simulation jobs"}
 _MOST = 12
 """Largest number of candidates that are looked for: a message names five of them."""
 _LOOKED_AT = 200
@@ -96,6 +103,32 @@ def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
     return _one(wanted, JOB, service, jobs_meant(wanted, service), besides)
 
 
+def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: str = "") -> Resource:
+    """Finds the job or batch that a person means by its ARN, its id, or the beginning of the id.
+
+    Args:
+        wanted: ARN, id or its beginning.
+        kinds: kinds of which it may be.
+        service: the service, with its catalog.
+        besides: what else would have been right, for the message.
+
+    Raises:
+        ConfigurationError: nothing is meant, or any of several.
+        InvalidParameterException: the ARN of something else.
+        ResourceNotFoundException: the catalog has nothing of the ARN.
+    """
+    if wanted.startswith("arn:"):
+        arn = str(ResourceArn.parse(wanted, *kinds))
+        return service.catalog.get(arn)
+    found = [each for kind in kinds for each in _by_arn_or_id(wanted, kind, service)]
+    words = " or ".join(kind.replace("-", " ") for kind in kinds)
+    if not found:
+        raise ConfigurationError(f"{wanted!r} is neither ARN nor id of a {words}{besides}")
+    if len(found) > 1:
+        raise ConfigurationError(ambiguous(wanted, f"resources ({words})", [each.id for each in found]))
+    return found[0]
+
+
 def worlds_meant(wanted: str, service: Service) -> list[Resource]:
     """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest."""
     found = _by_arn_or_id(wanted, WORLD, service)
@@ -122,7 +155,8 @@ def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besid
     if len(found) == 1:
         return found[0]
     if found:
-        raise ConfigurationError(ambiguous(wanted, _WORDS[kind], [_told(each, service) for each in found]))
+        in_run = f", or with its run: {_LATEST}/{wanted}" if kind == JOB and NAME_LABEL in found[0].labels else ""
+        raise ConfigurationError(ambiguous(wanted, _WORDS[kind], [_told(each, service) for each in found]) + in_run)
     if wanted.startswith("arn:"):
         raise ResourceNotFoundException(f"there is no resource {wanted}")
     newest = service.catalog.list(kind, limit=_LOOKED_AT).resources

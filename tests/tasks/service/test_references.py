@@ -9,6 +9,7 @@ import pytest
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord
+from prefect_robomaker.schemas.wire.arns import Kind
 from prefect_robomaker.schemas.wire.errors import (
     ConfigurationError,
     InvalidParameterException,
@@ -17,7 +18,7 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.inspection.run_records import write_record
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.references import find_job, find_world, name_of_world
+from prefect_robomaker.tasks.service.references import find_by_id, find_job, find_world, name_of_world
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.stored_jobs import store_job
 
@@ -156,6 +157,19 @@ def test_a_name_never_means_the_job_of_another_run_in_silence(service: Service, 
         find_job("night-/sleeper in flat 1, SPEED=2", service)
     with pytest.raises(ConfigurationError, match="is neither ARN, id nor name"):
         find_job(f"night-20260302T0000/{nights[0][0]}", service)
+
+
+def test_jobs_to_perform_are_found_by_id(service: Service, nights: list[list[str]]) -> None:
+    kinds: list[Kind] = ["simulation-job", "simulation-job-batch", "world-generation-job"]
+    first = nights[0][0]
+    for wanted in (first, first[:-1], service.arn("simulation-job", first)):
+        assert find_by_id(wanted, kinds, service).id == first
+    with pytest.raises(
+        ConfigurationError, match=r"'batch-8285' is neither ARN nor id of a simulation job or .*, nor so"
+    ):
+        find_by_id("batch-8285", kinds, service, ", nor so")
+    with pytest.raises(InvalidParameterException, match="it has to name a simulation-job or"):
+        find_by_id(service.arn("world", "generation-1/world-1"), kinds, service)
 
 
 def name_of_first(service: Service, nights: list[list[str]]) -> str:
