@@ -61,8 +61,7 @@ from ..tasks.nights.open_runs import OpenRun
 from ..tasks.nights.run_orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.notices import LongWaits
-from ..tasks.operations.existing_resources import existing_application
-from ..tasks.operations.step_operations import step_registry
+from ..tasks.operations.step_operations import existing_resource, step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
 from .lookup import perform, without_heartbeat
@@ -468,7 +467,7 @@ class PipelineRun:
         )
         request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
         if entry.run_job is None:
-            answer = lambda: existing_application(step, request, service) or entry.answer(request, service)  # noqa: E731
+            answer = lambda: existing_resource(step, request, service) or entry.answer(request, service)  # noqa: E731
             return self._answers(step, part.request, lambda: self._outlasting(answer))
         with OwnOrder(service) as own:
             output = self._answers(

@@ -50,12 +50,17 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 def add_world(parser: argparse.ArgumentParser) -> None:
     """Adds the argument for a world (its ARN, id or folder) to a command's parser."""
-    parser.add_argument("world", metavar="WORLD", help="ARN or id of a world, or the folder of its bundle")
+    parser.add_argument(
+        "world", metavar="WORLD", help="world: name (`flat 3`), id or its beginning, ARN, or folder of its bundle"
+    )
 
 
 def add_simulation(parser: argparse.ArgumentParser) -> None:
     """Adds the argument for a simulation job that is to be run again to a command's parser."""
-    text = "ARN or id of a simulation job, s3://BUCKET/PREFIX or a folder of outputs"
+    text = (
+        "simulation job: name (`scout in flat 3`, `latest/scout in flat 3`), id or its beginning, ARN; or "
+        "s3://BUCKET/PREFIX or a folder of outputs"
+    )
     parser.add_argument("run", metavar="JOB", help=text)
     trial = "number of the trial, of a job that has trials"
     parser.add_argument("--trial", metavar="K", type=_trial_number, help=trial)

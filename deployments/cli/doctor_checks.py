@@ -80,6 +80,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "sandbox": lambda: check_sandbox(settings),
         "left behind": lambda: check_left_behind(without_roles),
         "kept outputs": lambda: check_kept_outputs(without_roles),
+        "kept archives": lambda: check_kept_archives(without_roles),
         "left jobs": lambda: check_left_jobs(settings, without_roles),
         "broken-off runs": lambda: check_broken_off(settings),
     }
@@ -384,6 +385,23 @@ def check_kept_outputs(settings: Settings) -> Finding:
         found = "\n".join(("outputs that could not be stored are here only:", *kept))
         return Finding("kept outputs", "warning", found, "`robomaker upload --kept` stores them")
     return Finding("kept outputs", "ok", "all outputs of jobs that have ended are stored")
+
+
+def check_kept_archives(settings: Settings) -> Finding:
+    """Tells how many archives of applications are kept for `repro`, and their size."""
+    from ...tasks.reporting.outcomes import size
+    from ...tasks.service.service import Service
+    from ...tasks.simulations.inputs.kept_archives import kept_archives
+
+    with Service.opened(settings) as service:
+        sizes = [each.size_bytes for each in kept_archives(service)]
+    archives = f"{len(sizes)} {'archive' if len(sizes) == 1 else 'archives'} of applications"
+    if not sizes:
+        return Finding(
+            "kept archives", "ok", "no archives of applications are kept; jobs that run keep theirs for repro"
+        )
+    told = f"{archives}, {size(sum(sizes))}, are kept for repro; `robomaker gc` removes those that no job names"
+    return Finding("kept archives", "ok", told)
 
 
 def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:

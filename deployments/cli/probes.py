@@ -62,7 +62,7 @@ class ProbeFailedError(RobomakerError):
 
     def __init__(self, record: RunRecord) -> None:
         errors = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
-        errors += [f"{job.label}: {job.failure_reason}" for job in record.jobs if job.failure_reason]
+        errors += [f"{job.title_with_id}: {job.failure_reason}" for job in record.jobs if job.failure_reason]
         why = "; ".join(errors) or f"see {record.report_path or record.run_dir}"
         super().__init__(f"nothing can be forecast, the probe {record.run_id} is {record.state}: {why}")
 

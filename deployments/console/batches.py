@@ -14,6 +14,7 @@ from starlette.responses import Response
 from ...schemas.documents.simulation_jobs import BatchInBrief
 from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.names import with_id
 from ...schemas.reports.report import Share
 from ...tasks.catalog import Resource
 from ...tasks.jobs.job_owners import standing_of
@@ -65,8 +66,14 @@ class Tile:
 
     @property
     def title(self) -> str:
-        """Tooltip of a request's tile: job id or request number, and state."""
-        return f"{self.job.id if self.job else f'request {self.number}'}: {self.look.value}"
+        """Tooltip of the tile: job or request number, and state."""
+        return f"{self._who}: {self.look.value}"
+
+    @property
+    def _who(self) -> str:
+        if self.job is None:
+            return f"request {self.number}"
+        return with_id(self.job.name, self.job.id)
 
     @property
     def html(self) -> str:

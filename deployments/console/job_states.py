@@ -12,6 +12,7 @@ from ...schemas.reports.report import Share
 from ...tasks.catalog import Resource
 from ...tasks.reporting import classify
 from ...tasks.results.rates import share_of
+from ...tasks.service.references import name_of_job
 
 JOB = "simulation-job"
 _ICONS = {"running": "unfinished", "waiting": "unjudged"}
@@ -42,6 +43,8 @@ class JobLine:
     """A simulation job in a list or grid of the web console."""
 
     id: str
+    name: str
+    """Name for people, `scout in flat 3`; the id where it has none. Others may have it, too."""
     status: str
     look: Look
     number: int
@@ -84,6 +87,7 @@ def job_line(job: Resource) -> JobLine:
     took = document.simulation_time_millis
     return JobLine(
         id=job.id,
+        name=name_of_job(document) or job.id,
         status=job.status,
         look=look,
         number=(document.request_index or 0) + 1 if job.parent else 0,

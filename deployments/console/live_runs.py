@@ -86,7 +86,7 @@ def open_plan(view: WorldView | None, job_id: str) -> Markup | None:
     """Draws the floor plan on which a job's web page shows the robot's path."""
     if view is None or view.content is None or view.frame is None:
         return None
-    title = f"Plan of {view.world.label} with the path of {job_id} so far"
+    title = f"Plan of {view.world.title} with the path of {job_id} so far"
     return draw_open_plan(view.content, view.frame, view.fixtures, title, DRIVE)
 
 

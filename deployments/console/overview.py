@@ -1,6 +1,7 @@
 """First page of the console, with current jobs and runs, and the search by ARN, id, name or tag."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote, urlencode
@@ -10,7 +11,9 @@ from starlette.responses import RedirectResponse, Response
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wings import parts_of_wings
+from ...schemas.wire.errors import ConfigurationError
 from ...tasks.catalog import Resource
+from ...tasks.service.references import jobs_meant, name_of, worlds_meant
 from .batches import BATCH, batch_lines
 from .job_states import JOB, Look, job_line, look_of_status
 from .rendering import FOLDERS, HOME, address, render
@@ -96,6 +99,15 @@ _NAMED = (
 )
 
 
+def _meant(wanted: str, visit: Visit) -> list[Resource]:
+    """Jobs and worlds that a name or the beginning of an id means."""
+    if not wanted or wanted.startswith("arn:"):
+        return []
+    with suppress(ConfigurationError):  # of the beginning of several runs
+        return [*jobs_meant(wanted, visit.service), *worlds_meant(wanted, visit.service)]
+    return []
+
+
 def find(visit: Visit) -> Response:
     """Handles the search field: redirects to the match, or lists matches."""
     wanted = visit.parameter("q").strip()[:_MOST_CHARACTERS]
@@ -109,7 +121,9 @@ def find(visit: Visit) -> Response:
     if "=" in wanted:
         return RedirectResponse(f"{HOME}/jobs?{urlencode({'tag': wanted})}", 303)
     named = [found for kind in _NAMED if wanted and (found := catalog.find(kind, wanted)) is not None]
-    named = visit.seen(named)
+    meant = _meant(wanted, visit)
+    named = visit.seen([*named, *meant])
     if len(named) == 1:
         return RedirectResponse(address(named[0].kind, named[0].id), 303)
-    return visit.page("search.html.j2", wanted=wanted, named=named, status=200 if named else 404)
+    names = {each.arn: name_of(each, service) for each in named}
+    return visit.page("search.html.j2", wanted=wanted, named=named, names=names, status=200 if named else 404)

@@ -9,13 +9,16 @@ from typing import Any
 from starlette.responses import HTMLResponse, Response
 
 from ...schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
+from ...schemas.reports.names import unique_world_names
 from ...schemas.wire.errors import ObjectNotFoundError
 from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_world
 from ...tasks.reporting import view_report
+from ...tasks.service.references import names_of_worlds
 from ...tasks.simulations.inputs.bundles import world_bundle
 from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
 from ...tasks.worlds.previews import preview_of
+from ...tasks.worlds.reuse import same_body
 from .job_states import look_of_status
 from .visit import Visit
 
@@ -45,6 +48,7 @@ def show_all(visit: Visit) -> Response:
     return visit.page(
         "worlds.html.j2",
         worlds=worlds,
+        names=_names(worlds, visit),
         next_token=next_token,
         templates=names,
         template=template,
@@ -77,6 +81,7 @@ def show_of_job(visit: Visit) -> Response:
     return visit.page(
         "worlds.html.j2",
         worlds=worlds,
+        names=_names(worlds, visit),
         next_token=next_token,
         templates={},
         template="",
@@ -98,9 +103,25 @@ def show(visit: Visit) -> Response:
         proofs=proof_lines(content) if content else [],
         broken=violations(content.checks) if content and content.checks else [],
         is_checked=content is not None and content.checks is not None,
-        template=WorldDocument.of(world).template,
+        **_made_from(world, visit),
         job_id=(world.parent or "").rpartition("/")[2] if visit.sees(world.parent) else "",
     )
+
+
+def _made_from(world: Resource, visit: Visit) -> dict[str, Any]:
+    """Returns the template of a world, the name that it had then, and whether it has another body since."""
+    document = WorldDocument.of(world)
+    found = visit.service.catalog.get_many(filter(None, (document.template, world.parent)))
+    template, job = found.get(document.template or ""), found.get(world.parent or "")
+    changed = (
+        template is not None
+        and job is not None
+        and not same_body(
+            WorldTemplateDocument.of(template).template_body, WorldGenerationJobDocument.of(job).template_body
+        )
+    )
+    now = template.name if template is not None else ""
+    return {"template": document.template, "template_name": document.template_name or now, "other_body": changed}
 
 
 def show_in_3d(visit: Visit) -> Response:
@@ -119,6 +140,11 @@ def send_preview(visit: Visit) -> Response:
     if not picture:
         raise ObjectNotFoundError(f"{world.id} cannot be drawn")
     return Response(picture, media_type="image/png", headers=_KEPT)
+
+
+def _names(worlds: Sequence[Resource], visit: Visit) -> dict[str, str]:
+    """Returns names of worlds that no two of the page share."""
+    return unique_world_names(names_of_worlds((world.arn for world in worlds), visit.service))
 
 
 def _listed(visit: Visit, filters: dict[str, list[str]]) -> tuple[Sequence[Resource], str | None]:

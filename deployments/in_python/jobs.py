@@ -44,6 +44,11 @@ class Job:
         return self.record.test or self.record.label
 
     @property
+    def title(self) -> str:
+        """Name for people, unique in the run: `scout in flat 3`."""
+        return self.record.name or self.name
+
+    @property
     def status(self) -> str:
         """Status in the service; for a request without a job `NotCreated`, or `Pending` if one may still come."""
         return self.record.status

@@ -7,10 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from ...schemas.reports.names import short_name
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import counts_in_words, meaning_of
 from ...schemas.specs.parameter_values import values_in_words
-from ...tasks.inspection.reports import short_name
 from ...tasks.nights.run_standings import RunOutcome, StandingRun, table_of
 from ...tasks.service.service import Service
 from .html import badge, card, line, table
@@ -180,10 +180,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         worst_first = sorted(self.jobs, key=lambda job: _RANKS[job.outcome])
-        rows = [
-            (job.name, badge(job.outcome), job.world.name if job.world else "", _in_a_line(job.reason))
-            for job in worst_first[:_MOST_SHOWN]
-        ]
+        rows = [(job.title, badge(job.outcome), job.id, _in_a_line(job.reason)) for job in worst_first[:_MOST_SHOWN]]
         more = f"and {len(worst_first) - len(rows)} more; .jobs has all" if len(worst_first) > len(rows) else ""
         return str(
             card(
@@ -192,7 +189,7 @@ class Run:
                 line(f"{counts_in_words(self._standing.jobs) or 'no simulation jobs'}; {self.meaning}"),
                 line(f"with {values_in_words(self.parameters)}" if self.parameters else ""),
                 table((), list(self.problems.items())),
-                table(("job", "outcome", "world", "reason"), rows, more),
+                table(("job", "outcome", "id", "reason"), rows, more),
             )
         )
 

@@ -100,8 +100,8 @@ class Permits:
         check_scope(key, step.operation)
         entry = step_registry()[step.operation]
         check_resources(key, entry.shape, entry.checked(request, self._service).to_wire(), catalog)
-        # `ifExists` takes or changes what has the name already.
-        if step.if_exists != "fail" and key.is_confined:
+        # `ifExists` takes or changes what has the name already; a template is taken with its tags, which are the key's.
+        if step.if_exists != "fail" and step.operation != "CreateWorldTemplate" and key.is_confined:
             kind = "robot-application" if step.operation == "CreateRobotApplication" else "simulation-application"
             found = catalog.find(kind, str(request.get("name")))
             if found is not None and not key.permits(found.name, found.tags):

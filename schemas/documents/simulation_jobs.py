@@ -133,7 +133,17 @@ class MadeOf(Part):
     @property
     def robot_etag(self) -> str | None:
         """ETag of the robot application's archive; `None` if there was no robot application or no archive."""
-        return self.robot.removeprefix(ARCHIVE) if self.robot is not None and self.robot.startswith(ARCHIVE) else None
+        return self.etags.get("robot")
+
+    @property
+    def etags(self) -> dict[str, str]:
+        """ETags of those of its applications that were archives, by role."""
+        contents = {"robot": self.robot, "simulation": self.simulation}
+        return {
+            role: content.removeprefix(ARCHIVE)
+            for role, content in contents.items()
+            if content is not None and content.startswith(ARCHIVE)
+        }
 
 
 class ReusedFrom(Part):
@@ -236,6 +246,9 @@ class JobTrials(Changes):
 class JobInBrief(FailureChanges, Brief):
     """The few members of a simulation job which the web console's live pages read instead of the whole document."""
 
+    simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
+    robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    world_name: str | None = optional("Name of its world, as people see it.")
     request_index: int | None = optional("Index of the job's request in its batch.")
     last_started_at: str | None = optional("Begin of the job's last run.")
     simulated_at: str | None = optional("Time at which the run's programs had ended.")
@@ -270,6 +283,7 @@ class SimulationJobDocument(SimulationJobProgress, Document):
         default=[], description="Names of the job's simulation applications."
     )
     robot_application_names: list[str] = Field(default=[], description="Names of the job's robot applications.")
+    world_name: str | None = optional("Name of its world, as people see it: `flat 3`; absent: it has no world.")
     application_arns: dict[str, str] = Field(
         default={},
         description="ARNs of applications that the request gives by name only, by role and name: `robot scout`.",

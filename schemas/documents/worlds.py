@@ -22,6 +22,10 @@ class WorldDocument(Document):
     """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
     template: str | None = optional("ARN of the template from which the world was generated.")
+    template_name: str | None = optional(
+        "Name that the template had then, of which the world's name is made; absent: it had none, or an early release "
+        "made the world."
+    )
     plan: str | None = optional(
         "Key of the world's floor plan; equal for equal plans. Absent in worlds of early releases."
     )
@@ -100,6 +104,7 @@ class WorldGenerationJobDocument(WorldGenerationProgress, Document):
 
     request: WorldGenerationRequest = Field(description="Request of the job.")
     template_body: str = Field(description="Body of the template when the job was created.")
+    template_name: str | None = optional("The template's name when the job was created; absent: it had none.")
     seed: int = Field(description="Random seed from which the worlds' seeds are derived.")
     reuse: bool = Field(default=False, description="Whether existing worlds with the same inputs are reused.")
 

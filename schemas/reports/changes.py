@@ -16,6 +16,7 @@ class CellName(Model):
     """
 
     step: str = Field(default="", description="Step that created the job.")
+    name: str = Field(default="", description="Name for people, unique in its run: `scout in flat 3`; empty: none.")
     test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
     world: str | None = optional("Name of the job's world in its run.")
     seed: int | None = optional("Seed of the job, if the request gives one.")
@@ -25,9 +26,10 @@ class CellName(Model):
 
     @property
     def title(self) -> str:
-        """Full name of the job: `drive: world-1 scout, SPEED=2, seed 7`."""
-        parts = [f"{self.step}: {self.test}" if self.step else self.test, self.variant]
-        if self.seed is not None and "seed=" not in self.variant:
+        """The job's whole name in words: `drive: scout in flat 3, SPEED=2, seed 7`."""
+        name, variant = (self.name, "") if self.name else (self.test, self.variant)
+        parts = [f"{self.step}: {name}" if self.step else name, variant]
+        if self.seed is not None and "seed=" not in "".join(parts):
             parts.append(f"seed {self.seed}")
         return ", ".join(part for part in parts if part)
 

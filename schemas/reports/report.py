@@ -43,16 +43,23 @@ class ReportedWorld(Model):
     """A generated world in a run's report."""
 
     arn: str = Field(description="The world's ARN.")
-    label: str = Field(description="Short name for people: `generation-…/world-3`.")
+    label: str = Field(description="Its id: `generation-…/world-3`.")
+    name: str = Field(default="", description="Name for people, unique in the report: `flat 3`; empty: it has none.")
     world_json: Path = Field(description="`world.json` on this machine.")
     floorplan_svg: str = Field(description="Content of `floorplan.svg`.")
     preview_png: bytes = Field(description="Content of `preview.png`; empty if there is none.")
+
+    @property
+    def title(self) -> str:
+        """Name for people; its id where it has none."""
+        return self.name or self.label
 
 
 class ReportedJob(Model):
     """A simulation job in a run's report, or a request of a batch for which no job was created."""
 
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    name: str = Field(default="", description="Name for people, unique in the run: `scout in flat 3`; empty: none.")
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
     )
@@ -66,6 +73,7 @@ class ReportedJob(Model):
         default="", description="Last lines of its log, where `failure_reason` does not already end with them."
     )
     world_arn: str | None = optional("World it drove in.")
+    world_name: str | None = optional("Name of that world, unique in the run: `flat 3`.")
     application: str | None = optional("Name of its robot application, else of its simulation application.")
     seed: int | None = optional("Seed that it was given; absent when it never became a job.")
     result: RunResult | None = optional("Content of `result.json`, if there is one.")
@@ -92,6 +100,11 @@ class ReportedJob(Model):
         "The process that carried it out last; absent: none has begun, or it is not known."
     )
     earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
+
+    @property
+    def title(self) -> str:
+        """Name for people; its id where it has none."""
+        return self.name or self.label
 
 
 class Share(Model):
@@ -187,6 +200,7 @@ class JobCase(Model):
     """A simulation job as a test case of a report, or a request for which no job was created."""
 
     name: str = Field(description="Job id, or `request 3`.")
+    title: str = Field(default="", description="Name for people, unique in the run: `scout in flat 3`; empty: none.")
     test: str = Field(
         description="Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application."

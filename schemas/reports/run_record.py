@@ -17,6 +17,7 @@ from ..wire.base import Model, optional
 from .against import Against, AgainstAnswer
 from .challenge import Challenge
 from .forecast import ForecastCheck
+from .names import with_id
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
 """States of a finished run as a whole."""
@@ -100,12 +101,18 @@ class JobRecord(Model):
 
     arn: str | None = optional("The job's ARN; absent when no job came of the request.")
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
+    name: str = Field(
+        default="",
+        description="Name for people, unique in the run: `scout in flat 3`, with parameters where others of the run "
+        "have the same; empty: an early release wrote the record.",
+    )
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
     )
     status: str = Field(description="The job's status; of a request `NotCreated`, or `Pending` if none came of it yet.")
     verdict: Verdict | None = optional("The simulation's verdict; absent when there is none.")
-    world: str | None = optional("The world it drove in: a short name for people, or an ARN.")
+    world: str | None = optional("Id of the world it drove in, or its ARN.")
+    world_name: str | None = optional("Name of that world, unique in the run: `flat 3`.")
     rooms_visited: int | None = optional("Rooms the robot was in.")
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
@@ -144,6 +151,21 @@ class JobRecord(Model):
     carried_out_by: JobOwner | None = optional(
         "The process that carried it out last; absent: none did, or it is not known."
     )
+
+    @property
+    def title(self) -> str:
+        """Name for people; its id where it has none."""
+        return self.name or self.label
+
+    @property
+    def title_with_id(self) -> str:
+        """Name with the id behind it: `scout in flat 3 (sim-82856b0yq33y)`."""
+        return with_id(self.name, self.label)
+
+    @property
+    def world_title(self) -> str | None:
+        """Name of its world for people; the world's id where it has none; None: no world."""
+        return self.world_name or self.world
 
 
 class Interruption(Model):

@@ -207,8 +207,9 @@ def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:
 def _job_in_words(job: JobRecord) -> str:
     what = job.verdict if job.status == "Completed" else job.failure_code or job.status
     reason = (job.verdict_reason if job.status == "Completed" else job.failure_reason) or ""
-    where = f" in {job.world}" if job.world else ""
-    return f"{job.label}{where}: {what}: {_line(reason)}" if reason else f"{job.label}{where}: {what}"
+    where = f" in {job.world}" if job.world and not job.name else ""  # the name says it
+    who = f"{job.title_with_id}{where}"
+    return f"{who}: {what}: {_line(reason)}" if reason else f"{who}: {what}"
 
 
 def _line(text: str) -> str:

@@ -31,7 +31,16 @@ from .parameters import (
 )
 from .reference_typing import ANYTHING, Kind, Structure
 from .sabotages import Sabotage, read_sabotages
-from .specification import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, is_step_name, output_model
+from .specification import (
+    IF_EXISTS,
+    MAX_STEPS,
+    CheckedSpec,
+    CheckedStep,
+    IfExists,
+    Spec,
+    is_step_name,
+    output_model,
+)
 from .yaml_nodes import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _SURELY_MEANT = 0.9
@@ -294,10 +303,9 @@ class _Check:
         if said is not None and said not in STEPS:
             hint = nearest(said, STEPS) or f"; there are {', '.join(sorted(STEPS))}"
             self._report((*location, "operation"), f"there is no operation {said!r}{hint}")
-        if_exists = _if_exists(node)
-        if if_exists != "fail" and operation is not None and operation not in REUSABLE:
-            message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
-            self._report((*location, "ifExists"), message)
+        if_exists = _if_exists(node, operation)
+        if (wrong := _wrong_if_exists(if_exists, operation)) is not None:
+            self._report((*location, "ifExists"), wrong)
         place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
         shown = self._shown((*location, "input"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
@@ -366,10 +374,21 @@ def _scalar(step: Node, key: str) -> Any:
     return node.value if isinstance(node, ScalarNode) else None
 
 
-def _if_exists(step: MappingNode) -> IfExists:
-    """Returns the value of a step's `ifExists`; `fail` if it is invalid."""
+def _if_exists(step: MappingNode, operation: str | None) -> IfExists:
+    """The value of a step's `ifExists`, else that which counts where nothing is said."""
     said = _scalar(step, "ifExists")
-    return said if said in get_args(IfExists) else "fail"
+    return said if said in get_args(IfExists) else IF_EXISTS.get(operation or "", ("fail",))[0]
+
+
+def _wrong_if_exists(if_exists: IfExists, operation: str | None) -> str | None:
+    """The reason why an operation has no such value of `ifExists`; `None`: it has."""
+    known = IF_EXISTS.get(operation or "")
+    if operation is None or if_exists in (known or ("fail",)):
+        return None
+    if known is not None:
+        return f"{if_exists!r} is not for {operation}; {' or '.join(map(repr, known))} would be right"
+    owners = [name for name, values in IF_EXISTS.items() if if_exists in values]
+    return f"{if_exists!r} is for {' and '.join(sorted(owners))}; remove it"
 
 
 def _position(place: Place) -> tuple[int, int]:

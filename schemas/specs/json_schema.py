@@ -14,7 +14,7 @@ from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .parameters import Parameter
-from .specification import FOR_EACH, REUSABLE, Spec, Step
+from .specification import FOR_EACH, IF_EXISTS, Spec, Step
 from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
 
 SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
@@ -66,9 +66,16 @@ def _step(schema: dict[str, Any]) -> dict[str, Any]:
         }
         for name, operation in sorted(STEPS.items())
     ]
+    rules += [
+        {
+            "if": {"properties": {"operation": {"const": name}}, "required": ["operation"]},
+            "then": {"properties": {"ifExists": {"enum": list(values)}}},
+        }
+        for name, values in sorted(IF_EXISTS.items())
+    ]
     rules.append(
         {
-            "if": {"properties": {"operation": {"enum": sorted(REUSABLE)}}},
+            "if": {"properties": {"operation": {"enum": sorted(IF_EXISTS)}}},
             "else": {"properties": {"ifExists": {"const": "fail"}}},
         }
     )

@@ -26,7 +26,7 @@ from pydantic import Field
 from ..known_failures import KnownFailure
 from ..operations.registry import STEPS
 from ..runs.variables import hide_secrets
-from ..wire.base import Model, Shape
+from ..wire.base import Model, Shape, optional
 from ..wire.common import text
 from ..wire.errors import Place, Problem
 from ..wire.request_problems import Location, RequestProblem
@@ -52,8 +52,13 @@ FOR_EACH_KEYS = (FOR_EACH, "as", "value")
 INDEX = "index"
 DEFAULT_VARIABLE = "item"
 
-REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
-"""Operations that allow `ifExists: reuse` and `ifExists: update`."""
+IF_EXISTS: Mapping[str, tuple[IfExists, ...]] = {
+    "CreateRobotApplication": ("fail", "reuse", "update"),
+    "CreateSimulationApplication": ("fail", "reuse", "update"),
+    # Names of templates may repeat, and a body that did not change needs no second one.
+    "CreateWorldTemplate": ("reuse", "fail"),
+}
+"""Values of `ifExists` by operation; the first is the one that counts where nothing is said."""
 
 
 class Step(Model):
@@ -68,10 +73,11 @@ class Step(Model):
     needs: list[StepName] = Field(
         default=[], description="Steps that have to end before this one; those it refers to are added by themselves."
     )
-    ifExists: IfExists = Field(
-        default="fail",
-        description="For Create…Application: what to do when the name is taken; `reuse` takes the one there is if it "
-        "is identical, `update` makes it what the input says, with its archive as it is now.",
+    ifExists: IfExists | None = optional(
+        "For Create…Application and CreateWorldTemplate: what to do when the name is taken; `reuse` takes the one "
+        "there is if it is identical, `update` (of applications) makes it what the input says, with its archive as it "
+        "is now, `fail` refuses. Absent: `fail` for applications; `reuse` for templates, of which another body is "
+        "made anew."
     )
 
 

@@ -124,6 +124,22 @@ class CatalogReader:
             row = connection.execute(_NEWEST, {"of": kind, "called": name}).mappings().one_or_none()
         return None if row is None else resource_of(row)
 
+    def with_ids(self, kind: str, beginning: str, ending: str = "", *, limit: int) -> tuple[Resource, ...]:
+        """Lists the resources of a kind whose ids begin and end so, newest first.
+
+        Args:
+            kind: their kind.
+            beginning: beginning of their ids.
+            ending: end of their ids; empty: any.
+            limit: how many at most.
+        """
+        wanted = resources.c.kind == kind, resources.c.id.startswith(beginning, autoescape=True)
+        query = select(*COLUMNS).where(*wanted).order_by(resources.c.sequence.desc()).limit(limit)
+        if ending:
+            query = query.where(resources.c.id.endswith(ending, autoescape=True))
+        with self._transaction(self._engine) as connection:
+            return tuple(resource_of(row) for row in connection.execute(query).mappings())
+
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
         """Lists the children of a resource (such as the jobs of a batch), oldest first."""
         query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)

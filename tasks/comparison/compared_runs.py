@@ -205,5 +205,10 @@ def name_of(job: JobRecord) -> CellName:
     """Returns the name (step, world, robot, variables, seed) by which a job is matched over several runs."""
     seed = job.inputs.seed if job.inputs and job.inputs.seed_given else None
     return CellName(
-        step=job.step or "", test=job.test or job.world or job.label, world=job.world, seed=seed, variant=job.variant
+        step=job.step or "",
+        name=job.name,
+        test=job.test or job.world or job.label,
+        world=job.world,
+        seed=seed,
+        variant=job.variant,
     )

@@ -198,7 +198,9 @@ def _names_of_worlds(cells: Sequence[Sequence[Appearance]]) -> dict[str, str]:
     for appearances in cells:
         job = appearances[-1].job
         if job.inputs and job.inputs.world:
-            names[job.inputs.world] = f"{(job.world or '').rpartition('/')[2]} ({job.inputs.world[:8]})"
+            names[job.inputs.world] = (
+                f"{job.world_name or (job.world or '').rpartition('/')[2]} ({job.inputs.world[:8]})"
+            )
     return names
 
 

@@ -34,7 +34,7 @@ def judged_challenge(
 
 
 def _arm(number: int, sabotage: str | None, record: JobRecord, results: ResultTable) -> Arm:
-    name = " in ".join(filter(None, (f"job {number}", record.world)))
+    name = " in ".join(filter(None, (f"job {number}", record.world_title)))
     reason = _line(record.failure_reason)
     blank = Arm(
         number,

@@ -18,7 +18,6 @@ from ...schemas.runs.plan import RunPlan
 from ...schemas.runs.provenance import PROVENANCE_FILE, Manifest
 from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, plan_of_trial
 from ...schemas.runs.trials import Trial
-from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
 from ..runtime.agents.action_log import ACTIONS_FILE
@@ -27,11 +26,11 @@ from ..runtime.limits.left_files import open_left
 from ..runtime.replay.replay import RunOutputs, read_outputs
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.trials.completion import read_row
+from ..service.references import find_job
 from ..service.service import Service
 from ..storage import MANIFEST_NAME
 from ..storage.object_store import join_key
 
-_KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
 """Error numbers of opening a link, a folder or FIFO, or a socket as a file."""
 _TRIAL_OUTPUTS = re.compile(r"trials/(\d+)/")
@@ -90,7 +89,8 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
     """Finds a simulation run and copies its records to a temporary folder, which is deleted after the `with` block.
 
     Args:
-        reference: ARN or id of a simulation job, `s3://bucket/prefix` or a local folder of outputs.
+        reference: ARN, id (or its beginning) or name of a simulation job, `s3://bucket/prefix` or a local folder of
+            outputs.
         service: Service whose catalog has the job and whose object store has the outputs.
 
     Raises:
@@ -119,11 +119,9 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
 
 
 def _job_of(reference: str, service: Service) -> Resource | None:
-    if reference.startswith("arn:"):
-        return service.catalog.get(str(ResourceArn.parse(reference, _KIND)), kind=_KIND)
-    if reference.startswith("sim-") and "/" not in reference and not Path(reference).exists():
-        return service.catalog.get(service.arn(_KIND, reference), kind=_KIND)
-    return None
+    if reference.startswith("s3://") or (not reference.startswith("arn:") and Path(reference).is_dir()):
+        return None
+    return find_job(reference, service, ", nor s3://BUCKET/PREFIX or a folder of outputs")
 
 
 def _check_ended(job: Resource) -> None:
@@ -168,10 +166,6 @@ def _fetch(bucket: str, prefix: str, folder: Path, service: Service) -> Sha256Of
 
 
 def _copy(outputs: Path, folder: Path) -> Sha256Of:
-    if not outputs.is_dir():
-        raise ConfigurationError(
-            f"{str(outputs)!r} is no run: name the ARN or the id of a simulation job, s3://BUCKET/PREFIX or a folder"
-        )
     for name in _WRITTEN_DOWN:
         _copy_left(outputs / name, folder / name)
     return lambda path: _sha256_of_left(outputs / path)

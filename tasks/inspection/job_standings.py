@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
+from ...schemas.reports.names import short_name
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.run_states import (
     FlowResult,
@@ -19,9 +20,9 @@ from ...schemas.reports.run_states import (
 from ...schemas.runs.plan import RunResult
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
+from ..service.references import name_of_job
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
-from .reports import short_name
 
 
 def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> FlowResult:
@@ -106,10 +107,12 @@ def _standing(job: Resource, service: Service) -> JobRecord:
     return JobRecord(
         arn=job.arn,
         label=job.id,
+        name=name_of_job(document),
         status=job.status,
         verdict=verdict,
         verdict_reason=reason,
         world=world and short_name(world),
+        world_name=document.world_name,
         failure_code=document.failure_code,
         failure_reason=document.failure_reason,
     )

@@ -225,9 +225,20 @@ def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -
 def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, ros_domain: int) -> RunPlan:
     """Makes the plan from the job's request; for recorded actions, the robot's archive or image is not downloaded."""
     if not plan.has_robot_program or plan.programs:
-        return run_plan(job, plan.run_id, folder, service, ros_domain)
+        return run_plan(job, plan.run_id, folder, service, ros_domain, as_ran=_archives_of(job, plan))
     document = SimulationJobDocument.of(job)
     request = {name: value for name, value in document.request.items() if name != "robotApplications"}
     job = replace(job, document=document.model_copy(update={"request": request}).to_json())
-    planned = run_plan(job, plan.run_id, folder, service, ros_domain)
+    planned = run_plan(job, plan.run_id, folder, service, ros_domain, as_ran=_archives_of(job, plan))
     return planned.model_copy(update={"robot_application": plan.robot_application})
+
+
+def _archives_of(job: Resource, plan: RunPlan) -> dict[str, str]:
+    """ETags of the archives that a run had, by role; what the catalog says of it comes before its outputs."""
+    document = SimulationJobDocument.of(job)
+    # The folder of an unpacked archive is called by the ETag; that of an installed package is not asked for.
+    plans = {"robot": plan.robot_application, "simulation": plan.simulation_application}
+    found = {role: each.path.name for role, each in plans.items() if each is not None and each.path is not None}
+    if document.run_id == plan.run_id and document.made_of is not None:
+        found |= document.made_of.etags
+    return found

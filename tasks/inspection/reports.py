@@ -14,6 +14,13 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.against import in_words
 from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.names import (
+    application_name,
+    job_name,
+    short_name,
+    unique_job_names,
+    unique_world_names,
+)
 from ...schemas.reports.report import (
     AxisResult,
     Report,
@@ -27,12 +34,7 @@ from ...schemas.reports.run_exit_codes import exit_code_of
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord, interrupted_in_words
 from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
-from ...schemas.wire.arns import ResourceArn
-from ...schemas.wire.errors import (
-    InvalidParameterException,
-    ResourceNotFoundException,
-    StorageError,
-)
+from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..comparison.compared_runs import NightRun
 from ..execution.prefect_events import tell_of_report
@@ -40,6 +42,7 @@ from ..reporting import Outcome, case_names, classify, junit_xml, markdown_repor
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import ResultTable
+from ..service.references import name_of_job, name_of_world, names_of_worlds
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
@@ -202,7 +205,7 @@ def report_of_job(arn: str, service: Service) -> Report:
     resource = service.catalog.get(arn, kind="simulation-job")
     job = _reported_job(resource, service)
     return Report(
-        name=job.label,
+        name=job.title,
         run_id=SimulationJobDocument.of(resource).spec_run or "",
         state=run_state([job.status], []),
         started_at=resource.created_at,
@@ -227,13 +230,13 @@ def report_of_world(arn: str, service: Service) -> Report:
     """
     resource = service.catalog.get(arn, kind="world")
     return Report(
-        name=short_name(arn),
+        name=name_of_world(resource, service),
         run_id="",
         state="succeeded",
         started_at=resource.created_at,
         ended_at=resource.updated_at,
         steps=[],
-        worlds=[_reported_world(resource, service)],
+        worlds=[_reported_world(resource, service, name_of_world(resource, service))],
         jobs=[],
         command=f"robomaker world view {arn}",
     )
@@ -280,9 +283,29 @@ def jobs_of(
                         failure_reason=str(error),
                     )
                 )
-    told_apart = variants([job.request for job in jobs])
-    named = [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
-    return with_inputs(_told_of_twins(_with_owners(named, service)), service)
+    return with_inputs(_told_of_twins(_with_owners(_with_names(jobs, steps, service), service)), service)
+
+
+def _with_names(jobs: Sequence[ReportedJob], steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
+    """Adds names that no other job of the run has, those of their worlds, and the settings in which requests differ."""
+    worlds = _names_of_worlds(steps, jobs, service)
+    in_worlds = [worlds.get(job.world_arn or "") for job in jobs]
+    names = [job_name(job.application, world) or job.label for job, world in zip(jobs, in_worlds, strict=True)]
+    settings = [{"step": job.step, **job.request} for job in jobs]
+    requests = [job.request for job in jobs]
+    named = zip(jobs, unique_job_names(names, settings), in_worlds, variants(requests), strict=True)
+    return [
+        job.model_copy(update={"name": name, "world_name": world, "variant": variant})
+        for job, name, world, variant in named
+    ]
+
+
+def _names_of_worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> dict[str, str]:
+    """Returns names of the worlds of a run that no two of them share, by ARN; deleted ones are called as jobs say."""
+    arns = _arns_of_worlds(steps, jobs)
+    said = {job.world_arn: job.world_name for job in jobs if job.world_arn and job.world_name}
+    known = said | names_of_worlds(arns, service)
+    return unique_world_names({arn: known.get(arn) or short_name(arn) for arn in arns})
 
 
 def _with_owners(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
@@ -360,7 +383,7 @@ def _without_job(
         failure_reason=reason,
         request=dict(request),
         world_arn=world_arn(request),
-        application=_application(request),
+        application=application_name(request),
         inputs=inputs_of_request(request, None),
     )
 
@@ -402,13 +425,15 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         result = result.unjudged()  # one that was cancelled after its manifest was written has a verdict there
     return ReportedJob(
         label=job.id,
+        name=name_of_job(document),
         arn=job.arn,
         status=job.status,
         failure_code=document.failure_code,
         failure_reason=document.failure_reason,
         request=dict(document.request),
         world_arn=world_arn(document.request),
-        application=_application(document.request),
+        world_name=document.world_name,
+        application=application_name(document.request),
         seed=document.seed,
         result=result,
         poster_png=poster,
@@ -425,16 +450,6 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
 def _origin(reused_from: ReusedFrom | None) -> str | None:
     """Returns the origin of reused results: the run, or the job if it belongs to no run."""
     return reused_from and (reused_from.spec_run or short_name(reused_from.job))
-
-
-def _application(request: Mapping[str, Any]) -> str | None:
-    """Returns the name of a request's robot application, else of its simulation application; if no ARN, as given."""
-    applications = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
-    said = str(applications[0].get("application") or "") if applications else ""
-    try:
-        return ResourceArn.parse(said).name
-    except InvalidParameterException:
-        return said or None
 
 
 def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
@@ -456,10 +471,12 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
     return JobRecord(
         arn=job.arn,
         label=job.label,
+        name=job.name,
         variant=job.variant,
         status=job.status,
         verdict=result.verdict if result else None,
         world=job.world_arn and short_name(job.world_arn),
+        world_name=job.world_name,
         rooms_visited=sum(room.visited for room in result.rooms) if result and result.rooms else None,
         rooms_total=len(result.rooms) if result and result.rooms else None,
         duration_s=job.duration_s,
@@ -483,36 +500,36 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:
     """Returns the worlds that steps created or jobs used, each once."""
-    arns = [
-        arn
-        for step in steps
-        if step.operation == "CreateWorldGenerationJob"
-        for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
-    ]
-    arns += [job.world_arn for job in jobs if job.world_arn]
+    names = _names_of_worlds(steps, jobs, service)
     worlds = []
-    for arn in dict.fromkeys(arns):
+    for arn in _arns_of_worlds(steps, jobs):
         try:
-            worlds.append(_reported_world(service.catalog.get(arn, kind="world"), service))
+            worlds.append(_reported_world(service.catalog.get(arn, kind="world"), service, names[arn]))
         except (ResourceNotFoundException, StorageError):
             continue  # deleted since; the job's card says which world it was
     return worlds
 
 
-def _reported_world(world: Resource, service: Service) -> ReportedWorld:
+def _arns_of_worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob]) -> list[str]:
+    made = [
+        arn
+        for step in steps
+        if step.operation == "CreateWorldGenerationJob"
+        for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
+    ]
+    return list(dict.fromkeys([*made, *(job.world_arn for job in jobs if job.world_arn)]))
+
+
+def _reported_world(world: Resource, service: Service, name: str) -> ReportedWorld:
     folder = world_bundle(world, service)
     return ReportedWorld(
         arn=world.arn,
         label=short_name(world.arn),
+        name=name,
         world_json=folder / "world.json",
         floorplan_svg=(folder / "floorplan.svg").read_text(),
         preview_png=preview_of(world, service),
     )
-
-
-def short_name(arn: str) -> str:
-    """Returns the last part of an ARN, by which people distinguish resources: `generation-…/world-3`."""
-    return arn.split(":", 5)[-1].partition("/")[2]
 
 
 def _reported_step(step: StepRecord) -> ReportedStep:
@@ -528,7 +545,7 @@ def _reported_step(step: StepRecord) -> ReportedStep:
 
 def _in_a_line(job: JobRecord, pages: ConsolePages) -> str:
     page = pages.job(job.arn)
-    name = f"[{job.label}]({page})" if page else job.label
+    name = f"[{job.title}]({page})" if page else job.title_with_id
     return f"**{name}** {job.verdict or job.status}: {job.failure_code or ''} {job.failure_reason or ''}".rstrip()
 
 
@@ -538,8 +555,8 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
 
     rows: list[dict[str, Any]] = [
         {
-            "job": job.label,
-            "world": job.world or "",
+            "job": job.title,
+            "id": job.label,
             "setting": job.variant,
             "status": job.status,
             "verdict": job.verdict or "",
@@ -563,5 +580,5 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
         lines += ["", *(f"- {line}" for line in lost)]
     show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
     for world in report.worlds[:1]:
-        show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.label)
+        show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.title)
     tell_of_report(report.run_id, report.state, path, Counter(job.verdict or job.status for job in jobs))

@@ -1,12 +1,13 @@
 """Reruns of jobs of an earlier run: selects the jobs, and makes a specification that repeats them."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.operations.registry import SEED_TAG
+from ...schemas.reports.names import ambiguous, begins_id, meant, near_names, short_name, with_id
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RerunOf, RunRecord, StepRecord
 from ...schemas.wire.errors import ConfigurationError
@@ -15,7 +16,7 @@ from ..catalog import Resource
 from ..reporting.outcomes import Outcome, outcome_of
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
-from .reports import jobs_of, short_name
+from .reports import jobs_of
 
 _FAILED = (Outcome.BROKEN, Outcome.FAILED, Outcome.CANCELED, Outcome.UNFINISHED)
 _MOST_NAMED = 5
@@ -30,10 +31,10 @@ class Selection:
     """Selects jobs without a good result: failed, with errors, cancelled, or never started."""
 
     jobs: tuple[str, ...] = ()
-    """Ids or ARNs of jobs, or labels such as `request 3`."""
+    """Ids of jobs or their beginnings, ARNs, names such as `scout in flat 3`, or labels such as `request 3`."""
 
     worlds: tuple[str, ...] = ()
-    """ARNs of worlds, or their last parts, such as `world-3`."""
+    """ARNs of worlds or the ends of them, such as `world-3`; beginnings of ids, or names such as `flat 3`."""
 
     @property
     def words(self) -> str:
@@ -88,8 +89,8 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
         raise ConfigurationError(
             f"the run {record.run_id} made no simulation jobs; `robomaker run {record.spec_path}` runs all of it again"
         )
-    _check_names(selection, everything, record.run_id)
-    chosen = {name: [order for order in found if _is_selected(order.job, selection)] for name, found in orders.items()}
+    named = _named(selection, everything, record.run_id)
+    chosen = {name: [order for order in found if _is_selected(order.job, named)] for name, found in orders.items()}
     chosen = {name: found for name, found in chosen.items() if found}
     if not chosen and not selection.failed:
         raise ConfigurationError(f"no job of the run {record.run_id} is {selection.words}")
@@ -200,42 +201,57 @@ def _result_in_words(job: ReportedJob) -> str:
 def _is_selected(job: ReportedJob, selection: Selection) -> bool:
     if selection.failed and outcome_of(job) not in _FAILED:
         return False
-    if selection.jobs and not any(_is_job(job, name) for name in selection.jobs):
+    if selection.jobs and job.label not in selection.jobs:
         return False
-    return not selection.worlds or any(_is_world(job, name) for name in selection.worlds)
+    return not selection.worlds or job.world_arn in selection.worlds
 
 
-def _is_job(job: ReportedJob, name: str) -> bool:
-    return name in (job.label, job.arn)
-
-
-def _is_world(job: ReportedJob, name: str) -> bool:
-    """Returns whether a job used a world, which may be given by the end of its ARN."""
-    arn = job.world_arn
-    return arn is not None and (arn == name or arn.endswith((f"/{name}", f":{name}")))
-
-
-def _check_names(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> None:
-    """Checks that all given names belong to the run.
+def _named(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> Selection:
+    """Returns the selection with the labels of jobs and the ARNs of worlds that its texts mean in this run.
 
     Raises:
-        ConfigurationError: A name does not belong to the run; the message lists the names that do.
+        ConfigurationError: a text means no part of the run, or any of several; the message lists them.
     """
-    for name in selection.jobs:
-        if not any(_is_job(job, name) for job in jobs):
-            raise ConfigurationError(f"the run {run_id} has no job {name!r}; it has {_some(_labels(jobs))}")
-    for name in selection.worlds:
-        if not any(_is_world(job, name) for job in jobs):
-            worlds = [short_name(job.world_arn) for job in jobs if job.world_arn]
-            known = f"it has jobs in {_some(worlds)}" if worlds else "its jobs have no worlds"
-            raise ConfigurationError(f"the run {run_id} has no job in the world {name!r}; {known}")
+    labels = [label for text in selection.jobs for label in _jobs_meant(text, jobs, run_id)]
+    worlds = [arn for text in selection.worlds for arn in _worlds_meant(text, jobs, run_id)]
+    return Selection(selection.failed, tuple(labels), tuple(worlds))
 
 
-def _labels(jobs: Sequence[ReportedJob]) -> Iterator[str]:
-    return (job.label for job in jobs)
+def _jobs_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[str]:
+    known = {job.label: (job.name, job.arn or "") for job in jobs}
+    found = meant(text, known)
+    if not found:
+        near = near_names(text, (name for job in jobs for name in (job.name, job.label)))
+        raise ConfigurationError(f"the run {run_id} has no job {text!r}{near or f'; it has {_some(_titles(jobs))}'}")
+    if len(found) > 1:
+        raise ConfigurationError(ambiguous(text, f"jobs of the run {run_id}", [*_titles(jobs, found)]))
+    return found
 
 
-def _some(names: Iterator[str] | Sequence[str]) -> str:
+def _worlds_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[str]:
+    """The worlds of a run that a text means: all of those whose ARNs end so, or the one of that name or id."""
+    names = {job.world_arn: job.world_name or "" for job in jobs if job.world_arn}
+    ends = [arn for arn, name in names.items() if text in (arn, name) or arn.endswith((f"/{text}", f":{text}"))]
+    found = ends or [arn for arn in names if begins_id(text, short_name(arn))]
+    if not found:
+        told = [with_id(name, short_name(arn)) for arn, name in names.items()]
+        near = near_names(text, names.values())
+        known = f"it has jobs in {_some(told)}" if told else "its jobs have no worlds"
+        raise ConfigurationError(f"the run {run_id} has no job in the world {text!r}{near or f'; {known}'}")
+    if not ends and len(found) > 1:
+        told = [with_id(names[arn], short_name(arn)) for arn in found]
+        raise ConfigurationError(ambiguous(text, f"worlds of the run {run_id}", told))
+    return found
+
+
+def _titles(jobs: Sequence[ReportedJob], labels: Sequence[str] | None = None) -> Iterator[str]:
+    """Names of jobs with their ids."""
+    for job in jobs:
+        if labels is None or job.label in labels:
+            yield with_id(job.name, job.label)
+
+
+def _some(names: Iterable[str]) -> str:
     each = list(dict.fromkeys(names))
     more = len(each) - _MOST_NAMED
     return ", ".join(each[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -31,7 +31,7 @@ from ..simulations.planning.job_contents import CurrentApplications, contents_of
 from ..simulations.planning.run_plans import world_arn
 from ..simulations.stored_jobs import draws_its_seed, find_results, job_document
 from ..worlds.generation import world_seeds_of
-from ..worlds.reuse import find_world_again
+from ..worlds.reuse import find_template_again, find_world_again
 from .run_records import find_records
 
 NO_SEED = "no seed is given, so each run draws its own"
@@ -106,7 +106,7 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
     plan.outputs[step.name] = {"arn": arn}
     request = batches[0]
     if isinstance(request, CreateWorldTemplateRequest) and request.templateBody:
-        plan.templates[arn] = unwrapped_text(request.templateBody)
+        plan.templates[arn] = _body_as_made(step, request, unwrapped_text(request.templateBody), plan.service)
     elif step.operation in _ROLES:
         plan.outputs[step.name] = _plan_application(step, members, plan)
     elif isinstance(request, CreateWorldGenerationJobRequest):
@@ -118,6 +118,14 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
         orders = [order for each in more for order in each.createSimulationJobRequests]
         return [_plan_job(step.name, i, f"request {i + 1}", order, plan) for i, order in enumerate(orders)]
     return []
+
+
+def _body_as_made(step: CheckedStep, request: CreateWorldTemplateRequest, body: str, service: Service) -> str:
+    """The body of a template as the run will have it: of one that is there already, as that one's was written."""
+    if step.if_exists != "reuse":
+        return body
+    found = find_template_again(request.name or "", body, request.tags or {}, service)
+    return body if found is None else WorldTemplateDocument.of(found).template_body
 
 
 def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan) -> dict[str, Any]:

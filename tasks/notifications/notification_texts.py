@@ -123,7 +123,7 @@ def _counts(record: RunRecord) -> str:
 
 
 def _line(job: JobRecord) -> str:
-    where = f"{job.label} in {job.world}" if job.world else job.label
+    where = f"{job.label} in {job.world}" if job.world and not job.name else job.title_with_id
     if (missed := _missed(job)) and not job.failure_reason:
         return f"{where}: " + _short("; ".join(f"{each.name}: {each.detail}" for each in missed))
     reason = job.failure_reason or job.verdict_reason or ""

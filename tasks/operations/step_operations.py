@@ -4,7 +4,9 @@ import hashlib
 import json
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
+from ...schemas.specs.specification import CheckedStep
 from ...schemas.wire.errors import ConfigurationError, InvalidParameterException, StorageError
 from ...schemas.worlds.step_operations import (
     STEP_OPERATIONS,
@@ -15,7 +17,9 @@ from ...schemas.worlds.step_operations import (
 )
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
+from .existing_resources import existing_application
 from .registry import Operation, registry
+from .world_templates import existing_template
 
 
 @cache
@@ -23,6 +27,25 @@ def step_registry() -> Mapping[str, Operation]:
     """Returns all operations that steps of a specification may call, by name."""
     shape = STEP_OPERATIONS["VaryWorlds"]
     return {**registry(), shape.name: Operation(shape, _vary_worlds)}
+
+
+def existing_resource(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """Returns the response of a step whose application or template is there already, as its `ifExists` says.
+
+    Args:
+        step: the step.
+        request: its request's members.
+        service: the service, with its catalog and object store.
+
+    Returns:
+        `None` if the step has to create it, or creates something else.
+
+    Raises:
+        ServiceError: the name is taken by something else, or the request is refused.
+    """
+    if step.operation == "CreateWorldTemplate":
+        return existing_template(step.if_exists, request, service)
+    return existing_application(step, request, service)
 
 
 def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:

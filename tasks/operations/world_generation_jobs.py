@@ -41,6 +41,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
         WorldGenerationJobDocument(
             request=WorldGenerationRequest.model_validate(request.to_wire()),
             template_body=WorldTemplateDocument.of(template).template_body,
+            template_name=template.name or None,
             seed=service.new_seed() if seed is None else seed,
             reuse=service.reuses and seed is not None,
         ),

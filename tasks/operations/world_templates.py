@@ -1,5 +1,8 @@
 """Handlers of operations on world templates, the descriptions from which worlds are generated."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from ...schemas.documents.document_base import Changes
 from ...schemas.documents.worlds import TemplateBody, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.operations.world_templates import (
@@ -18,9 +21,15 @@ from ...schemas.operations.world_templates import (
 from ...schemas.templates.extensions import body_extensions
 from ...schemas.templates.parsing import parse_template_body, unwrapped_text
 from ...schemas.wire.arns import new_id
-from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+    ObjectNotFoundError,
+    ResourceAlreadyExistsException,
+    StorageError,
+)
 from ..catalog import ClientToken, Resource
 from ..service.service import Service
+from ..worlds.reuse import find_template_again
 from .registry import Answer, operation, page_of
 
 KIND = "world-template"
@@ -31,7 +40,10 @@ _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to f
 def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
     """Handles `CreateWorldTemplate`: checks and stores a template body."""
     token = ClientToken.of("CreateWorldTemplate", request)
-    resource = service.find_by_client_token(token) or _stored(request, token, service)
+    return _answer(service.find_by_client_token(token) or _stored(request, token, service), request)
+
+
+def _answer(resource: Resource, request: CreateWorldTemplateRequest) -> CreateWorldTemplateResponse:
     return CreateWorldTemplateResponse(
         arn=resource.arn,
         clientRequestToken=request.clientRequestToken,
@@ -39,6 +51,33 @@ def create_world_template(request: CreateWorldTemplateRequest, service: Service)
         name=request.name or None,
         tags=dict(resource.tags),
     )
+
+
+def existing_template(if_exists: str, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """Returns the response of a step whose template is there already; `None` if the step has to create it.
+
+    A template is taken if name, body and tags are the same; the form of the JSON text does not matter.
+
+    Args:
+        if_exists: `reuse` or `fail`.
+        request: the request's members.
+        service: the service, with its catalog and object store.
+
+    Raises:
+        ResourceAlreadyExistsException: `fail` was said, and there is a template of the name.
+        InvalidParameterException: the body is not valid, or cannot be read.
+    """
+    asked = CreateWorldTemplateRequest.model_validate(request)
+    if if_exists == "fail":
+        taken = service.catalog.find(KIND, asked.name or "")
+        if taken is not None and asked.name:
+            raise ResourceAlreadyExistsException(
+                f"{taken.arn} has the name {asked.name!r} already; choose another, or leave ifExists out"
+            )
+        return None
+    body = _checked_body(asked.templateBody, asked.templateLocation, service).template_body
+    found = find_template_again(asked.name or "", body, asked.tags or {}, service)
+    return None if found is None else _answer(found, asked).to_wire()
 
 
 def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, service: Service) -> Resource:

@@ -92,7 +92,14 @@ def _properties(step: StepSuite, summary: ReportSummary) -> Iterator[tuple[str, 
 
 
 def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
-    facts = {"job": job.name, "seed": job.seed, "world": job.world, "output": job.output, "arn": job.arn}
+    facts = {
+        "name": job.title or None,
+        "job": job.name,
+        "seed": job.seed,
+        "world": job.world,
+        "output": job.output,
+        "arn": job.arn,
+    }
     facts |= {"page": pages.job(job.arn) or None}
     facts |= {"results taken over from": job.reused_from, "before": job.earlier}
     yield from ((name, str(value)) for name, value in facts.items() if value is not None)

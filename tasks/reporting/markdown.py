@@ -122,7 +122,8 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
     yield "| --- | --- | --- | --- |"
     for job in sorted(bad, key=lambda each: Outcome(each.outcome).rank)[:_MOST_JOBS]:
         page = pages.job(job.arn)
-        name = f"[{_code(job.test)}]({page})" if page else _code(job.test)
+        title = _code(job.title or job.test)
+        name = f"[{title}]({page})" if page else title
         again = _code(f"robomaker repro {job.name}") if job.arn else ""
         why = _code(job.reason or job.failure_code or "")
         known = f" (known, {_code(job.known)})" if job.known else ""

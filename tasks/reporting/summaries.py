@@ -21,7 +21,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         console_url: URL of the console for other machines; empty: unknown.
     """
     results = results or _results_of(report)
-    labels = {world.arn: world.label for world in report.worlds}
+    labels = {world.arn: world.title for world in report.worlds}
     return ReportSummary(
         name=report.name,
         run_id=report.run_id,
@@ -49,11 +49,12 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
 
 def _results_of(report: Report) -> ResultTable:
     """Makes a table of results from a report's jobs, each as one trial."""
-    labels = {world.arn: world.label for world in report.worlds}
+    labels = {world.arn: world.title for world in report.worlds}
     return ResultTable.of(
         [
             JobRecord(
                 label=job.label,
+                name=job.name,
                 status=job.status,
                 verdict=job.result.verdict if job.result else None,
                 failure_code=job.failure_code,
@@ -121,6 +122,7 @@ def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
     outcome, result = outcome_of(job), job.result
     return JobCase(
         name=job.label,
+        title=job.name,
         test=test,
         arn=job.arn,
         outcome=outcome.value,

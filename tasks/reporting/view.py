@@ -107,8 +107,8 @@ class Page:
 
     @property
     def anchors(self) -> dict[str, str]:
-        """HTML anchors of the jobs' cards, by job label."""
-        return {job.title: job.anchor for job in self.jobs}
+        """HTML anchors of the jobs' cards, by id of the job."""
+        return {job.job.label: job.anchor for job in self.jobs}
 
     @property
     def failures(self) -> list[JobView]:
@@ -223,7 +223,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         job=job,
         outcome=outcome_of(job),
         number=index,
-        title=job.label,
+        title=job.title,
         missed=_missed(job),
         reason=reason,
         log="" if job.log_tail.strip() in reason else outcomes.plain(job.log_tail),
@@ -254,15 +254,15 @@ def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None,
     if job.result is None:
         return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:
-        title = f"Plan of {world.world.label} with the path of {job.label}"
+        title = f"Plan of {world.world.title} with the path of {job.title}"
         return plan.draw_job_plan(world.content, world.frame, world.fixtures, job.result, title), ""
     if world is not None:
-        missing = f"No plan of {world.world.label}: {world.note}"
+        missing = f"No plan of {world.world.title}: {world.note}"
     elif job.world_arn:
         missing = f"The world {job.world_arn} is not part of this report."
     else:
         missing = "This job drove in no generated world."
-    return plan.draw_bare_path(job.result, f"Path of {job.label}"), missing
+    return plan.draw_bare_path(job.result, f"Path of {job.title}"), missing
 
 
 def _poster(job: ReportedJob, budget_bytes: int) -> tuple[Picture | None, str]:

@@ -74,7 +74,7 @@ def _view_world(world: ReportedWorld, index: int, driven_by: list[int], budget_b
     if content is not None:
         frame = Frame.of_world(content)
         drawing = plan.draw_fixtures(content, frame, fixtures)
-        own_plan = plan.draw_world_plan(content, frame, fixtures, f"Floor plan of {world.label}")
+        own_plan = plan.draw_world_plan(content, frame, fixtures, f"Floor plan of {world.title}")
     else:
         plan_uri, note = _given_plan(world, note)
     preview, preview_note = None, "There is no preview."

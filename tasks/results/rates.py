@@ -160,7 +160,7 @@ def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> 
         return share
     row = int(np.nanargmin(margins))
     [unit] = units
-    job = results.texts("job")[row]
+    job = results.job_names()[row]
     return share.model_copy(update={"worst_margin": float(margins[row]), "worst_job": job, "unit": unit})
 
 

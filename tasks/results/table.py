@@ -28,6 +28,8 @@ TrialsOf = Callable[[JobRecord], "pa.Table | None"]
 """Function that returns the table of a job's trials; None: it has no trials, or none of them ended."""
 
 _OF_JOBS = ("step", "test", "job", "world", "world_name", "outcome", "output")
+_NAME = "job_name"
+"""Column of names for people; tables of early releases have none."""
 _OUTCOMES = {"PASS": "passed", "FAIL": "failed", "ERROR": "broken", "NONE": "no verdict"}
 _REQUIREMENTS = TypeAdapter(list[Requirement])
 
@@ -38,6 +40,7 @@ class ResultTable:
     | column | content |
     | --- | --- |
     | `step`, `test`, `job` | the step, the job's name in every run of the specification, and its id |
+    | `job_name` | its name for people, unique in the run: `scout in flat 3` |
     | `world`, `world_name` | the world by its content, and by its name in this run; empty: none |
     | `outcome` | `passed`, `failed`, `broken`, `canceled`, `unfinished` or `no verdict` |
     | `output` | address of its outputs; empty where a trial has none of its own |
@@ -94,7 +97,7 @@ class ResultTable:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        texts = [*_OF_JOBS, "requirements"]  # few different ones, which are kept once they are read
+        texts = [*_columns(), "requirements"]  # few different ones, which are kept once they are read
         try:
             file = pq.ParquetFile(path, read_dictionary=texts)
         except pa.ArrowException as error:
@@ -163,6 +166,10 @@ class ResultTable:
     def texts(self, column: str) -> list[str | None]:
         """Returns a text column; `None` for empty cells."""
         return self._column(column).to_pylist()
+
+    def job_names(self) -> list[str | None]:
+        """Returns the names of the jobs for people; of a table of an early release, their ids."""
+        return self.texts(_NAME if _NAME in self._all_names else "job")
 
     def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
         """Returns a text column as integer codes (-1 for empty cells) and the list of distinct texts."""
@@ -255,7 +262,7 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
         for job in jobs
     ]
     names = Names.of(rows, most=sys.maxsize)
-    of_jobs = [pa.field(name, pa.string()) for name in _OF_JOBS]
+    of_jobs = [pa.field(name, pa.string()) for name in _columns()]
     seed_known = [job.inputs is not None and job.inputs.seed is not None for job in jobs]
     columns = [
         {
@@ -291,7 +298,7 @@ def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
     of_job |= {"outcome": pa.array(outcomes, pa.string()), "output": pa.array(outputs, pa.string())}
     # Its own axes come first: what a trial itself says of one of that name is nearer to it.
     of_step = {f"axis.{name}": pa.repeat(pa.scalar(value), count) for name, value in job.axes.items()}
-    columns = {name: of_job[name] for name in _OF_JOBS} | of_step
+    columns = {name: of_job[name] for name in _columns()} | of_step
     columns |= {name: trials[name] for name in trials.column_names}
     return pa.table(columns)
 
@@ -316,13 +323,20 @@ def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
     return [as_text(table) for table in tables]
 
 
+def _columns() -> list[str]:
+    """Columns about jobs, in their order: the name stands behind the id."""
+    after = _OF_JOBS.index("job") + 1
+    return [*_OF_JOBS[:after], _NAME, *_OF_JOBS[after:]]
+
+
 def _place(job: JobRecord) -> dict[str, str | None]:
     return {
         "step": job.step or "",
         "test": job.test or job.label,
         "job": job.label,
         "world": job.inputs.world if job.inputs else None,
-        "world_name": job.world,
+        "world_name": job.world_title,
+        _NAME: job.title,
     }
 
 

@@ -27,6 +27,7 @@ from .inventory import (
     with_jobs_of,
     worlds_of_jobs,
 )
+from .kept_archives import collect_archives
 from .policy import named_by, why_kept
 from .recordings import collect_recordings
 from .removal import (
@@ -84,6 +85,9 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     if policy.older_than is not None:
         with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
         items += collect_copies(policy.older_than, with_worlds, service, act=act)
+    items += collect_archives(
+        policy.older_than, frozenset[str]() if act else _removed(policy, chosen), service, act=act
+    )
     if policy.orphaned_recordings and policy.older_than is not None:
         ends = {unit.candidate.id for unit in _gone(policy, chosen)} | _removed(policy, chosen)
         gone = frozenset[str]() if act else ends  # what could not be removed still names its own

@@ -11,6 +11,7 @@ from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import MadeOf, ReusedFrom, SimulationJobDocument
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
+from ...schemas.reports.names import name_label
 from ...schemas.runs.plan import ApplicationRole, RunResult
 from ...schemas.runs.policies import policy_in
 from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
@@ -18,6 +19,7 @@ from ...schemas.runs.requirements import requirements_of
 from ...schemas.runs.trials import trials_of
 from ...schemas.wire.errors import InvalidParameterException, StorageError
 from ..catalog import ClientToken, Resource
+from ..service.references import name_of_job, name_of_world
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
 from .inputs.bundles import check_rooms
@@ -215,8 +217,11 @@ def job_document(
     wire = request.to_wire()
     current = applications or CurrentApplications(service)
     found = {role: _applications(wire, role, current) for role in _ROLES}
+    world_name = None
     if (world := world_arn(wire)) is not None:
-        check_rooms(request, service.catalog.get(world, kind="world"), service)
+        resource = service.catalog.get(world, kind="world")
+        check_rooms(request, resource, service)
+        world_name = name_of_world(resource, service)
     check_output_location(wire.get("outputLocation"))
     data_sources = resolve_data_sources(wire.get("dataSources") or [], service, wire.get("iamRole"))
     seed, trials = seed_of(request), trials_of(request)
@@ -232,6 +237,7 @@ def job_document(
         data_sources=data_sources,
         robot_application_names=[each.name for each in found["robot"]],
         simulation_application_names=[each.name for each in found["simulation"]],
+        world_name=world_name,
         application_arns={
             bare_name(role, config["application"]): each.arn
             for role, applications in found.items()
@@ -270,6 +276,7 @@ def _store(
     labels = {
         "robotApplicationName": document.robot_application_names,
         "simulationApplicationName": document.simulation_application_names,
+        **name_label(name_of_job(document)),
     }
     if document.made_of is not None:
         labels[REUSE_LABEL] = [ReuseInputs.of(document, document.made_of).key]

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
+from ...schemas.reports.names import name_label, world_name
 from ...schemas.wire.arns import world_id
 from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
 from ...schemas.worlds.description import DESCRIPTION_FILE
@@ -130,10 +131,11 @@ def add_world(service: Service, job: Resource, index: int, arn: str, made: World
     assert bundle is not None
     document = WorldGenerationJobDocument.of(job)
     request, origin = document.request, origin_of(document.template_body, world_seeds(document, index))
+    number = world_id(job.id, index + 1)
     world = Resource.new(
         arn=arn,
         kind="world",
-        id=world_id(job.id, index + 1),
+        id=number,
         status="Active",
         parent=job.arn,
         tags=request.world_tags or {},
@@ -142,9 +144,14 @@ def add_world(service: Service, job: Resource, index: int, arn: str, made: World
             **job.labels,
             BUNDLE_LABEL: [bundle_label(bundle)],
             ORIGIN_LABEL: [origin],
+            **name_label(world_name(document.template_name, number)),
         },
         document=made.model_copy(
-            update={"template": request.template, "description_key": f"{bundle.prefix}/{DESCRIPTION_FILE}"}
+            update={
+                "template": request.template,
+                "template_name": document.template_name,
+                "description_key": f"{bundle.prefix}/{DESCRIPTION_FILE}",
+            }
         ),
     )
     with suppress(ResourceAlreadyExistsException):  # made by the job worker that took over from one that was held up

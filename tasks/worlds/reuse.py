@@ -1,8 +1,10 @@
-"""Reuses existing worlds that have the same template and seeds, in place of generating them anew."""
+"""Worlds of a fixed seed, and templates, that are there already: found again by their content, not made anew."""
 
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
 from ..service.patience import at_once
@@ -10,6 +12,43 @@ from ..service.service import Service
 from ..storage import read_manifest
 from .generation import ORIGIN_LABEL, add_world, origin_of, world_seeds
 from .stored_bundles import bundle_held
+
+_TEMPLATE = "world-template"
+_PAGE = 20  # templates of one name: mostly there is one
+
+
+def find_template_again(name: str, body: str, tags: Mapping[str, str], service: Service) -> Resource | None:
+    """Finds the newest template of the same name, body and tags.
+
+    Args:
+        name: the name; empty: none.
+        body: the body as JSON text; its spaces and the order of its members do not matter.
+        tags: the tags.
+        service: the service, with its catalog and object store.
+    """
+    for template in _templates_named(name, service):
+        if same_body(WorldTemplateDocument.of(template).template_body, body) and dict(template.tags) == dict(tags):
+            return template
+    return None
+
+
+def same_body(one: str, other: str) -> bool:
+    """Whether two JSON texts say the same: spaces and the order of members do not matter."""
+    return _canonical(one) == _canonical(other)
+
+
+def _canonical(body: str) -> str:
+    return json.dumps(json.loads(body), sort_keys=True)  # as text: in Python, true equals 1
+
+
+def _templates_named(name: str, service: Service) -> Iterator[Resource]:
+    """Yields all templates of a name, the newest first."""
+    after = None
+    while True:
+        page = service.catalog.list(_TEMPLATE, filters={"name": [name]}, limit=_PAGE, after=after)
+        yield from page.resources
+        if (after := page.next_token) is None:
+            return
 
 
 def find_world_again(template_body: str, seeds: tuple[int, int], service: Service) -> Resource | None:

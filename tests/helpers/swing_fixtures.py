@@ -28,6 +28,13 @@ def upload_swinger(service: Service, tmp_path: Path, more: bytes = b"") -> None:
     service.store.put_file("applications", "swinger.tar.gz", tmp_path / "swinger.tar.gz")
 
 
+def forget_archives(service: Service) -> None:
+    """Removes the archives that were kept for reruns, and the unpacked ones on this machine."""
+    for kept in list(service.store.list(service.settings.bucket, "kept-archives/")):
+        service.store.delete(kept.bucket, kept.key)
+    shutil.rmtree(service.settings.home / "cache" / "applications")
+
+
 @pytest.fixture
 def swing(service: Service, tmp_path: Path) -> Simulate:
     """Orders a job of the swinging pendulum, runs it to its end, and returns its description.

@@ -145,10 +145,10 @@ def find_record(runs: Path, run: str) -> Path:
 
     Args:
         runs: folder of all runs.
-        run: a run's id, its folder, or `latest`, which leaves the probes of forecasts out.
+        run: a run's id or its beginning, its folder, or `latest`, which leaves the probes of forecasts out.
 
     Raises:
-        ConfigurationError: the run does not exist.
+        ConfigurationError: the run does not exist, or the beginning is that of several.
     """
     if "/" in run and (record := Path(run) / "run.json").is_file():
         return record
@@ -157,10 +157,16 @@ def find_record(runs: Path, run: str) -> Path:
         raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
     if run == "latest":
         return next((record for record in reversed(records) if not _is_probe(record)), records[-1])
-    if found := [path for path in records if path.parent.name == run]:
-        return found[0]
-    latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
-    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")
+    names = [path.parent.name for path in reversed(records)]
+    found = [run] if run in names else [name for name in names if run and name.startswith(run)]
+    if len(found) == 1:
+        return runs / found[0] / "run.json"
+    from ....schemas.reports.names import ambiguous, near_names
+
+    if found:
+        raise ConfigurationError(ambiguous(run, f"runs in {runs}", found))
+    latest = ", ".join(names[:5])
+    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}{near_names(run, names)}")
 
 
 def find_run(runs: Path, run: str) -> Path:

@@ -1,13 +1,11 @@
-"""Finds a world by its ARN, its id, or the folder of its bundle."""
+"""Finds the world to look at: by ARN, id or its beginning, name, or the folder of its bundle."""
 
 import os
-import re
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
+from ....schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
 from ....schemas.settings import Settings
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import (
@@ -25,25 +23,25 @@ if TYPE_CHECKING:
     from ....tasks.service.service import Service
 
 
-_ID = re.compile(r"[a-z]+-[0-9a-z]+(?:/world-[0-9]+)?")
-"""Pattern of a world's id: `import-82856b0yq33y`, `generation-82856b0yq33y/world-3`."""
-
-
 @dataclass(frozen=True)
 class FoundWorld:
     """A world whose files are on this machine, with its origin."""
 
     name: str
-    """Id of a world, or name of its folder."""
+    """The world's name for people, `flat 3`; its id where it has none; or the folder's name."""
     folder: Path
     """Folder of the world's bundle on this machine."""
     world: World
     content: str
     """SHA-256 of a world folder's content, in hexadecimal digits."""
+    id: str | None = None
+    """The world's id; absent for a folder."""
     arn: str | None = None
     template_arn: str | None = None
     template_name: str | None = None
-    """Name of the world's template; `None` also if the template was deleted."""
+    """Name that it had when the world was made; now, of a world of an early release."""
+    template_changed: bool = False
+    """Whether the template has another body than when the world was made."""
     job_arn: str | None = None
     job_seed: int | None = None
     stored_at: str | None = None
@@ -55,27 +53,28 @@ class FoundWorld:
 
 
 def find_world(wanted: str) -> FoundWorld:
-    """Finds a world by ARN, id or folder, and downloads its files if necessary.
+    """Finds a world by ARN, id, name or folder, and downloads its files if necessary.
 
     Args:
-        wanted: a world's ARN or id, such as `import-82856b0yq33y`, or the folder of a bundle.
+        wanted: a world's ARN, its id (`import-82856b0yq33y`) or the beginning of that (`generation-8285/world-3`), its
+            name (`flat 3`), or the folder of a bundle.
 
     Raises:
         InvalidParameterException: an ARN of something else, or none at all.
-        ResourceNotFoundException: the catalog has no such world.
-        ConfigurationError: the folder holds no world.
+        ResourceNotFoundException: the catalog has no world of the ARN.
+        ConfigurationError: the text means no world, or any of several; or the folder holds no world.
         StorageError: the bundle is gone, or cannot be fetched.
     """
-    if wanted.startswith("arn:"):
-        return _of_arn(wanted)
     folder = Path(wanted)
-    if folder.is_dir():
+    if not wanted.startswith("arn:") and folder.is_dir():
         return _found(folder.resolve())
-    if _ID.fullmatch(wanted):
-        service = open_service()
-        with suppress(ResourceNotFoundException):
-            return _of_arn(service.arn("world", wanted))
-    raise ConfigurationError(f"{wanted!r} is neither the ARN or id of a world nor the folder of a world's bundle")
+    if wanted.startswith("arn:"):
+        ResourceArn.parse(wanted, "world")  # before a service is opened
+    service = open_service()
+    from ....tasks.service import references
+
+    besides = ", nor the folder of a world's bundle"
+    return _of(references.find_world(wanted, service, besides), service)
 
 
 def output_file(name: str, folder: str, suffix: str) -> Path:
@@ -90,27 +89,37 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
     return Settings.from_environment(os.environ).home / folder / f"{safe}{suffix}"
 
 
-def _of_arn(arn: str) -> FoundWorld:
-    ResourceArn.parse(arn, "world")
+def _of(resource: "Resource", service: "Service") -> FoundWorld:
+    from ....tasks.service import references
 
-    service = open_service()
-    resource = service.catalog.get(arn, kind="world")
     folder = _fetched(resource, service)
     document = WorldDocument.of(resource)
     template = document.template
+    template_now = _named(template, service)
     job = _named(resource.parent, service)
+    made_of = WorldGenerationJobDocument.of(job).template_body if job else None
     return _found(
         folder,
-        name=resource.id,
-        arn=arn,
+        name=references.name_of_world(resource, service),
+        id=resource.id,
+        arn=resource.arn,
         template_arn=template,
-        template_name=(named.name if (named := _named(template, service)) else None),
+        template_name=document.template_name or (template_now.name if template_now else None),
+        template_changed=_has_changed(made_of, template_now),
         job_arn=resource.parent,
         job_seed=WorldGenerationJobDocument.of(job).seed if job else None,
         stored_at=document.bundle and service.store.uri(document.bundle.bucket, document.bundle.prefix),
         stored_content=document.bundle and document.bundle.last_part,
         stored=document.bundle,
     )
+
+
+def _has_changed(body: str | None, template: "Resource | None") -> bool:
+    from ....tasks.worlds.reuse import same_body
+
+    if body is None or template is None:
+        return False
+    return not same_body(body, WorldTemplateDocument.of(template).template_body)
 
 
 def stored_digests(found: FoundWorld) -> dict[str, str] | None:

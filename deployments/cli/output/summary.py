@@ -105,7 +105,7 @@ def _step_line(step: StepRecord) -> list[Cell]:
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     shown = jobs[:_MAX_JOBS]
-    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "", "")
+    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "id", "", "")
     table = [[(title, "dim") for title in titles]]
     table += [_job_cells(number, job) for number, job in enumerate(shown, start=1)]
     # A column that says nothing about any job is left out.
@@ -133,7 +133,7 @@ def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     by_remark: dict[str, list[str]] = {}
     for job in jobs:
         for remark in job.remarks:
-            by_remark.setdefault(_in_one_line(remark), []).append(job.label)
+            by_remark.setdefault(_in_one_line(remark), []).append(job.title)
     return [
         [(f"  {labels[0] if len(labels) == 1 else f'{len(labels)} jobs'}: ", ""), (_cut(remark), "yellow")]
         for remark, labels in by_remark.items()
@@ -152,12 +152,13 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     origin = f"from {job.reused_from}" if job.reused_from else f"was {job.earlier}" if job.earlier else ""
     return [
         (str(number), "dim"),
-        (job.label, ""),
+        (job.title, ""),
         (verdict, style),
-        (job.world or "", ""),
-        (job.variant, ""),
+        ("" if job.name else job.world or "", ""),  # the name says it
+        ("" if job.variant in job.name else job.variant, ""),
         (rooms, ""),
         (took, ""),
+        (job.label if job.title != job.label else "", "dim"),
         (origin, "dim"),
         (_cut(trouble), "yellow" if job.known else "red"),
     ]

@@ -22,8 +22,14 @@ def world_facts(found: FoundWorld) -> dict[str, Any]:
     return {
         "schema_version": 1,
         "name": found.name,
+        "id": found.id,
         "arn": found.arn,
-        "template": {"arn": found.template_arn, "name": found.template_name, "version": world.template_version},
+        "template": {
+            "arn": found.template_arn,
+            "name": found.template_name,
+            "version": world.template_version,
+            "changed": found.template_changed,
+        },
         "job": {"arn": found.job_arn, "seed": found.job_seed},
         "floorplan_seed": world.floorplan_seed,
         "interior_seed": world.interior_seed,
@@ -189,7 +195,13 @@ def _verdict(facts: dict[str, Any]) -> Line:
         False: ("guarantees are broken", "bold red"),
         None: ("never checked", "yellow"),
     }[facts["proven"]]
-    return [(facts["name"], "bold"), (": ", ""), verdict]
+    own = facts.get("id")
+    return [
+        (facts["name"], "bold"),
+        *([(f" ({own})", "dim")] if own and own != facts["name"] else []),
+        (": ", ""),
+        verdict,
+    ]
 
 
 def _head(facts: dict[str, Any]) -> Iterator[Line]:
@@ -204,7 +216,8 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if facts["arn"]:
         yield "world", facts["arn"]
     if template["arn"]:
-        yield "template", f"{template['name'] or 'deleted'}, {template['arn']}"
+        since = ", which has another body now" if template["changed"] else ""
+        yield "template", f"{template['name'] or 'deleted'}, {template['arn']}{since}"
     if job["arn"]:
         yield "job", job["arn"] + ("" if job["seed"] is None else f", seed {job['seed']}")
     attempts = facts["interior_attempt"] + 1

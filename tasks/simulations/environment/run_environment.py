@@ -98,6 +98,12 @@ class RunEnvironment:
 
     environ: Mapping[str, str] = field(default_factory=lambda: os.environ)
 
+    keeper: Service | None = None
+    """The service with its own access to the store, which keeps archives by digest; `None`: none is kept."""
+
+    as_ran: Mapping[str, str] = field(default_factory=dict[str, str])
+    """ETags of the archives that an earlier run had, by role, which is to be repeated; empty: those of now."""
+
     world_packages: Callable[[], WorldPackages | None] = lambda: None
     """Function that creates the ROS packages of the job's world on the first call; `None`: the job has no world."""
 

@@ -3,6 +3,7 @@
 import fcntl
 import glob
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -38,6 +39,7 @@ from ...service.patience import at_once, patiently, stopped_of
 from ...service.service import Service
 from ...storage import ObjectInfo, ObjectStore, fetch, unpack
 from ...storage.object_store import Stopped, never
+from .kept_archives import fetch_kept, keep
 
 
 def unpack_colcon_bundle(folder: Path) -> None:
@@ -64,6 +66,7 @@ def _unpack_system_tree(archive: Path, folder: Path) -> None:
 
 
 _LOOK_S = 0.1
+_ETAG = re.compile(r"[0-9A-Za-z_-]+")
 
 
 def world_bundle(world: Resource, service: Service) -> Path:
@@ -83,7 +86,15 @@ def world_bundle(world: Resource, service: Service) -> Path:
     return patiently(service.store, bundle.bucket, lambda: fill_once(folder, fill, stopped_of(service.store)))
 
 
-def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
+def application_bundle(
+    source: dict[str, str],
+    role: str,
+    service: Service,
+    *,
+    is_pinned: bool,
+    keeper: Service | None = None,
+    as_ran: str | None = None,
+) -> Path:
     """Returns the local folder of an application's unpacked archive, downloading it if necessary.
 
     Args:
@@ -91,12 +102,19 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
         role: `Robot` or `Simulation`, for failure codes.
         service: The service, with its catalog and object store.
         is_pinned: Whether the archive must have that ETag, as for a numbered version; `$LATEST` is the present archive.
+        keeper: the service with its own access to the store, which keeps the archive by its ETag, and has those that
+            were kept; `None`: none is kept.
+        as_ran: ETag of the archive that an earlier run had, which is taken if it is anywhere; otherwise the archive of
+            now is, which those who compare the two find out.
 
     Raises:
         LaunchError: The archive was deleted or changed, may not be read, or cannot be unpacked.
         StorageError: The object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
+    if keeper is not None and as_ran is not None and (folder := _earlier_bundle(as_ran, role, keeper)) is not None:
+        return folder
+    has_kept = False
     try:
         mismatch = f"{role}ApplicationVersionMismatchedEtag" if is_pinned else "MismatchedEtag"
         found = service.store.head(bucket, key)
@@ -104,20 +122,57 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
             raise _changed(found, "the version was made", source["etag"], mismatch)
 
         def fill(folder: Path) -> None:
+            nonlocal has_kept
             with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
                 archive = Path(scratch, "archive")
                 fetched = at_once(service.store).get_file(bucket, key, archive)
                 if fetched.etag != found.etag:
                     raise _changed(fetched, "it was looked at", found.etag, mismatch)
                 unpack(archive, folder)
+                if keeper is not None:
+                    keep(found.etag, lambda copy: _copied(archive, copy, fetched), keeper)
+                    has_kept = True
             unpack_colcon_bundle(folder)
 
-        folder = service.folder("cache", "applications") / found.etag
-        return patiently(service.store, bucket, lambda: fill_once(folder, fill, stopped_of(service.store)))
+        folder = _cached_bundle(found.etag, service)
+        patiently(service.store, bucket, lambda: fill_once(folder, fill, stopped_of(service.store)))
+        if keeper is not None and not has_kept:  # the folder was there: from before archives were kept, or gc was quick
+            keep(found.etag, lambda copy: at_once(service.store).get_file(bucket, key, copy), keeper)
+        return folder
     except BundleError as error:
         raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
     except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
         raise LaunchError(str(error), f"BadPermissions{role}Application") from error
+
+
+def _cached_bundle(etag: str, service: Service) -> Path:
+    return service.folder("cache", "applications") / etag
+
+
+def _copied(archive: Path, copy: Path, info: ObjectInfo) -> ObjectInfo:
+    os.link(archive, copy)
+    return info
+
+
+def _earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
+    """The unpacked archive of an ETag, from this machine or from what is kept; `None`: it is nowhere."""
+
+    def fill(folder: Path) -> None:
+        with tempfile.TemporaryDirectory(dir=keeper.folder("scratch")) as scratch:
+            archive = Path(scratch, "archive")
+            if not fetch_kept(etag, archive, keeper):
+                raise FileNotFoundError(etag)
+            unpack(archive, folder)
+        unpack_colcon_bundle(folder)
+
+    if not _ETAG.fullmatch(etag):  # what a run wrote down of itself is no path
+        return None
+    try:
+        return fill_once(_cached_bundle(etag, keeper), fill, stopped_of(keeper.store))
+    except FileNotFoundError:
+        return None
+    except BundleError as error:
+        raise LaunchError(f"the kept archive of ETag {etag}: {error}", f"InvalidBundle{role}Application") from error
 
 
 def last_used(copy: Path) -> datetime:

@@ -334,7 +334,14 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
     if sources := document.sources:
         is_pinned = document.version != LATEST
         source = source_for_this_machine(sources)
-        folder = application_bundle(source.to_json(), role.capitalize(), run_environment.service, is_pinned=is_pinned)
+        folder = application_bundle(
+            source.to_json(),
+            role.capitalize(),
+            run_environment.service,
+            is_pinned=is_pinned,
+            keeper=run_environment.keeper,
+            as_ran=run_environment.as_ran.get(role),
+        )
         return Code(role, application.name, folder=folder)
     return Code(role, application.name, module=document.environment and python_package(document.environment.uri))
 

@@ -129,6 +129,7 @@ def run_plan(
     service: Service,
     ros_domain: int,
     stopped: Callable[[], bool] = lambda: False,
+    as_ran: Mapping[str, str] | None = None,
 ) -> RunPlan:
     """Downloads everything a simulation run needs, and makes its plan.
 
@@ -139,6 +140,8 @@ def run_plan(
         service: Service that stores worlds, applications and data; the last two are read as the role of the request.
         ros_domain: the run's own domain of ROS 2; see `ros_domains.own_domain`.
         stopped: Function called during long operations; true cancels them.
+        as_ran: ETags of the archives, by role, of an earlier run that is to be repeated; those that are nowhere any
+            more are taken as they are now. Absent: all are as they are now, and are kept.
 
     Raises:
         LaunchError: An input cannot be downloaded; the error carries the job's failure code.
@@ -177,7 +180,15 @@ def run_plan(
     )
     destinations = tuple(each.destination for each in sources if each.destination)
     run_environment = RunEnvironment(
-        plan, folder, sandbox, destinations, acting, stopped, world_packages=_world_packages(request, sandbox, service)
+        plan,
+        folder,
+        sandbox,
+        destinations,
+        acting,
+        stopped,
+        keeper=service,
+        as_ran=as_ran or {},
+        world_packages=_world_packages(request, sandbox, service),
     )
     applications = plan_applications(request, run_environment)
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)

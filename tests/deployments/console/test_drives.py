@@ -67,7 +67,7 @@ def test_the_path_grows_on_the_plan(browser: Any, looked: Any, store_job: Any, g
     job = store_job("Running", request=request_in(world), **RUNNING)
     page = browser.get(f"/console/jobs/{job}").text
     assert '<g id="drive"/>' in page
-    assert f"Plan of {world.split(':world/')[1]} with the path of {job} so far" in page
+    assert f"Plan of two rooms 1 with the path of {job} so far" in page
     note = work_of(job, service) / PATH_FILE
 
     def add(*lines: str) -> None:

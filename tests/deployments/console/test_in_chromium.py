@@ -80,7 +80,7 @@ def test_a_newcomer_comes_to_the_video_of_the_failing_job(
         )
         assert page.evaluate("document.querySelectorAll('svg .path').length") >= 1
         check_rules(page, axe)
-        follow_link(page, "generation-", "main a[href*='/console/worlds/']")
+        follow_link(page, "two rooms", "main a[href*='/console/worlds/']")
         page.wait_for_text("all guarantees hold")
         check_rules(page, axe)
         for path in ("", "/jobs", "/batches", "/worlds", "/runs", "/search?q=nothing"):

@@ -13,6 +13,7 @@ from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.challenge import Challenge
+from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call
@@ -255,6 +256,51 @@ def test_a_template_shows_its_body_and_what_it_made(browser: Any, template: str,
         assert (world.id in page, f"/console/batches?tag={tag.replace('=', '%3D')}" in page) == (is_there, True)
     found = browser.get(f"/console/search?q={id_of(template)}")
     assert found.headers["location"] == f"/console/worlds?template={id_of(template)}"
+
+
+def test_jobs_are_shown_by_name_and_the_search_finds_them_so(
+    browser: Any, store_job: StoreJob, service: Service
+) -> None:
+    named = {"robot_application_names": ["scout"], "simulation_application_names": ["room"], "world_name": "flat 3"}
+    job = store_job(verdict="FAIL", **named)
+    for path in ("/jobs", f"/jobs/{job}", ""):
+        page = browser.get(f"/console{path}").text
+        assert "scout in flat 3" in page, path
+        assert job in page, path
+    unnamed = store_job()
+    assert f">{unnamed}</a>" in browser.get("/console/jobs").text
+    for wanted in (job[:-2], job.removeprefix("sim-")[:6]):
+        page = browser.get(f"/console/search?q={wanted}").text
+        found = browser.get(f"/console/search?q={wanted}").headers.get("location", page)
+        assert found == f"/console/jobs/{job}", wanted
+
+
+def test_worlds_of_one_name_are_told_apart_and_an_old_body_is_told(
+    browser: Any, template: str, service: Service
+) -> None:
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    jobs = [call("CreateWorldGenerationJob", {"template": template, "worldCount": count}, service)["arn"] for _ in "12"]
+    for job in jobs:
+        world_id = f"{id_of(job)}/world-1"
+        world = Resource.new(
+            arn=service.arn("world", world_id),
+            kind="world",
+            id=world_id,
+            parent=job,
+            labels=name_label("two rooms 1"),
+            document={
+                "template": template,
+                "templateName": "two rooms",
+                "bundle": {"bucket": "b", "prefix": f"worlds/{id_of(job)}"},
+            },
+        )
+        service.catalog.create(world, token=None)
+    page = browser.get("/console/worlds").text
+    for job in jobs:
+        assert f"<strong>two rooms 1 ({id_of(job)[:15]})</strong>" in page
+        assert f"{id_of(job)}/world-1" in page
+    both = browser.get("/console/search?q=two+rooms+1").text
+    assert all(f"{id_of(job)}/world-1" in both for job in jobs)
 
 
 def test_the_search_leads_to_pages(browser: Any, store_job: StoreJob, template: str, service: Service) -> None:

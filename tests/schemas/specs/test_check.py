@@ -235,6 +235,7 @@ def test_one_mistake_gives_one_problem() -> None:
         ("{operation: ListWorlds, needs: [frist]}", "s.yaml:5:37: steps.first.needs[0]: there is no step 'frist'; did you mean 'first'?"),
         ("{operation: ListWorlds, ifExists: reuse}", "s.yaml:5:39: steps.first.ifExists: 'reuse' is for CreateRobotApplication"),
         ("{operation: ListWorlds, ifExists: update}", "s.yaml:5:39: steps.first.ifExists: 'update' is for CreateRobotApplication"),
+        ("{operation: CreateWorldTemplate, ifExists: update}", "steps.first.ifExists: 'update' is not for CreateWorldTemplate; 'reuse' or 'fail' would be right"),
         ("{operation: ListWorlds, ifExists: maybe}", "s.yaml:5:39: steps.first.ifExists: is 'maybe'; it has to be 'fail', 'reuse' or 'update'"),
         ("{operation: [ListWorlds]}", "s.yaml:5:17: steps.first.operation: is ['ListWorlds']; it has to be text"),
         ("{operation: ListWorlds, input: all}", "s.yaml:5:36: steps.first.input: is 'all'; it has to be a mapping"),
@@ -368,3 +369,21 @@ def test_a_member_whose_name_is_endless_is_told_at_once() -> None:
     problem, *_ = problems(json.dumps({"version": 1, "name": "n", "steps": {"template": step}}))
 
     assert "unknown member" in problem
+
+
+@pytest.mark.parametrize(
+    ("operation", "default"),
+    [("CreateWorldTemplate", "reuse"), ("CreateRobotApplication", "fail"), ("ListWorlds", "fail")],
+)
+def test_only_templates_are_taken_where_nothing_is_said(operation: str, default: str) -> None:
+    inputs = {
+        "CreateWorldTemplate": {"name": "flat", "templateBody": {"Version": "1"}},
+        "CreateRobotApplication": {
+            "name": "rover",
+            "environment": {"uri": "python://rover.main"},
+            "robotSoftwareSuite": {"name": "General"},
+        },
+        "ListWorlds": {},
+    }
+    spec = {"version": 1, "name": "s", "steps": {"a": {"operation": operation, "input": inputs[operation]}}}
+    assert load_spec(json.dumps(spec), "s.json").steps["a"].if_exists == default

@@ -68,3 +68,17 @@ def test_some_members_of_several_are_read(catalog: Catalog, make_resource: MakeR
     for members in ([], ["a"], ["b", "c", "e", "it's", "none"]):
         wanted = {name: document[name] for name in members if document.get(name) is not None}
         assert catalog.get_many([arn, "arn:none"], members)[arn].document == wanted
+
+
+def test_resources_are_found_by_the_ends_of_their_ids(catalog: Catalog, make_resource: MakeResource) -> None:
+    ids = [catalog.create(make_resource(number), token=None).id for number in range(12)]
+    other = catalog.create(make_resource(30, kind="world"), token=None).id
+    kind = "simulation-job"
+    assert [each.id for each in catalog.with_ids(kind, ids[3], limit=9)] == [ids[3]]
+    assert [each.id for each in catalog.with_ids(kind, ids[3][:4], limit=2)] == [ids[11], ids[10]], "newest first"
+    assert [each.id for each in catalog.with_ids(kind, ids[3][:4], ids[3][-1], limit=9)] == [
+        each for each in reversed(ids) if each.endswith(ids[3][-1])
+    ]
+    assert catalog.with_ids(kind, other, limit=9) == ()
+    for wild in ("%", "_" * len(ids[0]), f"{ids[0][:-1]}_"):
+        assert catalog.with_ids(kind, wild, limit=9) == (), "no pattern"

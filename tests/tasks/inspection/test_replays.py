@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from helpers.processes import wait_for
-from helpers.swing_fixtures import outputs_of, upload_swinger
+from helpers.swing_fixtures import forget_archives, outputs_of, upload_swinger
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.inspection.found_runs import found_run
@@ -189,13 +189,42 @@ def test_another_application_world_or_engine_cannot_be_compared(
     assert str(answer).startswith("not comparable: this processor lacks")
 
     upload_swinger(service, tmp_path, b"new weights")
+    forget_archives(service)
     assert verify_run(job["arn"], service).reasons == [
         "the simulation application swing is not what it was",
         "the robot application pusher is not what it was",
     ]
+    forget_archives(service)
     service.store.delete("applications", "swinger.tar.gz")
     [reason] = verify_run(job["arn"], service).reasons
     assert reason.startswith("it cannot be run here: ")
+
+
+def test_an_archive_that_was_overwritten_or_deleted_is_there_for_a_rerun(
+    service: Service, swing: Simulate, tmp_path: Path
+) -> None:
+    first, again = swing(), swing()
+    archives = list(service.store.list(service.settings.bucket, "kept-archives/"))
+    assert len(archives) == 1, "of two jobs and two applications"
+    upload_swinger(service, tmp_path, b"new weights")
+    later = swing()
+    unpacked = service.settings.home / "cache" / "applications"
+    shutil.rmtree(unpacked)
+    assert verify_run(first["arn"], service).answer == "bit-identical"
+    shutil.rmtree(unpacked)
+    made = reproduce_run(again["arn"], tmp_path / "repro", service, "none")
+    assert made.other_inputs == []
+    weights = {path.read_bytes() for path in made.folder.rglob("weights.bin")}
+    assert weights == {b""}, "the code that it ran with, not that of now"
+    service.store.delete("applications", "swinger.tar.gz")
+    shutil.rmtree(unpacked)
+    assert verify_run(later["arn"], service).answer == "bit-identical"
+    # A kept archive that holds other code than the run had is found out.
+    [kept] = archives
+    service.store.put_file(kept.bucket, kept.key, tmp_path / "swinger.tar.gz")
+    shutil.rmtree(unpacked)
+    reasons = verify_run(first["arn"], service).reasons
+    assert reasons[0] == "the simulation application swing is not what it was"
 
 
 def test_a_rerun_that_comes_to_no_state_says_why(service: Service, swing: Simulate) -> None:
@@ -209,12 +238,16 @@ def test_a_rerun_that_comes_to_no_state_says_why(service: Service, swing: Simula
 
 
 def test_what_is_no_run_is_said(service: Service, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="'nothing' is no run: name the ARN or the id of a simulation job"):
+    with pytest.raises(
+        ConfigurationError, match="'nothing' is neither ARN, id nor name of any of the simulation jobs, nor s3"
+    ):
         verify_run("nothing", service)
     with pytest.raises(ConfigurationError, match=r"there is no provenance\.json in its outputs"):
         verify_run(str(tmp_path), service)
-    with pytest.raises(ResourceNotFoundException):
+    with pytest.raises(ConfigurationError, match="'sim-000000000000' is neither ARN, id nor name"):
         verify_run("sim-000000000000", service)
+    with pytest.raises(ResourceNotFoundException):
+        verify_run(service.arn("simulation-job", "sim-000000000000"), service)
 
 
 @pytest.fixture
@@ -298,6 +331,7 @@ def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swi
 def test_a_reproduction_with_another_application_says_so(service: Service, swing: Simulate, tmp_path: Path) -> None:
     job = swing(LIMIT="0.5")
     upload_swinger(service, tmp_path, b"new weights")
+    forget_archives(service)
     made = reproduce_run(job["arn"], tmp_path / "repro", service, "none")
     assert made.other_inputs == [
         "the simulation application swing is not what it was",

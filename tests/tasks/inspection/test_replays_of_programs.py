@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from helpers.fake_engine import FakeEngine
 from helpers.paths import BUNDLES
-from helpers.swing_fixtures import SUITE, outputs_of
+from helpers.swing_fixtures import SUITE, forget_archives, outputs_of
 
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -171,6 +171,8 @@ def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push
     assert str(by_chance).endswith("; the robot's program was run again")
     assert list(service.folder("scratch").iterdir()) == []
     service.store.delete("applications", "robot.tar.gz")
+    assert verify_run(same["arn"], service, run_program=True).answer == "bit-identical", "its archive was kept"
+    forget_archives(service)
     [reason] = verify_run(other["arn"], service, run_program=True).reasons
     assert reason.startswith("it cannot be run here: ")
 
@@ -183,6 +185,7 @@ def test_a_program_that_was_changed_is_another_one(service: Service, push: Simul
     (tmp_path / "robot" / "push.py").write_text(program)
     pack_tar_gz(tmp_path / "robot", tmp_path / "changed.tar.gz")
     service.store.put_file("applications", "robot.tar.gz", tmp_path / "changed.tar.gz")
+    forget_archives(service)
 
     assert verify_run(job["arn"], service, run_program=True).reasons == [
         "the robot application chance is not what it was"

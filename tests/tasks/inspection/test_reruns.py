@@ -15,8 +15,10 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.inspection.reports import job_records, jobs_of
 from prefect_robomaker.tasks.inspection.reruns import Selection, plan_rerun
 from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.results.table import ResultTable
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.stored_jobs import store_job
 
@@ -124,10 +126,75 @@ def test_jobs_are_named_by_id_or_arn(service: Service, batch: tuple[RunRecord, l
         assert rerun.rerun_of.earlier == {"drive": [f"{ids[1]}: Canceled"]}
 
 
+@pytest.fixture
+def flats(service: Service) -> list[str]:
+    """The first worlds of two generation jobs of templates that are both called flat."""
+    document = {"templateName": "flat"}
+    arns = [service.arn("world", f"generation-{maker}/world-1") for maker in ("aaaaaa", "bbbbbb")]
+    for arn in arns:
+        world = Resource.new(arn=arn, kind="world", id=arn.split(":world/")[1], status="Active", document=document)
+        service.catalog.create(world, token=None)
+    return arns
+
+
+@pytest.fixture
+def night(service: Service, order: Callable[..., dict[str, Any]], flats: list[str]) -> tuple[RunRecord, list[str]]:
+    """A run of three jobs: two that differ in a variable, in one flat, and one in the other flat of that name."""
+    orders = [order({"SPEED": "1"}, seed=1), order({"SPEED": "2"}, seed=1), order({"SPEED": "1"}, seed=1)]
+    for each, world in zip(orders, [flats[0], flats[0], flats[1]], strict=True):
+        each["simulationApplications"][0]["worldConfigs"] = [{"world": world}]
+    arn = call("StartSimulationJobBatch", {"createSimulationJobRequests": orders}, service)["arn"]
+    jobs = [
+        store_job(SimulationJobRequest.model_validate(each), service, token=None, batch=(arn, index))
+        for index, each in enumerate(orders)
+    ]
+    return record_of(drive=("StartSimulationJobBatch", arn)), [job.id for job in jobs]
+
+
+def test_worlds_of_one_name_are_not_taken_for_each_other(service: Service, night: tuple[RunRecord, list[str]]) -> None:
+    record, ids = night
+    jobs = jobs_of(record.steps, service)
+    assert [job.world_name for job in jobs] == [
+        "flat 1 (generation-aaaa)",
+        "flat 1 (generation-aaaa)",
+        "flat 1 (generation-bbbb)",
+    ]
+    assert [job.name.partition(" in ")[2] for job in jobs] == [
+        "flat 1 (generation-aaaa), SPEED=1", "flat 1 (generation-aaaa), SPEED=2", "flat 1 (generation-bbbb)"
+    ]  # fmt: skip
+    records = job_records(jobs, {}, service)
+    table = ResultTable.of(records)
+    assert table.texts("world_name") == [job.world_name for job in jobs]
+    assert table.texts("job_name") == [job.name for job in jobs]
+    assert table.texts("job") == ids
+
+
+def test_jobs_and_worlds_are_named_as_they_are_shown(service: Service, night: tuple[RunRecord, list[str]]) -> None:
+    record, ids = night
+    names = [job.name for job in jobs_of(record.steps, service)]
+
+    def chosen(**parts: tuple[str, ...]) -> list[str]:
+        rerun = plan_rerun(record, Selection(**parts), service)
+        assert rerun is not None
+        return [each.partition(":")[0] for each in rerun.rerun_of.earlier["drive"]]
+
+    assert chosen(jobs=(names[1],)) == [ids[1]]
+    assert chosen(jobs=(ids[1][:-1],)) == [ids[1]]
+    assert chosen(worlds=("flat 1 (generation-bbbb)",)) == [ids[2]]
+    assert chosen(worlds=("generation-bbbb",)) == [ids[2]]
+    assert chosen(worlds=("world-1",)) == ids, "of all of these"
+    with pytest.raises(ConfigurationError, match=r"no job in the world 'flat 1'; did you mean 'flat 1 \(generation-"):
+        chosen(worlds=("flat 1",))
+    with pytest.raises(ConfigurationError, match=r"has no job '.* in flat 1, SPEED=2'; did you mean"):
+        chosen(jobs=(names[1].replace(" (generation-aaaa)", ""),))
+
+
 def test_what_is_not_in_the_run_is_told(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
     record, ids = batch
-    with pytest.raises(ConfigurationError, match=f"the run night-1 has no job 'sim-x'; it has {ids[0]}, {ids[1]}"):
-        plan_rerun(record, Selection(jobs=("sim-x",)), service)
+    with pytest.raises(
+        ConfigurationError, match=rf"the run night-1 has no job 'none'; it has .*\({ids[0]}\), .*\({ids[1]}\)"
+    ):
+        plan_rerun(record, Selection(jobs=("none",)), service)
     with pytest.raises(ConfigurationError, match="no job in the world 'world-3'; it has jobs in generation-a/world-1"):
         plan_rerun(record, Selection(worlds=("world-3",)), service)
     with pytest.raises(ConfigurationError, match="no job of the run night-1 is request 3, in world-2"):

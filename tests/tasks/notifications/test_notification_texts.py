@@ -89,6 +89,18 @@ def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
     ]
 
 
+def test_jobs_are_named_as_people_name_them() -> None:
+    job = JobRecord(
+        label="sim-b",
+        name="scout in flat 2",
+        status="Completed",
+        verdict="FAIL",
+        world="g/world-2",
+        requirements=missed(1),
+    )
+    assert "1. scout in flat 2 (sim-b): goal-0: 0 of 9" in message_of(record("failed", [job]), None).body.splitlines()
+
+
 def test_pages_that_open_elsewhere_are_named_and_the_machine_that_has_the_report() -> None:
     arn = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-b"
     jobs = [JobRecord(label="sim-b", status="Completed", verdict="FAIL", verdict_reason="late", arn=arn)]

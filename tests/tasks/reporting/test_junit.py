@@ -100,6 +100,19 @@ def test_seed_world_and_outputs_are_told(report: Report) -> None:
     assert "PASS: collisions: 0, at most 0 asked" in told
 
 
+def test_the_name_for_people_is_told_and_names_no_test_case(report: Report) -> None:
+    named = [
+        job.model_copy(update={"name": f"scout in flat {number}"}) for number, job in enumerate(report.jobs, start=1)
+    ]
+    before, after = parsed(report), parsed(report.model_copy(update={"jobs": named}))
+    assert [each.get("name") for each in after.iter("testcase")] == [
+        each.get("name") for each in before.iter("testcase")
+    ]
+    properties = {each.get("name"): each.get("value") for each in after.iterfind(".//property")}
+    assert properties["w1.name"] == "scout in flat 1"
+    assert "name: scout in flat 1" in (after.find(".//testcase[@name='w1']/system-out").text or "")
+
+
 def test_test_cases_are_called_the_same_in_every_run(report: Report) -> None:
     def names(run: str, seed: int) -> list[str]:
         world = f"arn:aws:robomaker:us-east-1:000000000000:world/generation-{run}/world-3"

@@ -2,14 +2,21 @@
 
 import argparse
 import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from .....schemas.wire.errors import ConfigurationError, InvalidParameterException
 from ...arguments import add_output
 
+if TYPE_CHECKING:
+    from .....schemas.settings import Settings
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker perform` to its parser."""
-    parser.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it, or the id of the run")
+    parser.add_argument(
+        "arn", metavar="ARN", help="job: ARN, as `call` printed it, id or its beginning; or the id of a run"
+    )
     add_output(parser, "json", "yaml")
 
 
@@ -20,14 +27,27 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....worker.job_pools import job_pools
     from ...job import perform
 
-    if not arguments.arn.startswith("arn:"):
-        return _finish(arguments)
-    kind = ResourceArn.parse(arguments.arn).kind
     settings = Settings.from_environment(os.environ)
     operations = {pool.kind: pool.operation for pool in job_pools(settings.max_jobs)}
+    arn = arguments.arn if arguments.arn.startswith("arn:") else _arn_of(arguments.arn, list(operations), settings)
+    if arn is None:
+        return _finish(arguments)
+    kind = ResourceArn.parse(arn).kind
     if kind not in operations:
-        raise InvalidParameterException(f"{arguments.arn} names a {kind}; jobs and batches can be performed")
-    return perform(operations[kind], arguments.arn, settings, arguments.output)
+        raise InvalidParameterException(f"{arn} names a {kind}; jobs and batches can be performed")
+    return perform(operations[kind], arn, settings, arguments.output)
+
+
+def _arn_of(given: str, kinds: Sequence[Any], settings: "Settings") -> str | None:
+    """Returns the ARN of the job or batch that an id, or its beginning, means; `None`: it is no id."""
+    from .....schemas.reports.names import is_id
+    from .....tasks.service.references import find_by_id
+    from .....tasks.service.service import Service
+
+    if not is_id(given) or (settings.home / "runs" / given).exists():
+        return None
+    with Service.opened(settings) as service:
+        return find_by_id(given, kinds, service, besides=", nor of a run that broke off").arn
 
 
 def _finish(arguments: argparse.Namespace) -> int:

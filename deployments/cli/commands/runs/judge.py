@@ -19,7 +19,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--requirements", metavar="FILE", required=True, help="requirements, and the topics they are measured by: YAML"
     )
-    parser.add_argument("--world", metavar="ARN", help="world that the robot was in, for goals that are rooms")
+    parser.add_argument(
+        "--world",
+        metavar="WORLD",
+        help="world that the robot was in, for goals that are rooms: name, id or its beginning, ARN",
+    )
     parser.add_argument("--name", help="name of the run (default: that of FILE, which history and compare go by)")
     add_report(parser)
     add_output(parser, "text", "json")
@@ -38,6 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
         judging_spec,
         store_recording,
     )
+    from .....tasks.service.references import find_world
     from .....tasks.service.service import Service
     from ...inputs.specifications import read_text
     from ...pipelines import carry_out
@@ -50,8 +55,11 @@ def execute(arguments: argparse.Namespace) -> int:
     recording = check_recording(Path(arguments.recording), sources)
     settings = Settings.from_environment(os.environ)
     with Service.opened(settings) as service:
+        world: str | None = arguments.world
+        if world is not None and not world.startswith("arn:"):
+            world = find_world(world, service).arn
         keys = store_recording(recording, service)
-    text = judging_spec(name, keys, requirements, sources, bucket=settings.bucket, world=arguments.world)
+    text = judging_spec(name, keys, requirements, sources, bucket=settings.bucket, world=world)
     spec = load_spec(text, arguments.requirements)
     return carry_out(spec, settings, arguments, again(arguments), report=report, spec_path=arguments.requirements)
 

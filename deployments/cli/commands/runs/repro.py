@@ -4,6 +4,7 @@ The folder has all that the run needs: world, application bundles, data, seed.
 """
 
 import argparse
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -43,5 +44,6 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _name_of(run: str) -> str:
-    """Returns the last component of an ARN, job id, `s3://` URL or path, to name a folder after the run."""
-    return run.rstrip("/").replace("/", ":").rsplit(":", 1)[-1] or "run"
+    """Returns the last component of an ARN, id, name, `s3://` URL or path, to name a folder after the run."""
+    last = run.rstrip("/").replace("/", ":").rsplit(":", 1)[-1]
+    return re.sub(r"[^A-Za-z0-9._=-]+", "-", last).strip("-") or "run"

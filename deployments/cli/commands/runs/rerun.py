@@ -19,10 +19,18 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--failed", action="store_true", help="only jobs without a good result: failed, broken, cancelled, never begun"
     )
     parser.add_argument(
-        "--job", action="append", default=[], metavar="J", help="only this job, by id or ARN; may be given again"
+        "--job",
+        action="append",
+        default=[],
+        metavar="J",
+        help="only this job: name (`scout in flat 3`), id or its beginning, ARN; may be given again",
     )
     parser.add_argument(
-        "--world", action="append", default=[], metavar="W", help="only jobs in this world, such as world-3; likewise"
+        "--world",
+        action="append",
+        default=[],
+        metavar="W",
+        help="only jobs in this world: name (`flat 3`), world-3, id; likewise",
     )
     add_backend(parser)
     add_report(parser)

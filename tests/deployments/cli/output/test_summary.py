@@ -86,6 +86,23 @@ def test_the_final_block() -> None:
     ]
 
 
+def test_jobs_are_shown_by_name_with_the_id_beside() -> None:
+    first, second, third = record().jobs
+    jobs = [
+        first.model_copy(update={"name": "scout in flat 1, SPEED=1", "world_name": "flat 1"}),
+        second.model_copy(update={"name": "scout in flat 1, SPEED=2", "remarks": ["no video: no driver"]}),
+        third.model_copy(update={"name": "scout in flat 2"}),
+    ]
+    assert lines(record(jobs=jobs))[5:10] == [
+        "  #  job                       verdict     rooms  time  id",
+        "  1  scout in flat 1, SPEED=1  PASS        4/4    31 s  sim-1",
+        "  2  scout in flat 1, SPEED=2  Failed                   sim-2      "
+        "RobotApplicationCrash: it crashed; its log ends with: no x",
+        "  3  scout in flat 2           NotCreated               request 3  InvalidInput: no role",
+        "  scout in flat 1, SPEED=2: no video: no driver",
+    ]
+
+
 def test_a_run_that_was_forecast_says_how_far_off_that_was() -> None:
     check = ForecastCheck(made_at=datetime(2026, 1, 1, tzinfo=UTC), forecast_s=171.3, took_s=185.0)
     assert lines(record(forecast=check))[1:3] == [

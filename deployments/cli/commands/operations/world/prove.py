@@ -46,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise ConfigurationError(f"{found.folder / 'world.xml'} is no model that MuJoCo accepts: {error}") from error
     facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))
-    proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
+    proofs = {name: facts[name] for name in ("name", "id", "arn", "generator_version", "proven", "broken", "proofs")}
     checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=checks.absent())}
     print_world(arguments.output, checked, proof_lines_of(facts))
     return OK if facts["proven"] else VERDICT_FAILED

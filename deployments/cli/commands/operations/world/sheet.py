@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ......schemas.documents.worlds import WorldDocument, WorldFailures, WorldGenerationJobDocument
+from ......schemas.wire.arns import ResourceArn
 from ......schemas.wire.errors import StorageError
 from ....arguments import add_open, add_output
 from ....inputs.options import open_service
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker world sheet` to its parser."""
-    parser.add_argument("job", metavar="JOB", help="ARN of a world generation job")
+    parser.add_argument("job", metavar="JOB", help="world generation job: id or its beginning, or ARN")
     parser.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
     add_output(parser, "text", "json")
     add_open(parser, "show the page in a browser (by default only on a desktop's terminal)")
@@ -32,16 +33,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world sheet`: writes an overview of worlds as a picture and a page."""
-    from ......schemas.wire.arns import ResourceArn
     from ....inputs.world_lookup import output_file
 
-    job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
+    if arguments.job.startswith("arn:"):
+        ResourceArn.parse(arguments.job, "world-generation-job")  # before a service is opened
+    from ......tasks.service.references import find_by_id
     from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png, write_whole
 
     service = open_service()
-    job = service.catalog.get(arguments.job, kind="world-generation-job")
+    job = find_by_id(arguments.job, ("world-generation-job",), service)
     sheet = job_sheet(job, service)
-    folder = Path(arguments.to) if arguments.to else output_file(job_id, "sheets", "")
+    folder = Path(arguments.to) if arguments.to else output_file(job.id, "sheets", "")
     html = write_whole(sheet_page(sheet), folder / "sheet.html")
     png = folder / "sheet.png"
     png.write_bytes(sheet_png(sheet))

@@ -36,7 +36,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worldforge.viewer.contact_sheet import write_whole
     from ......tasks.worldforge.viewer.viewer_page import viewer_page
 
-    path = Path(arguments.html) if arguments.html else output_file(found.name, "views", ".html")
+    path = Path(arguments.html) if arguments.html else output_file(found.id or found.name, "views", ".html")
     write_whole(viewer_page(found.folder, _title(found)), path)
     sys.stdout.write(f"{path}\n")
     if answers.wanted(arguments.open):
@@ -77,4 +77,4 @@ def _mujoco_viewer(found: "FoundWorld") -> bool:
 
 
 def _title(found: "FoundWorld") -> str:
-    return f"{found.template_name}, {found.name}" if found.template_name else found.name
+    return f"{found.name} ({found.id})" if found.id and found.id != found.name else found.name

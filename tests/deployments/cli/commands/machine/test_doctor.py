@@ -29,6 +29,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
         "sandbox",
         "left behind",
         "kept outputs",
+        "kept archives",
         "left jobs",
         "broken-off runs",
     ]

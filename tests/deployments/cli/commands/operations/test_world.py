@@ -142,8 +142,11 @@ def test_what_is_no_world_is_one_clear_error(robomaker, action: str, tmp_path: P
     (tmp_path / "empty").mkdir()
     template = "arn:aws:robomaker:us-east-1:000000000000:world-template/template-1"
     for wanted, expected in [
-        ("nowhere", "'nowhere' is neither the ARN or id of a world nor the folder of a world's bundle"),
-        ("import-000000000000", "'import-000000000000' is neither the ARN or id of a world nor the folder"),
+        ("nowhere", "'nowhere' is neither ARN, id nor name of any of the worlds, nor the folder of a world's bundle"),
+        (
+            "import-000000000000",
+            "'import-000000000000' is neither ARN, id nor name of any of the worlds, nor the folder",
+        ),
         (tmp_path / "empty", "there is no world.json in it"),
         (tmp_path / "garbled", "is no world that can be read here"),
         (template, "names a world-template; it has to name a world"),

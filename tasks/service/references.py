@@ -1,0 +1,252 @@
+"""Finding the world or simulation job that a person means: by ARN, id, the beginning of an id, or name."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ...schemas.documents.simulation_jobs import JobInBrief, SimulationJobDocument
+from ...schemas.documents.worlds import WorldDocument
+from ...schemas.reports.names import (
+    NAME_LABEL,
+    ambiguous,
+    begins_id,
+    job_name,
+    meant,
+    near_names,
+    world_name,
+)
+from ...schemas.reports.run_record import RunRecord
+from ...schemas.wire.arns import Kind, ResourceArn
+from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from ..catalog import Resource
+from .service import Service
+
+WORLD: Kind = "world"
+JOB: Kind = "simulation-job"
+_KINDS_IN_IDS: Mapping[str, tuple[str, ...]] = {
+    WORLD: ("generation", "import", "variation"),
+    JOB: ("sim",),
+    "simulation-job-batch": ("batch",),
+    "world-generation-job": ("generation",),
+    "world-export-job": ("export",),
+    "deployment-job": ("deployment",),
+}
+_WORDS: Mapping[str, str] = {WORLD: "worlds", JOB: "simulation jobs"}
+_MOST = 12
+"""Largest number of candidates that are looked for: a message names five of them."""
+_LOOKED_AT = 200
+"""Newest resources whose names are compared with one that nothing has."""
+_LATEST = "latest"
+
+
+def name_of_world(world: Resource, service: Service) -> str:
+    """Returns the name of a world: `flat 3`; its id where it has none."""
+    return _names({world.arn: world}, service)[world.arn]
+
+
+def names_of_worlds(arns: Iterable[str], service: Service) -> dict[str, str]:
+    """Returns the names of those worlds that the catalog has, by ARN; several may have one name."""
+    return _names(service.catalog.get_many(arns), service)
+
+
+def _names(worlds: Mapping[str, Resource], service: Service) -> dict[str, str]:
+    documents = {arn: WorldDocument.of(world) for arn, world in worlds.items()}
+    # Those of an early release are called as their template is called now; or it had no name.
+    asked = {each.template for each in documents.values() if each.template_name is None and each.template is not None}
+    templates = service.catalog.get_many(asked, ()) if asked else {}
+    names: dict[str, str] = {}
+    for arn, document in documents.items():
+        template = templates.get(document.template or "")
+        now = template.name if template is not None else None
+        names[arn] = world_name(document.template_name or now, worlds[arn].id)
+    return names
+
+
+def name_of_job(document: SimulationJobDocument | JobInBrief) -> str:
+    """Returns the name of a simulation job: `scout in flat 3`; others may have it, too."""
+    applications = [*document.robot_application_names, *document.simulation_application_names]
+    return job_name(applications[0] if applications else None, document.world_name)
+
+
+def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
+    """Finds the world that a person means.
+
+    Of worlds of one name that are the same to the letter, the newest is taken.
+
+    Args:
+        wanted: ARN, id or its beginning (`generation-8285/world-3`), or name (`flat 3`).
+        service: the service, with its catalog.
+        besides: what else would have been right, for the message: `, nor the folder of a bundle`.
+
+    Raises:
+        ConfigurationError: no world is meant, or any of several.
+        InvalidParameterException: the ARN of something else.
+        ResourceNotFoundException: the catalog has no world of the ARN.
+    """
+    return _one(wanted, WORLD, service, worlds_meant(wanted, service), besides)
+
+
+def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
+    """Finds the simulation job that a person means.
+
+    Args:
+        wanted: ARN, id or its beginning (`sim-8285`), name (`scout in flat 3`), or run and name (`latest/scout in …`).
+        service: the service, with its catalog and the records of runs.
+        besides: what else would have been right, for the message.
+
+    Raises:
+        ConfigurationError: no job is meant, or any of several.
+        InvalidParameterException: the ARN of something else.
+        ResourceNotFoundException: the catalog has no job of the ARN.
+    """
+    return _one(wanted, JOB, service, jobs_meant(wanted, service), besides)
+
+
+def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: str = "") -> Resource:
+    """Finds the job or batch that a person means by its ARN, its id, or the beginning of the id.
+
+    Args:
+        wanted: ARN, id or its beginning.
+        kinds: kinds of which it may be.
+        service: the service, with its catalog.
+        besides: what else would have been right, for the message.
+
+    Raises:
+        ConfigurationError: nothing is meant, or any of several.
+        InvalidParameterException: the ARN of something else.
+        ResourceNotFoundException: the catalog has nothing of the ARN.
+    """
+    if wanted.startswith("arn:"):
+        arn = str(ResourceArn.parse(wanted, *kinds))
+        return service.catalog.get(arn)
+    found = [each for kind in kinds for each in _by_arn_or_id(wanted, kind, service)]
+    words = " or ".join(kind.replace("-", " ") for kind in kinds)
+    if not found:
+        raise ConfigurationError(f"{wanted!r} is neither ARN nor id of a {words}{besides}")
+    if len(found) > 1:
+        raise ConfigurationError(ambiguous(wanted, f"resources ({words})", [each.id for each in found]))
+    return found[0]
+
+
+def worlds_meant(wanted: str, service: Service) -> list[Resource]:
+    """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest."""
+    found = _by_arn_or_id(wanted, WORLD, service)
+    if found:
+        return found
+    contents: dict[str, Resource] = {}
+    for world in [*_with_label(wanted, WORLD, service), *_early_worlds(wanted, service)]:
+        bundle = WorldDocument.of(world).bundle
+        contents.setdefault(bundle.last_part if bundle else world.id, world)
+    return list(contents.values())
+
+
+def jobs_meant(wanted: str, service: Service) -> list[Resource]:
+    """Lists the simulation jobs that a text may mean, newest first."""
+    if found := _by_arn_or_id(wanted, JOB, service):
+        return found
+    if found := _in_run(wanted, service):
+        return found
+    # By the name that the catalog has: one with parameters is unique within its run only, which has to be said.
+    return _with_label(wanted, JOB, service)
+
+
+def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besides: str) -> Resource:
+    if len(found) == 1:
+        return found[0]
+    if found:
+        in_run = f", or with its run: {_LATEST}/{wanted}" if kind == JOB and NAME_LABEL in found[0].labels else ""
+        raise ConfigurationError(ambiguous(wanted, _WORDS[kind], [_told(each, service) for each in found]) + in_run)
+    if wanted.startswith("arn:"):
+        raise ResourceNotFoundException(f"there is no resource {wanted}")
+    newest = service.catalog.list(kind, limit=_LOOKED_AT).resources
+    known = [name for each in newest for name in (name_of(each, service), each.id)]
+    known += _names_in_latest_run(service) if kind == JOB else []
+    raise ConfigurationError(
+        f"{wanted!r} is neither ARN, id nor name of any of the {_WORDS[kind]}{besides}{near_names(wanted, known)}"
+    )
+
+
+def _told(resource: Resource, service: Service) -> str:
+    """Says what a candidate is: id, name, time, and of a job its run."""
+    run = SimulationJobDocument.of(resource).spec_run if resource.kind == JOB else None
+    of_run = f" of {run}" if run else ""
+    return f"{resource.id} ({name_of(resource, service)}{of_run}, made {resource.created_at:%Y-%m-%d %H:%M})"
+
+
+def name_of(resource: Resource, service: Service) -> str:
+    """Returns the name of a world or simulation job, its id where it has none; of anything else its own name."""
+    if resource.kind == WORLD:
+        return name_of_world(resource, service)
+    return (name_of_job(SimulationJobDocument.of(resource)) or resource.id) if resource.kind == JOB else resource.name
+
+
+def _by_arn_or_id(wanted: str, kind: Kind, service: Service) -> list[Resource]:
+    if wanted.startswith("arn:"):
+        return list(service.catalog.get_many([str(ResourceArn.parse(wanted, kind))]).values())
+    if exact := service.catalog.get_many([service.arn(kind, wanted)]):
+        return list(exact.values())
+    beginning, _, rest = wanted.partition("/")
+    beginnings = [beginning] if "-" in beginning else [f"{each}-{beginning}" for each in _KINDS_IN_IDS[kind]]
+    if not any(begins_id(wanted, f"{each}{'/' if rest else ''}{rest}") for each in beginnings):
+        return []
+    ending = f"/{rest}" if rest else ""
+    found = [each for part in beginnings for each in service.catalog.with_ids(kind, part, ending, limit=_MOST)]
+    return [each for each in found if begins_id(wanted, each.id)]
+
+
+def _with_label(wanted: str, kind: Kind, service: Service) -> list[Resource]:
+    return list(service.catalog.list(kind, filters={NAME_LABEL: [wanted]}, limit=_MOST).resources) if wanted else []
+
+
+def _early_worlds(wanted: str, service: Service) -> list[Resource]:
+    """Worlds of early releases, which have no label: they are called as their template is called now."""
+    template, _, number = wanted.rpartition(" ")
+    if not template or not number.isdecimal():
+        return []
+    templates = service.catalog.list("world-template", filters={"name": [template]}, limit=_MOST, members=()).resources
+    if not templates:
+        return []
+    labels = {"templateId": [each.id for each in templates]}
+    worlds = service.catalog.list(WORLD, filters=labels, limit=_LOOKED_AT).resources
+    return [world for world in worlds if NAME_LABEL not in world.labels and name_of_world(world, service) == wanted]
+
+
+def _in_run(wanted: str, service: Service) -> list[Resource]:
+    """The jobs that a run (its id, the beginning of that, or `latest`) and behind a slash a name or an id mean.
+
+    Raises:
+        ConfigurationError: the beginning is that of several runs.
+    """
+    run, _, name = wanted.partition("/")
+    record = _record_of(run, service) if run and name else None
+    if record is None:
+        return []
+    arns = {job.label: job.arn for job in record.jobs if job.arn}
+    chosen = meant(name, {job.label: (job.name, job.test or "") for job in record.jobs if job.arn})
+    return list(service.catalog.get_many(arns[label] for label in chosen).values())
+
+
+def _names_in_latest_run(service: Service) -> list[str]:
+    record = _record_of(_LATEST, service)
+    return [f"{_LATEST}/{job.name}" for job in record.jobs if job.name] if record is not None else []
+
+
+def _record_of(run: str, service: Service) -> RunRecord | None:
+    """Reads the record of a run; None: there is none, or it cannot be read, as `robomaker report` says."""
+    paths = sorted((service.settings.home / "runs").glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    if run == _LATEST:
+        records = filter(None, map(_read, reversed(paths)))
+        return next((record for record in records if not record.probe), None)
+    named = {path.parent.name: path for path in paths}
+    found = [run] if run in named else [each for each in named if each.startswith(run)]
+    if len(found) > 1:
+        raise ConfigurationError(ambiguous(run, "runs", found))
+    return _read(named[found[0]]) if found else None
+
+
+def _read(path: Path) -> RunRecord | None:
+    try:
+        return RunRecord.model_validate_json(path.read_bytes())
+    except (ValidationError, OSError):
+        return None

@@ -1,0 +1,93 @@
+"""Archives of applications that jobs ran with, kept by digest: `repro` finds last night's code when it is overwritten.
+
+Each archive is stored once under its ETag, in the service's own bucket, when a job first runs with it. `robomaker gc`
+removes those that no job names any more.
+"""
+
+import logging
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError, StorageError
+from ...service.patience import at_once
+from ...service.service import Service
+from ...storage import ObjectInfo
+
+FOLDER = "kept-archives"
+"""Beginning of their keys in the service's bucket."""
+
+_logger = logging.getLogger(__name__)
+
+
+def key_of(etag: str) -> str:
+    """Returns the key of the kept archive of an ETag."""
+    return f"{FOLDER}/{etag}"
+
+
+def is_kept(etag: str, service: Service) -> bool:
+    """Whether the archive of an ETag is kept.
+
+    Raises:
+        StorageError: the store does not answer.
+    """
+    try:
+        at_once(service.store).head(service.settings.bucket, key_of(etag))
+    except (BucketNotFoundError, ObjectNotFoundError):
+        return False
+    return True
+
+
+def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> None:
+    """Keeps an archive, unless it is kept already; a store that refuses it keeps no job from running.
+
+    Args:
+        etag: its ETag.
+        fetch: downloads it into a file, and returns what it has become meanwhile.
+        service: the service with its own access to the store, not that of a job's role.
+    """
+    try:
+        if is_kept(etag, service):
+            return
+        with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+            archive = Path(scratch, "archive")
+            if fetch(archive).etag == etag:  # otherwise it was overwritten just now
+                put(etag, archive, service)
+    except (StorageError, OSError) as error:
+        _logger.warning("the archive of ETag %s is not kept, so that repro may not find its code: %s", etag, error)
+
+
+def put(etag: str, archive: Path, service: Service) -> None:
+    """Stores an archive under its ETag.
+
+    Raises:
+        StorageError: it cannot be stored.
+    """
+    store, bucket = at_once(service.store), service.settings.bucket
+    store.ensure_bucket(bucket)
+    store.put_file(bucket, key_of(etag), archive)
+
+
+def fetch_kept(etag: str, archive: Path, service: Service) -> bool:
+    """Downloads a kept archive; returns whether there is one.
+
+    Raises:
+        StorageError: the store does not answer.
+    """
+    try:
+        at_once(service.store).get_file(service.settings.bucket, key_of(etag), archive)
+    except (BucketNotFoundError, ObjectNotFoundError):
+        return False
+    return True
+
+
+def kept_archives(service: Service) -> Iterator[ObjectInfo]:
+    """Yields all kept archives; the last part of a key is the ETag that the archive had.
+
+    Raises:
+        StorageError: the store does not answer.
+    """
+    try:
+        yield from service.store.list(service.settings.bucket, f"{FOLDER}/")
+    except BucketNotFoundError:
+        return
