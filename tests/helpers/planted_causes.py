@@ -184,3 +184,16 @@ def _row(
         **{f"margin.{name}": each for name, each in margins.items()},
         "requirements": json.dumps(requirements),
     }
+
+
+def trials_where(region: str, table: ResultTable) -> NDArray[np.bool_]:
+    """Returns which trials lie in a region in words, such as `noise ≥ 0.02 and FLOOR = carpet`."""
+    mask = np.ones(len(table), dtype=bool)
+    for part in region.split(" and "):
+        name, sign, limit = part.split(" ", 2)
+        values = np.array(table.values(name))
+        if sign == "=":
+            mask &= values.astype(str) == limit
+        else:
+            mask &= values >= float(limit) if sign == "≥" else values < float(limit)
+    return mask

@@ -1,0 +1,145 @@
+"""Lift of a region: how many times as often trials fail in it as outside, within the same worlds, with its interval."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.against import FEWEST_WORLDS
+from .evidence import Evidence, key_codes
+
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Lift:
+    """A ratio of two failure rates with its 95 % interval."""
+
+    inside: float
+    """Failure rate in the region, with worlds weighted as in the ratio."""
+    outside: float
+    value: float
+    low: float
+    high: float
+    failed_inside: int
+    trials_inside: int
+    failed_outside: int
+    trials_outside: int
+
+
+def lift_of(evidence: Evidence, failed: NDArray[np.bool_], region: NDArray[np.bool_]) -> Lift | None:
+    """Computes the lift of a region; `None` where no job has trials on both sides, or there are no failures.
+
+    It is the ratio of Mantel and Haenszel over jobs, so that a hard world with many trials in the region lifts nothing.
+    Its variance is that between worlds where there are six or more, and between cells, of which the larger one counts;
+    half a failure is added outside if there is none.
+
+    Args:
+        evidence: The trials.
+        failed: Which of them failed in the way that is asked about.
+        region: Which of them lie in the region.
+    """
+    jobs, count = evidence.jobs, int(evidence.jobs.max(initial=-1)) + 1
+    inside = np.bincount(jobs, weights=region, minlength=count)
+    whole = np.bincount(jobs, minlength=count).astype(np.float64)
+    outside = whole - inside
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weights = np.where(region, (outside / whole)[jobs], (inside / whole)[jobs])
+    usable = weights > 0
+    hits, misses = (float((weights * failed)[usable & side].sum()) for side in (region, ~region))
+    of_hits, of_misses = (float(weights[usable & side].sum()) for side in (region, ~region))
+    if of_hits <= 0 or hits + misses <= 0:
+        return None
+    half = 0.5 * of_misses / max(1, int((usable & ~region).sum()))
+    rate_in = max(hits, half) / of_hits
+    rate_out = max(misses, half) / of_misses
+    # Each trial's part in the logarithm of the ratio.
+    parts = np.where(region, (failed - rate_in) / (rate_in * of_hits), -(failed - rate_out) / (rate_out * of_misses))
+    reach = _reach(evidence, np.where(usable, parts * weights, 0.0), usable)
+    ratio = rate_in / rate_out
+    return Lift(
+        inside=hits / of_hits,
+        outside=misses / of_misses,
+        value=ratio,
+        low=ratio * math.exp(-reach),
+        high=ratio * math.exp(min(reach, 50.0)),
+        failed_inside=int(failed[region].sum()),
+        trials_inside=int(region.sum()),
+        failed_outside=int(failed[~region].sum()),
+        trials_outside=int((~region).sum()),
+    )
+
+
+def _reach(evidence: Evidence, parts: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
+    """Half the width of the 95 % interval of a sum, from how its parts differ between clusters; the widest counts."""
+    clusterings = [cells_of(evidence)]
+    if evidence.world_count >= FEWEST_WORLDS:
+        clusterings.append(evidence.worlds)
+    return max(reach_between(parts[usable], clusters[usable], _LEVEL) for clusters in clusterings)
+
+
+def cells_of(evidence: Evidence) -> NDArray[np.int64]:
+    """Clusters of trials that are alike beside their worlds: cells that were drawn, else each world's seeds.
+
+    The cells of a grid have all values of each axis equally often, and few of them are no sample of anything.
+    """
+    cells = int(evidence.cells.max(initial=-1)) + 1
+    return evidence.cells if cells >= _MANY_CELLS else key_codes([evidence.jobs, evidence.seeds])
+
+
+_MANY_CELLS = 30
+"""Cells from which on they are taken for a sample."""
+
+
+def reach_between(parts: NDArray[np.float64], clusters: NDArray[np.int64], level: float) -> float:
+    """Computes half the width of the interval of a sum of influences, clustered, with a t distribution.
+
+    Args:
+        parts: Part of each trial in the estimate; their sum is about 0.
+        clusters: Number of the cluster of each trial.
+        level: Confidence level of the interval.
+    """
+    from scipy.special import stdtrit
+
+    numbers = np.unique(clusters, return_inverse=True)[1]
+    sums = np.bincount(numbers, weights=parts)
+    count = len(sums)
+    if count < 2:
+        return math.inf
+    deviation = math.sqrt(count / (count - 1) * float((sums**2).sum()))
+    return float(stdtrit(count - 1, (1 + level) / 2)) * deviation
+
+
+def world_outlier(evidence: Evidence, failed: NDArray[np.bool_]) -> tuple[int, float] | None:
+    """Finds the world that is harder than the others by more than these differ; `None` with fewer than six worlds.
+
+    Both are asked: whether its trials failed more often by more than chance, and whether it lies apart from the spread
+    of the other worlds, by a t test of their angles (arc sine of the root of the rate).
+
+    Args:
+        evidence: The trials.
+        failed: Which of them failed in the way that is asked about.
+
+    Returns:
+        Number of the world, and the p-value, with Bonferroni's factor for the number of worlds.
+    """
+    from scipy.special import bdtrc, stdtr
+
+    worlds = evidence.world_count
+    if worlds < FEWEST_WORLDS:
+        return None
+    counts = np.bincount(evidence.worlds, minlength=worlds).astype(np.float64)
+    hits = np.bincount(evidence.worlds, weights=failed, minlength=worlds)
+    angles = np.arcsin(np.sqrt((hits + 0.375) / (counts + 0.75)))  # Anscombe's: its variance is 1 / (4 n)
+    best, p_value = 0, 1.0
+    for world in range(worlds):
+        others = np.delete(angles, world)
+        spread = max(float(others.std(ddof=1)), 0.5 / math.sqrt(counts.mean()))
+        t = (angles[world] - others.mean()) / (spread * math.sqrt(1 + 1 / (worlds - 1)))
+        rest = (hits.sum() - hits[world]) / (counts.sum() - counts[world])
+        by_chance = float(bdtrc(hits[world] - 1, counts[world], max(rest, 1e-9))) if hits[world] else 1.0
+        found = worlds * max(float(stdtr(worlds - 2, -t)), by_chance)
+        if found < p_value:
+            best, p_value = world, found
+    return best, min(1.0, p_value)
