@@ -16,9 +16,9 @@ class Claim(Model):
     axes: list[str] = Field(default=[], description="Names of the axes; empty for a world.")
     region: str = Field(description="Region in words, such as `noise ≥ 0.021 and SPEED = fast`.")
     failed_inside: int = Field(description="Failures of the group in the region.")
-    trials_inside: int = Field(description="Judged trials in the region.")
+    trials_inside: int = Field(description="Trials in the region that passed or belong to the group.")
     failed_outside: int = Field(description="Failures of the group outside.")
-    trials_outside: int = Field(description="Judged trials outside.")
+    trials_outside: int = Field(description="Trials outside that passed or belong to the group.")
     lift: float = Field(description="Failure rate inside divided by that outside, within the same jobs.")
     low: float = Field(description="Lower end of the lift's 95 % interval.")
     high: float = Field(description="Upper end of it.")
@@ -31,12 +31,13 @@ class Claim(Model):
     )
 
     @property
-    def in_words(self) -> str:
-        """The claim as a part of a sentence."""
-        inside = f"{self.failed_inside} of {self.trials_inside} trials failed so where {self.region}"
-        outside = f"{self.failed_outside} of {self.trials_outside} elsewhere"
+    def numbers(self) -> str:
+        """Counts, lift and interval as a part of a sentence that begins with the region."""
         also = f"; {' and '.join(self.alike)} has nearly the same trials" if self.alike else ""
-        return f"{inside}, {outside}: {self.lift:.1f} times as often (95 %: {self.low:.1f} to {self.high:.1f}){also}"
+        return (
+            f"{self.failed_inside} of {self.trials_inside}, elsewhere {self.failed_outside} of {self.trials_outside}: "
+            f"{self.lift:.1f} times as often (95 %: {self.low:.1f} to {self.high:.1f}), in {self.scope}{also}"
+        )
 
 
 class FailureGroup(Model):
@@ -63,10 +64,16 @@ class FailureGroup(Model):
         return ", ".join(part for part in parts if part)
 
     @property
+    def nothing(self) -> str:
+        """Sentence for a group without a claim."""
+        return self.refused or "no axis and no world explains it"
+
+    @property
     def in_words(self) -> str:
         """The group in one line, with its strongest claim."""
-        said = self.claims[0].in_words if self.claims else self.refused or "no axis and no world explains it"
-        return f"{self.name}: {self.failed} {'trial' if self.failed == 1 else 'trials'}; {said}"
+        count = f"{self.failed} {'trial' if self.failed == 1 else 'trials'}"
+        said = f"{self.claims[0].region}: {self.claims[0].numbers}" if self.claims else self.nothing
+        return f"{self.name}: {count}; {said}"
 
 
 class TestedLift(Model):
@@ -117,7 +124,7 @@ class PlotCell(Model):
     part: str = Field(description="Part of the first axis, in words.")
     other_part: str = Field(default="", description="Part of the second axis; empty: there is none.")
     failed: int = Field(description="Failures of the group.")
-    trials: int = Field(description="Judged trials.")
+    trials: int = Field(description="Trials that passed or belong to the group.")
     rate: float = Field(description="Failures of a trial.")
     low: float = Field(description="Lower end of the rate's 95 % interval, between worlds where there are six or more.")
     high: float = Field(description="Upper end of it.")

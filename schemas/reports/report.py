@@ -10,6 +10,7 @@ from ..job_owners import JobOwner
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
+from .causes import Why
 from .challenge import Challenge
 from .changes import SinceLastRun
 from .forecast import ForecastCheck
@@ -112,6 +113,7 @@ class Report(Model):
         "Changes since the last run of the specification; absent: it was not looked up."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
+    why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
 
 
 class Share(Model):
@@ -200,6 +202,7 @@ class ReportSummary(Model):
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
+    why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."
     )

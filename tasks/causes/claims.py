@@ -71,7 +71,7 @@ def hypotheses_of(
     for number, group in enumerate(groups):
         found += [_axis(evidence, number, group, axis, _Draw(chance, tests)) for axis in axes]
         found += [_pair(evidence, number, group, pair, _Draw(chance, tests)) for pair in combinations(axes, 2)]
-        if (outlier := world_outlier(evidence, group.failed)) is not None:
+        if (outlier := world_outlier(evidence, group)) is not None:
             found.append(_world(evidence, number, *outlier))
     adjusted = holm([each.p_value for each in found])
     return [replace(each, adjusted=value) for each, value in zip(found, adjusted, strict=True)]
@@ -95,7 +95,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 def _axis(evidence: Evidence, number: int, group: Group, axis: AxisColumn, draw: _Draw) -> Hypothesis:
     regions = regions_of(axis)
-    units = units_of(evidence, group.failed, [axis])
+    units = units_of(evidence, group, [axis])
     members = _members(units, axis, regions)
     found = scores(units, members)
     best = int(np.argmax(found))
@@ -118,7 +118,7 @@ def _pair(
 
     Trials are swapped inside fifths of either axis; the p-value is the larger one of both.
     """
-    units = units_of(evidence, group.failed, axes)
+    units = units_of(evidence, group, axes)
     singles = [_members(units, axis, regions_of(axis, CUTS_OF_PAIRS)) for axis in axes]
     members = (singles[0][:, :, None] & singles[1][:, None, :]).reshape(len(units.values), -1)
     given = [units.inside(_part_codes(axis)) for axis in axes]
@@ -185,11 +185,11 @@ def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> 
 
 def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
     if hypothesis.kind != "world":
-        return lift_of(evidence, group.failed, hypothesis.mask)
+        return lift_of(evidence, group, hypothesis.mask)
     # One world is compared with the others as they are: its trials, not worlds, are the sample.
     one = np.zeros(len(evidence), dtype=np.int64)
     alone = replace(evidence, jobs=one, worlds=one, world_names=("",), cells=np.arange(len(evidence)))
-    return lift_of(alone, group.failed, hypothesis.mask)
+    return lift_of(alone, group, hypothesis.mask)
 
 
 def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
@@ -235,7 +235,7 @@ def lifts_of(
     evidence: Evidence, groups: Sequence[Group], names: Sequence[str], found: Sequence[Hypothesis]
 ) -> list[TestedLift]:
     """Computes the lift of each hypothesis about axes, claimed or not."""
-    lifts = [(each, lift_of(evidence, groups[each.group].failed, each.mask)) for each in found if each.axes]
+    lifts = [(each, lift_of(evidence, groups[each.group], each.mask)) for each in found if each.axes]
     return [
         TestedLift(
             group=names[each.group],

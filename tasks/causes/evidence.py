@@ -79,6 +79,8 @@ class Evidence:
     """Number of the combination of values of all axes."""
     axes: tuple[AxisColumn, ...]
     """Axes with two values or more."""
+    twins: int
+    """Number of further trials that had the same values of all axes and went through the same states: no evidence."""
     signatures: tuple[Signature | None, ...]
     """Way in which each trial failed; None: it passed."""
 
@@ -99,7 +101,8 @@ def evidence_of(results: ResultTable) -> Evidence:
     """
     codes, outcomes = results.codes("outcome")
     wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]
-    rows = np.flatnonzero(np.isin(codes, wanted))
+    judged = np.flatnonzero(np.isin(codes, wanted))
+    rows = _distinct(results, judged)
     failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
     worlds, names = _worlds(results, rows)
     columns = tuple(_axis(name, results.values(name), rows) for name in results.axes)
@@ -114,8 +117,19 @@ def evidence_of(results: ResultTable) -> Evidence:
         seeds=seeds.astype(np.int64),
         cells=key_codes([each.codes for each in axes] or [np.zeros(len(rows), dtype=np.int64)]),
         axes=axes,
+        twins=len(judged) - len(rows),
         signatures=_signatures(results, rows, failed),
     )
+
+
+def _distinct(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leaves out trials whose job has one with the same axes and states before: their seed changes nothing."""
+    states, names = results.codes("state_digest")
+    numbers = _plain(results, "step", rows), _plain(results, "job", rows), states[rows].astype(np.int64)
+    own = np.where(states[rows] >= 0, 0, 1 + np.arange(len(rows)))  # what has no digest is like no other
+    axes = (_axis(name, results.values(name), rows).codes for name in results.axes)
+    _, first = np.unique(key_codes([*numbers[:2], numbers[2] + 1, own, *axes]), return_index=True)
+    return rows[np.sort(first)] if names else rows
 
 
 def key_codes(columns: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .evidence import AxisColumn, Evidence, key_codes
+from .groups import Group
 
 _FIRST_LOOK, _MOST_PERMUTATIONS = 199, 29_999
 _FLOOR = 0.01
@@ -24,7 +25,7 @@ _ENOUGH = 15
 """Permutations that reach what was found; as many tell a p-value of no use within a quarter."""
 _HOPELESS = 0.5
 """Bonferroni's bound on the p-value, from the normal distribution, above which no permutation is made."""
-_MOST_UNITS = 20_000
+_MOST_UNITS = 8_000
 _AT_ONCE = 2_000_000
 """Numbers that are permuted at once: 16 MB."""
 _NO_SPREAD = 1e-6
@@ -63,20 +64,20 @@ class Units:
         return (columns - (sums / counts[:, None])[self.strata]).reshape(values.shape)
 
 
-def units_of(evidence: Evidence, failed: NDArray[np.bool_], axes: Sequence[AxisColumn]) -> Units:
+def units_of(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> Units:
     """Finds what may be swapped to test some axes.
 
     Args:
         evidence: The trials.
-        failed: Which of them failed in the way that is asked about.
+        group: The failures that are asked about.
         axes: The axes that are tested together.
     """
     others = [each.codes for each in evidence.axes if each.name not in {axis.name for axis in axes}]
     blocks = key_codes([evidence.jobs, evidence.seeds, *others])
     own = key_codes([axis.codes for axis in axes])
     if _share_with_partners(blocks, own) >= _SHARE_IN_BLOCKS:
-        return _trials(failed, blocks)
-    return _cells(evidence, failed)
+        return _trials(group, blocks)
+    return _cells(evidence, group)
 
 
 def _share_with_partners(blocks: NDArray[np.int64], own: NDArray[np.int64]) -> float:
@@ -84,18 +85,20 @@ def _share_with_partners(blocks: NDArray[np.int64], own: NDArray[np.int64]) -> f
     return float((kinds[blocks] > 1).mean()) if len(blocks) else 0.0
 
 
-def _trials(failed: NDArray[np.bool_], blocks: NDArray[np.int64]) -> Units:
-    first = np.arange(len(failed))
-    if len(failed) > _MOST_UNITS:  # blocks are numbered by job and seed, so that every so manieth is one of each kind
-        first = first[blocks % -(-len(failed) // _MOST_UNITS) == 0]
-    values = failed[first].astype(np.float64)
+def _trials(group: Group, blocks: NDArray[np.int64]) -> Units:
+    first = np.flatnonzero(group.at_risk)
+    if len(first) > _MOST_UNITS:
+        every = -(-len(first) // _MOST_UNITS)
+        chosen = np.random.default_rng(2).permutation(int(blocks.max()) + 1) % every == 0
+        first = first[chosen[blocks[first]]]
+    values = group.failed[first].astype(np.float64)
     return Units(values, np.unique(blocks[first], return_inverse=True)[1], first, first, np.arange(len(first)), values)
 
 
-def _cells(evidence: Evidence, failed: NDArray[np.bool_]) -> Units:
-    in_jobs = np.bincount(evidence.jobs)
-    rates = np.bincount(evidence.jobs, weights=failed) / np.maximum(in_jobs, 1)
-    parts = failed - rates[evidence.jobs]
+def _cells(evidence: Evidence, group: Group) -> Units:
+    in_jobs = np.bincount(evidence.jobs, weights=group.at_risk)
+    rates = np.bincount(evidence.jobs, weights=group.failed) / np.maximum(in_jobs, 1)
+    parts = np.where(group.at_risk, group.failed - rates[evidence.jobs], 0.0)
     beyond = np.bincount(evidence.cells, weights=parts).astype(np.float64)
     first = np.unique(evidence.cells, return_index=True)[1]
     # Cells may be swapped that were tried by the same jobs: sums of random numbers of the jobs are the same only then.

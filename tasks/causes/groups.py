@@ -23,9 +23,11 @@ class Group:
     """Failures that are alike."""
 
     signature: Signature
-    """What they have in common; members of which they differ are None."""
+    """Members that they have in common; None where they differ."""
     failed: NDArray[np.bool_]
     """Trials that failed so: True for each of them."""
+    at_risk: NDArray[np.bool_]
+    """Trials that failed so or passed. What failed otherwise might have failed so later, and is no evidence."""
     parts: "tuple[Group, ...]" = ()
     """Groups that it is split into, the largest first; empty: it is not."""
 
@@ -63,7 +65,7 @@ def _group(evidence: Evidence, requirement: str) -> Group:
     parts = sorted(
         (_made(evidence, part) for part in split.values()), key=lambda part: (-part.count, part.signature.order)
     )
-    return Group(whole.signature, whole.failed, tuple(parts))
+    return Group(whole.signature, whole.failed, whole.at_risk, tuple(parts))
 
 
 def _made(evidence: Evidence, rows: Sequence[int]) -> Group:
@@ -71,7 +73,7 @@ def _made(evidence: Evidence, rows: Sequence[int]) -> Group:
     failed[rows] = True
     found = [each for row in rows if (each := evidence.signatures[row]) is not None]
     common = {name: _in_common(getattr(each, name) for each in found) for name in _ATTRIBUTES}
-    return Group(Signature(found[0].requirement, **common), failed)
+    return Group(Signature(found[0].requirement, **common), failed, failed | ~evidence.failed)
 
 
 def _in_common(values: Iterable[str | None]) -> str | None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.against import FEWEST_WORLDS
 from .evidence import Evidence, key_codes
+from .groups import Group
 
 _LEVEL = 0.95
 
@@ -28,7 +29,7 @@ class Lift:
     trials_outside: int
 
 
-def lift_of(evidence: Evidence, failed: NDArray[np.bool_], region: NDArray[np.bool_]) -> Lift | None:
+def lift_of(evidence: Evidence, group: Group, region: NDArray[np.bool_]) -> Lift | None:
     """Computes the lift of a region; `None` where no job has trials on both sides, or there are no failures.
 
     It is the ratio of Mantel and Haenszel over jobs, so that a hard world with many trials in the region lifts nothing.
@@ -37,16 +38,17 @@ def lift_of(evidence: Evidence, failed: NDArray[np.bool_], region: NDArray[np.bo
 
     Args:
         evidence: The trials.
-        failed: Which of them failed in the way that is asked about.
-        region: Which of them lie in the region.
+        group: The failures that are asked about.
+        region: Which of the trials lie in the region.
     """
+    failed, at_risk = group.failed, group.at_risk
     jobs, count = evidence.jobs, int(evidence.jobs.max(initial=-1)) + 1
-    inside = np.bincount(jobs, weights=region, minlength=count)
-    whole = np.bincount(jobs, minlength=count).astype(np.float64)
+    inside = np.bincount(jobs, weights=region & at_risk, minlength=count)
+    whole = np.bincount(jobs, weights=at_risk, minlength=count)
     outside = whole - inside
     with np.errstate(invalid="ignore", divide="ignore"):
         weights = np.where(region, (outside / whole)[jobs], (inside / whole)[jobs])
-    usable = weights > 0
+    usable = at_risk & (weights > 0)
     hits, misses = (float((weights * failed)[usable & side].sum()) for side in (region, ~region))
     of_hits, of_misses = (float(weights[usable & side].sum()) for side in (region, ~region))
     if of_hits <= 0 or hits + misses <= 0:
@@ -65,9 +67,9 @@ def lift_of(evidence: Evidence, failed: NDArray[np.bool_], region: NDArray[np.bo
         low=ratio * math.exp(-reach),
         high=ratio * math.exp(min(reach, 50.0)),
         failed_inside=int(failed[region].sum()),
-        trials_inside=int(region.sum()),
+        trials_inside=int((region & at_risk).sum()),
         failed_outside=int(failed[~region].sum()),
-        trials_outside=int((~region).sum()),
+        trials_outside=int((~region & at_risk).sum()),
     )
 
 
@@ -111,7 +113,7 @@ def reach_between(parts: NDArray[np.float64], clusters: NDArray[np.int64], level
     return float(stdtrit(count - 1, (1 + level) / 2)) * deviation
 
 
-def world_outlier(evidence: Evidence, failed: NDArray[np.bool_]) -> tuple[int, float] | None:
+def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
     """Finds the world that is harder than the others by more than these differ; `None` with fewer than six worlds.
 
     Both are asked: whether its trials failed more often by more than chance, and whether it lies apart from the spread
@@ -119,7 +121,7 @@ def world_outlier(evidence: Evidence, failed: NDArray[np.bool_]) -> tuple[int, f
 
     Args:
         evidence: The trials.
-        failed: Which of them failed in the way that is asked about.
+        group: The failures that are asked about.
 
     Returns:
         Number of the world, and the p-value, with Bonferroni's factor for the number of worlds.
@@ -129,15 +131,17 @@ def world_outlier(evidence: Evidence, failed: NDArray[np.bool_]) -> tuple[int, f
     worlds = evidence.world_count
     if worlds < FEWEST_WORLDS:
         return None
-    counts = np.bincount(evidence.worlds, minlength=worlds).astype(np.float64)
-    hits = np.bincount(evidence.worlds, weights=failed, minlength=worlds)
+    counts = np.bincount(evidence.worlds, weights=group.at_risk, minlength=worlds)
+    hits = np.bincount(evidence.worlds, weights=group.failed, minlength=worlds)
     angles = np.arcsin(np.sqrt((hits + 0.375) / (counts + 0.75)))  # Anscombe's: its variance is 1 / (4 n)
     best, p_value = 0, 1.0
     for world in range(worlds):
         others = np.delete(angles, world)
         spread = max(float(others.std(ddof=1)), 0.5 / math.sqrt(counts.mean()))
         t = (angles[world] - others.mean()) / (spread * math.sqrt(1 + 1 / (worlds - 1)))
-        rest = (hits.sum() - hits[world]) / (counts.sum() - counts[world])
+        rest = (hits.sum() - hits[world]) / max(counts.sum() - counts[world], 1.0)
+        if not counts[world]:
+            continue
         by_chance = float(bdtrc(hits[world] - 1, counts[world], max(rest, 1e-9))) if hits[world] else 1.0
         found = worlds * max(float(stdtr(worlds - 2, -t)), by_chance)
         if found < p_value:

@@ -9,6 +9,7 @@ from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, MarginPlot, PlotCell
 from ..results.rates import wilson_interval
 from .evidence import AxisColumn, Evidence
+from .groups import Group
 from .lift import reach_between
 from .regions import parts_of
 
@@ -32,7 +33,8 @@ def margin_plot(
     known = np.flatnonzero(np.isfinite(values) & np.isfinite(margins))
     if not len(known):
         return None
-    shown = known[:: -(-len(known) // _MOST_POINTS)]
+    # Every so manieth would be of few cells, as trials are in the order of their cells.
+    shown = np.sort(np.random.default_rng(0).permutation(known)[:_MOST_POINTS])
     parts = []
     for _, mask in parts_of(axis, _PARTS):
         inside = known[mask[known]]
@@ -44,25 +46,24 @@ def margin_plot(
     return MarginPlot(requirement=requirement, axis=axis.name, unit=unit, points=points, parts=parts)
 
 
-def cell_plot(evidence: Evidence, failed: NDArray[np.bool_], group: str, axes: Sequence[AxisColumn]) -> CellPlot:
+def cell_plot(evidence: Evidence, group: Group, name: str, axes: Sequence[AxisColumn]) -> CellPlot:
     """Computes the failure rates of a group over one axis or two.
 
     Args:
         evidence: The trials.
-        failed: Which of them belong to the group.
-        group: The group in words.
+        group: The failures that are asked about.
+        name: The group in words.
         axes: One axis, or two.
     """
-    everywhere = np.ones(len(evidence), dtype=np.bool_)
     first = parts_of(axes[0], _PARTS if len(axes) == 1 else _PARTS_OF_PAIRS)
-    second = parts_of(axes[1], _PARTS_OF_PAIRS) if len(axes) > 1 else [("", everywhere)]
+    second = parts_of(axes[1], _PARTS_OF_PAIRS) if len(axes) > 1 else [("", group.at_risk)]
     cells = [
-        _cell(evidence, failed, mask & other_mask, part, other)
+        _cell(evidence, group.failed, mask & other_mask & group.at_risk, part, other)
         for part, mask in first
         for other, other_mask in second
-        if (mask & other_mask).any()
+        if (mask & other_mask & group.at_risk).any()
     ]
-    return CellPlot(group=group, axes=[axis.name for axis in axes], cells=cells)
+    return CellPlot(group=name, axes=[axis.name for axis in axes], cells=cells)
 
 
 def _cell(evidence: Evidence, failed: NDArray[np.bool_], mask: NDArray[np.bool_], part: str, other: str) -> PlotCell:

@@ -15,6 +15,10 @@ CUTS_OF_PAIRS = 4
 """Cuts of an axis in a pair: fifths, so that a corner of both has a twenty-fifth of the trials."""
 
 
+_SMALL = 0.1
+"""Numbers below it have two digits behind their noughts, so that they are no longer than others."""
+
+
 @dataclass(frozen=True)
 class Region:
     """Part of an axis: the values from a cut on, those below it, or one value."""
@@ -80,10 +84,19 @@ def parts_of(axis: AxisColumn, most: int = 5) -> list[tuple[str, NDArray[np.bool
     known = [code for code, value in enumerate(axis.values) if value is not None]
     if not axis.is_number or len(known) <= most:
         return [(axis.label(code), axis.codes == code) for code in range(len(axis.values))]
-    edges = [known[0], *_cuts(axis, known, most - 1), known[-1] + 1]
+    starts = _cuts(axis, known, most - 1)
+    edges = [known[0], *starts, known[-1] + 1]
+    words = [_short(axis, start) for start in starts]
+    labels = [f"< {words[0]}", *(f"{low}–{high}" for low, high in pairwise(words)), f"≥ {words[-1]}"]
     parts = [
-        (f"{axis.label(low)} to {axis.label(high - 1)}", (axis.codes >= low) & (axis.codes < high))
-        for low, high in pairwise(edges)
+        (label, (axis.codes >= low) & (axis.codes < high))
+        for label, (low, high) in zip(labels, pairwise(edges), strict=True)
     ]
     built = [(axis.label(code), axis.codes == code) for code, value in enumerate(axis.values) if value is None]
     return [*parts, *built]
+
+
+def _short(axis: AxisColumn, code: int) -> str:
+    """A value with as many digits as a narrow column holds."""
+    value = float(axis.values[code] or 0.0)
+    return f"{value:.2g}" if abs(value) < _SMALL else f"{value:.3g}"

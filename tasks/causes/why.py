@@ -110,6 +110,11 @@ def _too_few(trials: int, failures: int, fewest: int) -> str:
 
 
 def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
+    if evidence.twins:
+        yield (
+            f"{evidence.twins} trials count for nothing: others of their job with the same values of all axes went "
+            "through the same states; an application whose states depend on the seed would do"
+        )
     told = {axis.name for axis in axes}
     for axis in evidence.axes:
         if axis.name not in told:
@@ -147,6 +152,6 @@ def _cell_plots(
         if hypothesis.kind != "world"
     ]
     return [
-        cell_plot(evidence, group.failed, _name(group), [by_name[name] for name in hypothesis.axes])
+        cell_plot(evidence, group, _name(group), [by_name[name] for name in hypothesis.axes])
         for group, hypothesis in wanted[:_MOST_PLOTS]
     ]

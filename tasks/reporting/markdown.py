@@ -6,9 +6,11 @@ no table of its own.
 
 from collections.abc import Iterator
 
+from ...schemas.reports.causes import Why
 from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import JobCase, ReportSummary, Share
 from . import outcomes
+from .causes import is_told
 from .console_pages import ConsolePages
 from .nights.changes import losses_in_words
 from .outcomes import Outcome
@@ -19,6 +21,7 @@ _MOST_REQUIREMENTS = 10
 _LONGEST = 200
 """Characters of a reason: GitHub takes no comment of more than 65,536."""
 _MOST_LOST = 5
+_MOST_GROUPS = 10
 
 
 def markdown_report(summary: ReportSummary) -> str:
@@ -51,11 +54,25 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """The tables of requirements that were missed and of jobs that did not pass."""
+    """The groups of failures, and the tables of requirements that were missed and of jobs that did not pass."""
+    if is_told(summary.why):
+        yield "\n".join(_why(summary.why))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
         yield "\n".join(_requirements(missed))
     if bad := [job for step in summary.steps for job in step.jobs if job.outcome != Outcome.PASSED.value]:
         yield "\n".join(_jobs(bad, pages))
+
+
+def _why(why: Why) -> Iterator[str]:
+    """A table of the groups of failures, those with a claim first."""
+    yield "| failure | trials | goes with | again |"
+    yield "| --- | ---: | --- | --- |"
+    groups = sorted(why.groups, key=lambda each: not each.claims)
+    for group in groups[:_MOST_GROUPS]:
+        claims = "; ".join(f"{each.region}: {each.numbers}" for each in group.claims[:1]) or group.nothing
+        yield f"| {_code(group.name)} | {group.failed} | {_code(claims)} | {_code(group.command)} |"
+    if len(groups) > _MOST_GROUPS:
+        yield f"| and {len(groups) - _MOST_GROUPS} more | | | |"
 
 
 def _challenge(challenge: Challenge) -> Iterator[str]:

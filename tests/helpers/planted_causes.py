@@ -176,6 +176,7 @@ def _row(
         "world_name": f"world-{world}",
         "outcome": "failed" if has_failed else "passed",
         "output": None,
+        "state_digest": None,
         "trial": row,
         "seed": seed,
         "verdict": "FAIL" if has_failed else "PASS",
