@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import Claim, ClaimKind, TestedLift
 from .evidence import AxisColumn, Evidence
-from .exchange import Units, in_other_worlds, p_value, scores, scores_of_worlds, units_of
+from .exchange import Units, p_between_worlds, p_value, scores, units_of
 from .groups import Group
 from .lift import Lift, lift_of, world_outlier
-from .regions import CUTS_OF_PAIRS, Region, pairs_of_regions, parts_of, regions_of
+from .regions import CUTS_OF_PAIRS, Region, directions_of, pairs_of_regions, parts_of, regions_of
 
 ALPHA = 0.05
 _NEARLY = 0.9
@@ -35,6 +35,8 @@ class Hypothesis:
     strength: float
     """Failures of the region beyond those expected, in standard deviations."""
     p_value: float
+    is_of_such_worlds: bool = False
+    """Whether it was tested between worlds, so that it holds for others of their kind."""
     adjusted: float = 1.0
     """P-value with Holm's correction for all hypotheses of the run."""
 
@@ -99,12 +101,13 @@ def _axis(evidence: Evidence, number: int, group: Group, axis: AxisColumn, draw:
     members = _members(units, axis, regions)
     found = scores(units, members)
     best = int(np.argmax(found))
-    p = _beyond_these_worlds(evidence, [units], members)
+    region = regions[best]
+    between = _between_worlds(evidence, [units], region.weights(axis), directions_of(axis))
+    p = between or 0.0
     if p <= ALPHA:
         p = max(p, p_value(units, members, float(found[best]), draw.chance, draw.tests))
-    return Hypothesis(
-        number, "axis", (axis.name,), regions[best].words, regions[best].mask(axis), float(found[best]), p
-    )
+    holds = between is not None
+    return Hypothesis(number, "axis", (axis.name,), region.words, region.mask(axis), float(found[best]), p, holds)
 
 
 def _members(units: Units, axis: AxisColumn, regions: Sequence[Region]) -> NDArray[np.bool_]:
@@ -126,11 +129,13 @@ def _pair(
     both = np.minimum(*each_given)
     # Several corners are nearly the same; the one with most failures is meant.
     corner = int(np.argmax(np.where(both >= _NEARLY * max(float(both.max()), 1e-9), scores(units, members), -np.inf)))
-    p = _beyond_these_worlds(evidence, given, members) if both[corner] > 0 else 1.0
+    first, second = pairs_of_regions(*axes)[corner]
+    weights = first.weights(axes[0]) * second.weights(axes[1])
+    between = _between_worlds(evidence, given, weights, directions_of(axes[0]) * directions_of(axes[1]))
+    p = (between or 0.0) if both[corner] > 0 else 1.0
     for one, found in zip(given, each_given, strict=True):
         if p <= ALPHA:
             p = max(p, p_value(one, members, float(found[corner]), draw.chance, draw.tests))
-    first, second = pairs_of_regions(*axes)[corner]
     return Hypothesis(
         number,
         "pair",
@@ -139,14 +144,19 @@ def _pair(
         first.mask(axes[0]) & second.mask(axes[1]),
         float(scores(units, members[:, [corner]])[0]),
         p,
+        between is not None,
     )
 
 
-def _beyond_these_worlds(evidence: Evidence, units: Sequence[Units], members: NDArray[np.bool_]) -> float:
-    """P-value of what holds in other worlds, too; 0 where there are too few worlds to ask."""
+def _between_worlds(
+    evidence: Evidence, units: Sequence[Units], weights: NDArray[np.float64], directions: int
+) -> float | None:
+    """P-value between worlds, for the number of directions that there are; None where there are too few worlds."""
     if evidence.world_count < FEWEST_WORLDS:
-        return 0.0
-    return in_other_worlds([scores_of_worlds(each, members, evidence.worlds) for each in units])
+        return None
+    found = [p_between_worlds(each, weights[each.first], evidence.worlds) for each in units]
+    known = [each for each in found if each is not None]
+    return min(1.0, directions * max(known)) if len(known) == len(found) else None
 
 
 def _part_codes(axis: AxisColumn) -> NDArray[np.int64]:
@@ -180,7 +190,7 @@ def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> 
     shown = [(each, lift) for each, lift in lifted if lift.low > 1]
     kept = [(each, lift) for each, lift in shown if not _is_explained(each, [other for other, _ in shown])]
     kept.sort(key=lambda item: (-item[0].strength, item[0].region))
-    return [(_claim(evidence, each, lift, found), each) for each, lift in kept]
+    return [(_claim(each, lift, found), each) for each, lift in kept]
 
 
 def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
@@ -203,7 +213,7 @@ def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
     return False
 
 
-def _claim(evidence: Evidence, hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis]) -> Claim:
+def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis]) -> Claim:
     return Claim(
         kind=hypothesis.kind,
         axes=list(hypothesis.axes),
@@ -216,9 +226,7 @@ def _claim(evidence: Evidence, hypothesis: Hypothesis, lift: Lift, found: Sequen
         low=lift.low,
         high=lift.high,
         p_value=hypothesis.adjusted,
-        scope="such worlds"
-        if evidence.world_count >= FEWEST_WORLDS and hypothesis.kind != "world"
-        else "these worlds only",
+        scope="such worlds" if hypothesis.is_of_such_worlds else "these worlds only",
         alike=list(_alike(hypothesis, found)),
     )
 

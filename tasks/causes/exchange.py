@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.reports.against import FEWEST_WORLDS
 from .evidence import AxisColumn, Evidence, key_codes
 from .groups import Group
 
@@ -126,45 +127,30 @@ def scores(units: Units, members: NDArray[np.bool_]) -> NDArray[np.float64]:
     return found
 
 
-def scores_of_worlds(units: Units, members: NDArray[np.bool_], worlds: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Returns the part of each world in the scores of regions, with a row for each world; see `scores`.
+def p_between_worlds(units: Units, weights: NDArray[np.float64], worlds: NDArray[np.int64]) -> float | None:
+    """Computes the p-value of an axis between worlds, which are its sample; `None` where too few of them have failures.
+
+    Each world has a score: its failures beyond those expected, weighted, in standard deviations of its own. Where the
+    axis changes nothing, or suits each world by chance, scores are 0 in the mean; a one-sided t test asks whether they
+    are more.
 
     Args:
         units: What may be swapped.
-        members: Which units lie in which region, with a row for each unit.
+        weights: How far each unit lies in the direction of the cause, from 0 to 1, without a search for the best cut.
         worlds: Number of the world of each trial.
-    """
-    found = np.zeros((int(worlds.max(initial=-1)) + 1, members.shape[1]))
-    scaled, usable = _scaled(units, members)
-    of_regions = np.zeros((len(found), scaled.shape[1]))
-    np.add.at(of_regions, worlds[units.trials], units.parts[:, None] * scaled[units.of_trials])
-    found[:, usable] = of_regions
-    return found
-
-
-def in_other_worlds(of_worlds: Sequence[NDArray[np.float64]]) -> float:
-    """Computes the p-value of regions in worlds in which they were not looked for.
-
-    For each world the best region is chosen in all others, and its score in this world is taken. Where an axis changes
-    nothing, or suits each world by chance, these scores are 0 in the mean; a one-sided t test asks whether they are
-    more. So no search for the best region makes it too small.
-
-    Args:
-        of_worlds: Scores by world and region; with several, the least one of them chooses, and the largest p-value
-            counts.
     """
     from scipy.special import stdtr
 
-    count = len(of_worlds[0])
-    rest = np.min([each.sum(axis=0) - each for each in of_worlds], axis=0)
-    chosen = np.argmax(rest, axis=1)
-    p_values = []
-    for each in of_worlds:
-        taken = each[np.arange(count), chosen]
-        spread = float(taken.std(ddof=1)) / math.sqrt(count)
-        t = float(taken.mean()) / spread if spread > 0 else math.copysign(math.inf, float(taken.mean()) - _NO_SPREAD)
-        p_values.append(float(stdtr(count - 1, -t)))
-    return max(p_values)
+    centred = units.centred(weights)[units.of_trials]
+    own = worlds[units.trials]
+    count = np.maximum(np.bincount(own), 1)
+    sums = np.bincount(own, weights=units.parts * centred)
+    spread = np.sqrt(np.bincount(own, weights=units.parts**2) / count * np.bincount(own, weights=centred**2))
+    found = sums[spread > _NO_SPREAD] / spread[spread > _NO_SPREAD]
+    if len(found) < FEWEST_WORLDS:
+        return None
+    error = max(float(found.std(ddof=1)), _NO_SPREAD) / math.sqrt(len(found))
+    return float(stdtr(len(found) - 1, -float(found.mean()) / error))
 
 
 def p_value(

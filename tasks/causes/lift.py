@@ -142,7 +142,7 @@ def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
         rest = (hits.sum() - hits[world]) / max(counts.sum() - counts[world], 1.0)
         if not counts[world]:
             continue
-        by_chance = float(bdtrc(hits[world] - 1, counts[world], max(rest, 1e-9))) if hits[world] else 1.0
+        by_chance = float(bdtrc(int(hits[world]) - 1, int(counts[world]), max(rest, 1e-9))) if hits[world] else 1.0
         found = worlds * max(float(stdtr(worlds - 2, -t)), by_chance)
         if found < p_value:
             best, p_value = world, found

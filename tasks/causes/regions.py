@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,17 @@ class Region:
     """Such as `noise ≥ 0.021` or `FLOOR = carpet`."""
     codes: frozenset[int]
     """Numbers of its values in the column of the axis."""
+    direction: Literal["≥", "<", "="]
+
+    def weights(self, axis: AxisColumn) -> NDArray[np.float64]:
+        """Returns how far trials lie in the region's direction, from 0 to 1, whatever its cut: their share of ranks."""
+        if self.direction == "=":
+            return self.mask(axis).astype(np.float64)
+        known = np.array([value is not None for value in axis.values])
+        counts = np.bincount(axis.codes, minlength=len(known)) * known
+        below = (np.cumsum(counts) - counts / 2) / max(1, counts.sum())
+        ranks = np.where(known, below if self.direction == "≥" else 1 - below, 0.0)
+        return ranks[axis.codes]
 
     def mask(self, axis: AxisColumn) -> NDArray[np.bool_]:
         """Returns which trials lie in it."""
@@ -51,7 +63,7 @@ def regions_of(axis: AxisColumn, cuts: int = CUTS) -> list[Region]:
 
 
 def _single(axis: AxisColumn, code: int) -> Region:
-    return Region(axis.name, f"{axis.name} = {axis.label(code)}", frozenset([code]))
+    return Region(axis.name, f"{axis.name} = {axis.label(code)}", frozenset([code]), "=")
 
 
 def _cuts(axis: AxisColumn, known: Sequence[int], cuts: int) -> list[int]:
@@ -65,8 +77,14 @@ def _cuts(axis: AxisColumn, known: Sequence[int], cuts: int) -> list[int]:
 
 
 def _halves(axis: AxisColumn, known: Sequence[int], cut: int) -> Iterator[Region]:
-    yield Region(axis.name, f"{axis.name} ≥ {axis.label(cut)}", frozenset(code for code in known if code >= cut))
-    yield Region(axis.name, f"{axis.name} < {axis.label(cut)}", frozenset(code for code in known if code < cut))
+    yield Region(axis.name, f"{axis.name} ≥ {axis.label(cut)}", frozenset(code for code in known if code >= cut), "≥")
+    yield Region(axis.name, f"{axis.name} < {axis.label(cut)}", frozenset(code for code in known if code < cut), "<")
+
+
+def directions_of(axis: AxisColumn) -> int:
+    """Returns the number of directions in which an axis can be a cause: up, down, and each value that is no number."""
+    built = sum(value is None for value in axis.values)
+    return 2 + built if axis.is_number else len(axis.values)
 
 
 def pairs_of_regions(first: AxisColumn, second: AxisColumn) -> list[tuple[Region, Region]]:
