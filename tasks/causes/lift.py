@@ -90,6 +90,8 @@ def cells_of(evidence: Evidence) -> NDArray[np.int64]:
     return evidence.cells if cells >= _MANY_CELLS else key_codes([evidence.jobs, evidence.seeds])
 
 
+_MOST_OF_CHANCE = 0.5
+"""Variance of logits by chance above which failures are so few that it is no measure: without one it is 2."""
 _MANY_CELLS = 30
 """Cells from which on they are taken for a sample."""
 
@@ -117,7 +119,7 @@ def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
     """Finds the world that is harder than the others by more than these differ; `None` with fewer than six worlds.
 
     Both are asked: whether its trials failed more often by more than chance, and whether it lies apart from the spread
-    of the other worlds, by a t test of their angles (arc sine of the root of the rate).
+    of the other worlds, by a t test of their logits, in which hard worlds lie no further apart than easy ones.
 
     Args:
         evidence: The trials.
@@ -133,12 +135,14 @@ def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
         return None
     counts = np.bincount(evidence.worlds, weights=group.at_risk, minlength=worlds)
     hits = np.bincount(evidence.worlds, weights=group.failed, minlength=worlds)
-    angles = np.arcsin(np.sqrt((hits + 0.375) / (counts + 0.75)))  # Anscombe's: its variance is 1 / (4 n)
+    hit, missed = hits + 0.5, counts - hits + 0.5  # Haldane's half, so that there is a logit without failures, too
+    logits = np.log(hit / missed)
+    of_chance = float(np.mean(1 / hit + 1 / missed))
     best, p_value = 0, 1.0
     for world in range(worlds):
-        others = np.delete(angles, world)
-        spread = max(float(others.std(ddof=1)), 0.5 / math.sqrt(counts.mean()))
-        t = (angles[world] - others.mean()) / (spread * math.sqrt(1 + 1 / (worlds - 1)))
+        others = np.delete(logits, world)
+        spread = math.sqrt(max(float(others.var(ddof=1)), min(of_chance, _MOST_OF_CHANCE)))
+        t = (logits[world] - others.mean()) / (spread * math.sqrt(1 + 1 / (worlds - 1)))
         rest = (hits.sum() - hits[world]) / max(counts.sum() - counts[world], 1.0)
         if not counts[world]:
             continue
