@@ -156,6 +156,8 @@ def run_beside_others(
 
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:
     """Prints the result of a run, with links to its pages on the Prefect server and in the console."""
+    from ...tasks.causes.stored import read_why
+    from ...tasks.reporting.causes import why_in_lines
     from ...tasks.reporting.console_pages import pages_here
     from .output.comparison import changed_lines
     from .output.summary import print_summary
@@ -168,7 +170,8 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settin
         is_local = (api_url or "").startswith("http://127.0.0.1:")
         server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if api_url and is_local else ""
         page = pages_here(settings).run(record.run_id)
-        print_summary(record, command, sys.stdout, server=server, page=page, lost=changed_lines(record))
+        why = list(why_in_lines(read_why(record.run_dir)))
+        print_summary(record, command, sys.stdout, server=server, page=page, lost=changed_lines(record), why=why)
     sys.stdout.flush()
 
 

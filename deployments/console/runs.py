@@ -13,9 +13,10 @@ from starlette.responses import HTMLResponse, Response
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from ...tasks.causes.stored import read_why
 from ...tasks.comparison.compared_runs import NightRun
 from ...tasks.inspection.run_records import RECORD_NAME, read_record, since_last
-from ...tasks.reporting import classify
+from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing, read_standing
 from .batches import batches_of_run
 from .rendering import HOME
@@ -49,6 +50,8 @@ def show(visit: Visit) -> Response:
         outcome_of=lambda job: classify(job.status, job.failure_code, job.verdict),
         batches=batches,
         since=since_before(record, visit),
+        why=view_why(read_why(_path(visit).parent)),
+        job_links={job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn},
         has_report=_path(visit).with_name("report.html").is_file(),
     )
 

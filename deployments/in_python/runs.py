@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ...schemas.reports.names import short_name
+from ...schemas.reports.causes import Why
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import counts_in_words, meaning_of
 from ...schemas.specs.parameter_values import values_in_words
+from ...tasks.causes.stored import read_why
 from ...tasks.nights.run_standings import RunOutcome, StandingRun, table_of
 from ...tasks.service.service import Service
 from .html import badge, card, line, table
@@ -108,6 +110,11 @@ class Run:
         """Path of the run's HTML report; `None`: there is none, or none yet."""
         path = self.folder / "report.html"
         return path if path.is_file() else None
+
+    @property
+    def why(self) -> Why | None:
+        """Groups of its failures with what they go with; None: no trial failed, or it has not ended."""
+        return read_why(self.folder)
 
     @property
     def problems(self) -> dict[str, str]:

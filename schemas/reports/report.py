@@ -12,6 +12,7 @@ from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
 from .against import Answer
+from .causes import Why
 from .challenge import Challenge
 from .changes import SinceLastRun
 from .comparison import RateChange
@@ -193,6 +194,7 @@ class Report(Model):
         "Changes since the last run of the specification; absent: it was not looked up."
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
+    why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
 
 
@@ -270,6 +272,7 @@ class ReportSummary(Model):
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+    why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."
     )

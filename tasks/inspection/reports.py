@@ -36,6 +36,8 @@ from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
+from ..causes.stored import write_why
+from ..causes.why import explain
 from ..comparison.compared_runs import NightRun
 from ..execution.prefect_events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
@@ -60,6 +62,10 @@ from .job_outputs import (
 from .run_records import is_night, since_last
 
 REPORT_NAME = "report.html"
+_STOPPED = (
+    "no cause is claimed of a run beside an earlier one, since its trials decide when it ends; a run without --against "
+    "would do"
+)
 _MOST_LOST = 10
 """Maximum number of jobs named in a line about lost jobs."""
 _PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
@@ -130,6 +136,9 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     if record.challenge is not None:
         challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
         report = report.model_copy(update={"challenge": challenge})
+    else:  # sabotaged jobs fail because of their sabotage
+        report = report.model_copy(update={"why": explain(results, refused=_STOPPED if record.against else "")})
+    write_why(report.why, record.run_dir)
     return report, jobs, results
 
 

@@ -1,5 +1,6 @@
 """Reports of pipeline runs as one self-contained HTML file, as JUnit XML and as Markdown; and their figures."""
 
+from .causes import WhyView, view_why, why_in_lines
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive
 from .junit import junit_xml
@@ -24,6 +25,7 @@ from .worlds import WorldView, view_worlds
 __all__ = [
     "HistoryPage",
     "Outcome",
+    "WhyView",
     "WorldView",
     "case_names",
     "classify",
@@ -40,7 +42,9 @@ __all__ = [
     "summarize",
     "view_history",
     "view_report",
+    "view_why",
     "view_worlds",
+    "why_in_lines",
     "write_history",
     "write_page",
     "write_report",

@@ -5,9 +5,11 @@ All text from users is in code spans, so that a robot's message cannot mention a
 
 from collections.abc import Iterator
 
+from ...schemas.reports.causes import Why
 from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.report import JobCase, ReportSummary, Share
 from . import outcomes
+from .causes import is_told
 from .console_pages import ConsolePages
 from .nights.changes import losses_in_words
 from .outcomes import Outcome
@@ -20,6 +22,7 @@ _LONGEST = 200
 _MOST_LOST = 5
 _MOST_COMPARED = 20
 """Comparisons that a comment has, as of jobs."""
+_MOST_GROUPS = 10
 
 
 def markdown_report(summary: ReportSummary) -> str:
@@ -52,18 +55,25 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """The tables of values in pairs, of requirements that were missed, and of jobs that did not pass."""
-    if found := [(axis, each) for axis in summary.axes for each in axis.comparisons]:
-        rows = [
-            f"| {_code(axis.step)} | {_code(f'{axis.axis}: {each.value} instead of {each.baseline}')} "
-            f"| {each.result} | {_code(each.why)} |"
-            for axis, each in found[:_MOST_COMPARED]
-        ]
-        yield "\n".join(("| step | in pairs | result | why |", "| --- | --- | --- | --- |", *rows))
+    """The groups of failures, and the tables of requirements that were missed and of jobs that did not pass."""
+    if is_told(summary.why):
+        yield "\n".join(_why(summary.why))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
         yield "\n".join(_requirements(missed))
     if bad := [job for step in summary.steps for job in step.jobs if job.outcome != Outcome.PASSED.value]:
         yield "\n".join(_jobs(bad, pages))
+
+
+def _why(why: Why) -> Iterator[str]:
+    """A table of the groups of failures, those with a claim first."""
+    yield "| failure | trials | goes with | again |"
+    yield "| --- | ---: | --- | --- |"
+    groups = sorted(why.groups, key=lambda each: not each.claims)
+    for group in groups[:_MOST_GROUPS]:
+        claims = "; ".join(f"{each.region}: {each.numbers}" for each in group.claims[:1]) or group.nothing
+        yield f"| {_code(group.name)} | {group.failed} | {_code(claims)} | {_code(group.command)} |"
+    if len(groups) > _MOST_GROUPS:
+        yield f"| and {len(groups) - _MOST_GROUPS} more | | | |"
 
 
 def _challenge(challenge: Challenge) -> Iterator[str]:

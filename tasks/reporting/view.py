@@ -11,6 +11,7 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ..results.table import ResultTable
 from . import outcomes
+from .causes import WhyView, view_why
 from .drawings import plan
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
@@ -104,11 +105,17 @@ class Page:
     longest_step_s: float
     jobs: list[JobView]
     worlds: list[WorldView]
+    why: WhyView | None
 
     @property
     def anchors(self) -> dict[str, str]:
         """HTML anchors of the jobs' cards, by id of the job."""
         return {job.job.label: job.anchor for job in self.jobs}
+
+    @property
+    def anchor_links(self) -> dict[str, str]:
+        """Links to the jobs' cards, by job label."""
+        return {title: f"#{anchor}" for title, anchor in self.anchors.items()}
 
     @property
     def failures(self) -> list[JobView]:
@@ -208,6 +215,7 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
         jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],
         worlds=worlds,
+        why=view_why(report.why),
     )
 
 

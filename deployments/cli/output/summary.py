@@ -29,6 +29,7 @@ def print_summary(
     server: str = "",
     page: str = "",
     lost: Sequence[str] = (),
+    why: Sequence[str] = (),
 ) -> None:
     """Prints the final summary of a run: results, report and next commands.
 
@@ -39,12 +40,19 @@ def print_summary(
         server: address of the Prefect server's pages; empty: not shown.
         page: address of the run's page in the console; empty: not shown.
         lost: lines about what it judges less than earlier runs.
+        why: lines about groups of its failures.
     """
-    print_lines(summary_lines(record, command, server=server, page=page, lost=lost), stream)
+    print_lines(summary_lines(record, command, server=server, page=page, lost=lost, why=why), stream)
 
 
 def summary_lines(
-    record: RunRecord, command: Sequence[str], *, server: str = "", page: str = "", lost: Sequence[str] = ()
+    record: RunRecord,
+    command: Sequence[str],
+    *,
+    server: str = "",
+    page: str = "",
+    lost: Sequence[str] = (),
+    why: Sequence[str] = (),
 ) -> list[list[Cell]]:
     """Returns the final summary of a run as lines of styled text."""
     took = duration((record.ended_at - record.started_at).total_seconds())
@@ -57,6 +65,8 @@ def summary_lines(
         lines += [[], *challenge_lines(record.challenge)]
     elif record.jobs:
         lines += [[], *_job_lines(record.jobs), *_known_lines(record.known_notes)]
+    if why:
+        lines += [[], *([("  why: ", "dim"), (_cut(line), "")] for line in why)]
     lines += _changed_lines(lost)
     lines.append([])
     if record.report_path:

@@ -42,7 +42,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
         if distance_m < self.nearest_m:
             self.nearest_m, self._other = distance_m, other
         if distance_m < self.asked.min_m:
-            self.violate(time_s)
+            self.violate(time_s, other)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
         """Adds the smallest distance to the run's metrics, if there was anything near."""

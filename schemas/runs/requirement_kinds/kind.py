@@ -67,6 +67,8 @@ class Requirement(Model):
     unit: str | None = optional("Unit of value, limit and margin: `m`, `N`, `s`.")
     margin: float | None = optional("How far the value is on the right side of the limit; negative: on the wrong one.")
     first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
+    room: str | None = optional("Room that the robot was in then; absent: in none, or it is not known.")
+    other: str | None = optional("Thing that the robot touched then, or was too near to; absent: it is about none.")
 
 
 class RequirementError(LaunchError):
@@ -317,6 +319,10 @@ class Rule(ABC, Generic[Asked]):
         self.asked = asked
         self.violated_s: float | None = None
         """Simulated time of the first violation in seconds; None: there was none."""
+        self.room: str | None = None
+        """Room that the robot was in when it was first found violated, or at the end; None: in none, or not known."""
+        self.other: str | None = None
+        """Thing that the robot touched then, or was too near to; None: it is about none."""
         self.error: str | None = None
         """Reason why the requirement cannot be judged; None: it can."""
         self._end_s = 0.0
@@ -374,10 +380,16 @@ class Rule(ABC, Generic[Asked]):
             raise self.cannot(f"the world has no room {room!r}{there}")
         return rooms[room]
 
-    def violate(self, time_s: float) -> bool:
-        """Records a violation; returns whether it is the first."""
+    def violate(self, time_s: float, other: str | None = None) -> bool:
+        """Records a violation; returns whether it is the first.
+
+        Args:
+            time_s: Simulated time.
+            other: Thing that the robot touched, or was too near to; None: it is about none.
+        """
         is_first = self.violated_s is None
-        self.violated_s = time_s if self.violated_s is None else self.violated_s
+        if is_first:
+            self.violated_s, self.other = time_s, other
         return is_first
 
     def judged(self, end_s: float, ended_by: str) -> Requirement:
@@ -408,6 +420,8 @@ class Rule(ABC, Generic[Asked]):
             unit=numbers.unit,
             margin=_rounded(numbers.margin),
             first_violation_s=_rounded(self.violated_s),
+            room=None if satisfied else self.room,
+            other=None if satisfied else self.other,
         )
 
     def _unjudgeable(self) -> str | None:

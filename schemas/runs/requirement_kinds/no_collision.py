@@ -69,7 +69,7 @@ class CollisionRule(Rule[CollisionRequirement]):
             touch.is_hard = True
             self.hard[other] += 1
             if self.hard.total() > self.asked.max_count:
-                self.violate(time_s)
+                self.violate(time_s, other)
 
     def _matters(self, other: str) -> bool:
         if other not in self._counts:

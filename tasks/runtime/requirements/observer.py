@@ -101,6 +101,8 @@ class RequirementsObserver(Observer):
             rules = make_rules(self._plan.requirements)
             for rule in rules:
                 rule.fail(_NEVER_BEGAN)
+        for check in self._checks:
+            check.note_room()
         judged = [rule.judged(self._time_s, ended_by) for rule in rules]
         notes = [note for rule in rules if (note := rule.remark()) is not None]
         if ended_by == RunStop.DURATION_LIMIT and (cut := self._cut_in_words(rules)):
@@ -147,7 +149,8 @@ class RequirementsObserver(Observer):
             scene = Scene(environment, self._model, self._data, self._plan, self._world)
         else:
             scene = make_scene(self._plan, self._world)
-        self._checks = [_Check(rule, _bound(rule, scene)) for rule in self._rules or ()]
+        room_of = scene.room_of if isinstance(scene, Scene) else None  # recordings have no state to ask
+        self._checks = [_Check(rule, _bound(rule, scene), room_of) for rule in self._rules or ()]
         self._within_steps = [check for check in self._checks if check.rule.looks_within_steps]
         physics = environment.physics
         if self._within_steps and hasattr(physics, "between_substeps"):
@@ -184,8 +187,9 @@ def _bound(rule: Rule[Any], scene: Any) -> Look:
 class _Check:
     """A rule with its measurement and its check interval."""
 
-    def __init__(self, rule: Rule[Any], look: Look) -> None:
+    def __init__(self, rule: Rule[Any], look: Look, room_of: Callable[[Rule[Any]], str | None] | None) -> None:
         self.rule = rule
+        self._room_of = room_of
         self.next_time_s = rule.first_look_s
         self.look = look
         self._looked_at_s = -math.inf
@@ -202,7 +206,18 @@ class _Check:
         """Checks the requirement, unless it was checked at this simulated time already."""
         if time_s > self._looked_at_s and self.rule.error is None:
             self._looked_at_s = time_s
+            was_violated = self.rule.violated_s is not None
             self.look(time_s)
+            if not was_violated and self.rule.violated_s is not None:
+                self._set_room()
+
+    def note_room(self) -> None:
+        """Sets the room of a requirement that is missed at the end of the run only, such as a goal."""
+        if self.rule.violated_s is None and self.rule.is_reached is False:
+            self._set_room()
+
+    def _set_room(self) -> None:
+        self.rule.room = None if self._room_of is None else self._room_of(self.rule)
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:

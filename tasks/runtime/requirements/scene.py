@@ -13,9 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.requirement_kinds.kind import NOT_READ, NotMeasuredError, PosePair, Rule, is_meant
+from ....schemas.runs.requirement_kinds.kind import (
+    NOT_READ,
+    NotMeasuredError,
+    PosePair,
+    RequirementError,
+    Rule,
+    is_meant,
+)
 from ....schemas.wire.request_problems import nearest
-from ....schemas.worlds.world import World
+from ....schemas.worlds.world import World, contains
 from ..episode.floor import MapFloor, floor_of
 from ..episode.loading import load_judging_function
 from ..episode.physics import (
@@ -64,6 +71,16 @@ class Scene:
     def position(self, rule: Rule[Any]) -> Sequence[float]:
         """Returns the robot's position x, y, z in metres, as an array that follows the simulation."""
         return self.data.xpos[self._robot(rule)]
+
+    def room_of(self, rule: Rule[Any]) -> str | None:
+        """Returns the name of the room that the robot is in; `None`: in none, there is no world, or no robot."""
+        if self.plan.world_dir is None or self.world is None:
+            return None
+        try:
+            x, y = (float(each) for each in self.position(rule)[:2])
+        except RequirementError:
+            return None
+        return next((room.name for room in self.world.floorplan.rooms if contains(room.polygon, x, y)), None)
 
     def orientation(self, rule: Rule[Any]) -> Sequence[float]:
         """Returns the robot's orientation (quaternion, w first), as an array that follows the simulation."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from helpers.night_records import make_job, make_night, store_night
+from helpers.planted_causes import draw, planted
 
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
@@ -16,6 +17,8 @@ from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.causes.stored import write_why
+from prefect_robomaker.tasks.causes.why import explain
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -471,3 +474,18 @@ def test_jobs_of_a_challenge_are_not_offered_to_run_again(browser: Any, service:
     assert challenge.run_id in page
     assert "rerun" not in page
     assert "Run it again" not in page
+
+
+def test_the_page_of_a_run_says_why_its_trials_failed(browser: Any, service: Service) -> None:
+    [carpet] = [each for each in planted("causes") if each["id"] == "carpet"]
+    night = make_night("F", runs=service.settings.home / "runs")
+    store_night(night)
+    page = f"/console/runs/{night.run_id}"
+    assert 'id="why"' not in browser.get(page).text
+    write_why(explain(draw(carpet, 1).table), night.run_dir)
+
+    shown = browser.get(page).text
+
+    assert "<strong>FLOOR = carpet</strong>: 38 of 186, elsewhere 8 of 367: 9.5 times as often" in shown
+    assert '<svg class="cause-plot"' in shown
+    assert "robomaker repro sim-0 --trial 49" in shown

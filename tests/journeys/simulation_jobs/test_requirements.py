@@ -70,6 +70,7 @@ def test_the_launch_variable_does_the_same_and_fail_is_no_failure_of_the_job(dri
     assert (result.verdict, result.ended_by) == ("FAIL", "requirements")
     (hurry,) = (item for item in result.requirements if item.name == "hurry")
     assert hurry.first_violation_s == pytest.approx(1.05, abs=0.06)
+    assert hurry.room == "living room"
 
 
 def test_a_limit_that_indoor_navigation_never_comes_to_is_not_met(drive: Drive) -> None:

@@ -36,9 +36,12 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.output == "json":
         sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
+        from .....tasks.reporting.causes import why_in_lines
         from .....tasks.reporting.nights.changes import losses_in_words
 
         sys.stdout.write(f"{summary.report_path}\n")
+        for line in why_in_lines(summary.why):
+            sys.stderr.write(f"why: {line}\n")
         for line in losses_in_words(summary.since_last) if summary.since_last else ():
             sys.stderr.write(f"{line}\n")
     if arguments.open and summary.report_path:

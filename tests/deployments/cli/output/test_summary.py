@@ -158,3 +158,11 @@ def test_a_large_batch_does_not_flood_the_terminal() -> None:
 def test_records_survive_being_written() -> None:
     assert RunRecord.model_validate_json(record().model_dump_json(exclude_none=True)) == record()
     assert json.loads(record().model_dump_json())["started_at"] == "2026-01-02T03:04:05Z"
+
+
+def test_groups_of_failures_are_told_before_the_places() -> None:
+    line = "polite, in Kitchen: 98 trials; noise ≥ 0.021: 90 of 400; robomaker repro sim-1 --trial 3"
+    lines = ["".join(text for text, _ in cells) for cells in summary_lines(record(), ["robomaker"], why=[line])]
+    assert f"  why: {line}" in lines
+    assert lines.index(f"  why: {line}") < next(at for at, text in enumerate(lines) if text.startswith("  report"))
+    assert not [text for text in lines if "why:" in text and line not in text]

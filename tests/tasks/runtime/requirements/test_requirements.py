@@ -134,6 +134,7 @@ def test_a_collision_stops_the_run_and_fails_it(judge: Callable[..., RunResult])
     hit = only(result)
     assert (result.verdict, result.ended_by) == ("FAIL", "requirements")
     assert hit.first_violation_s == pytest.approx(result.sim_time_s)
+    assert (hit.other, hit.room) == ("wall", None)  # there is no world
     assert hit.margin is not None
     assert hit.margin < 0
     assert "Not met: it-0: hardest touch" in result.summary
@@ -155,6 +156,7 @@ def test_clearance_is_from_surface_to_surface(judge: Callable[..., RunResult]) -
     assert (driving.verdict, driving.ended_by) == ("FAIL", "requirements")
     assert near.value == pytest.approx(0.5, abs=0.08)
     assert near.first_violation_s == pytest.approx(driving.sim_time_s)
+    assert (near.other, standing.other) == ("wall", None)
     assert driving.metrics["min_clearance_m"] == near.value
     assert "from wall" in near.detail
 

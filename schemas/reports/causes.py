@@ -1,0 +1,153 @@
+"""Groups of the failures of a run, and what each goes with: the part of a report that says why."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model, optional
+
+ClaimKind = Literal["axis", "pair", "world"]
+
+
+class Claim(Model):
+    """A region of an axis or of a pair of axes, or a world, in which a group's failures gather by more than chance."""
+
+    kind: ClaimKind = Field(description="Kind of what is claimed.")
+    axes: list[str] = Field(default=[], description="Names of the axes; empty for a world.")
+    region: str = Field(description="Region in words, such as `noise ≥ 0.021 and SPEED = fast`.")
+    failed_inside: int = Field(description="Failures of the group in the region.")
+    trials_inside: int = Field(description="Trials in the region that passed or belong to the group.")
+    failed_outside: int = Field(description="Failures of the group outside.")
+    trials_outside: int = Field(description="Trials outside that passed or belong to the group.")
+    lift: float = Field(description="Failure rate inside divided by that outside, within the same jobs.")
+    low: float = Field(description="Lower end of the lift's 95 % interval.")
+    high: float = Field(description="Upper end of it.")
+    p_value: float = Field(description="P-value, corrected by Holm for all that was tested in the run.")
+    scope: Literal["such worlds", "these worlds only"] = Field(
+        description="Worlds that it holds for: with fewer than six, the run's own only."
+    )
+    alike: list[str] = Field(
+        default=[], description="Regions of other axes with nearly the same trials, which may be the cause as well."
+    )
+
+    @property
+    def numbers(self) -> str:
+        """Counts, lift and interval as a part of a sentence that begins with the region."""
+        also = f"; {' and '.join(self.alike)} has nearly the same trials" if self.alike else ""
+        return (
+            f"{self.failed_inside} of {self.trials_inside}, elsewhere {self.failed_outside} of {self.trials_outside}: "
+            f"{self.lift:.1f} times as often (95 %: {self.low:.1f} to {self.high:.1f}), in {self.scope}{also}"
+        )
+
+
+class FailureGroup(Model):
+    """Failures that are alike: same requirement, room, thing, phase and, where one is claimed, region of the axes."""
+
+    requirement: str = Field(description="Requirement that was missed first.")
+    room: str | None = optional("Room that the robot was in then; absent: they differ, or it is not known.")
+    other: str | None = optional("Kind of thing that it touched or was too near to; absent: they differ.")
+    phase: str | None = optional("Last goal reached before, such as `after kitchen`; absent: they differ.")
+    failed: int = Field(description="Number of trials that failed so.")
+    claims: list[Claim] = Field(default=[], description="Causes that are claimed, the strongest first.")
+    job: str = Field(description="Job of an example, in the first claim's region where there is one.")
+    trial: int | None = optional("Number of the example's trial; absent: the job has no trials.")
+    clip: str | None = optional("Address of the example's outputs, with its recording and video; absent: none is kept.")
+    command: str = Field(description="Command that runs the example again.")
+    refused: str = Field(
+        default="", description="Why nothing could be claimed of it, and what would do; empty: it could."
+    )
+
+    @property
+    def name(self) -> str:
+        """The group as a part of a sentence: `polite, in Kitchen, at chair, after to-kitchen`."""
+        parts = [self.requirement, self.room and f"in {self.room}", self.other and f"at {self.other}", self.phase]
+        return ", ".join(part for part in parts if part)
+
+    @property
+    def nothing(self) -> str:
+        """Sentence for a group without a claim."""
+        return self.refused or "no axis and no world explains it"
+
+    @property
+    def in_words(self) -> str:
+        """The group in one line, with its strongest claim."""
+        count = f"{self.failed} {'trial' if self.failed == 1 else 'trials'}"
+        said = f"{self.claims[0].region}: {self.claims[0].numbers}" if self.claims else self.nothing
+        return f"{self.name}: {count}; {said}"
+
+
+class TestedLift(Model):
+    """Lift of the best region of an axis or a pair of axes in a group, claimed or not."""
+
+    group: str = Field(description="Group of failures.")
+    axes: list[str] = Field(description="Names of the axes.")
+    region: str = Field(description="Region with most failures beyond those expected.")
+    lift: float = Field(description="Failure rate inside divided by that outside, within the same jobs.")
+    low: float = Field(description="Lower end of its 95 % interval.")
+    high: float = Field(description="Upper end of it.")
+    p_value: float = Field(description="P-value, corrected by Holm for all that was tested in the run.")
+
+
+class Sensitivity(Model):
+    """Change of a requirement's margin along an axis of numbers."""
+
+    requirement: str = Field(description="The requirement.")
+    axis: str = Field(description="The axis.")
+    unit: str | None = optional("Unit of the margin.")
+    start: float = Field(description="Value of the axis that a tenth of the trials are below.")
+    end: float = Field(description="Value of the axis that a tenth of the trials are above.")
+    change: float = Field(description="Change of the mean margin from `start` to `end`, along a straight line.")
+    low: float = Field(description="Lower end of its interval; all intervals of a run hold together with 95 %.")
+    high: float = Field(description="Upper end of it.")
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether its interval leaves out 0."""
+        return self.low > 0 or self.high < 0
+
+
+class MarginPlot(Model):
+    """Margins over an axis, for a drawing."""
+
+    requirement: str = Field(description="The requirement.")
+    axis: str = Field(description="The axis.")
+    unit: str | None = optional("Unit of the margin.")
+    points: list[tuple[float, float]] = Field(description="Value of the axis and margin, of at most 200 trials.")
+    parts: list[tuple[float, float, float, float, float]] = Field(
+        description="Parts of the axis: least and largest value, and the margins below which 10, 50 and 90 % lie."
+    )
+
+
+class PlotCell(Model):
+    """Failures of a group in a part of an axis, or of two, with its interval."""
+
+    part: str = Field(description="Part of the first axis, in words.")
+    other_part: str = Field(default="", description="Part of the second axis; empty: there is none.")
+    failed: int = Field(description="Failures of the group.")
+    trials: int = Field(description="Trials that passed or belong to the group.")
+    rate: float = Field(description="Failures of a trial.")
+    low: float = Field(description="Lower end of the rate's 95 % interval, between worlds where there are six or more.")
+    high: float = Field(description="Upper end of it.")
+
+
+class CellPlot(Model):
+    """Failure rates of a group over an axis, or over two, for a drawing."""
+
+    group: str = Field(description="Group of failures.")
+    axes: list[str] = Field(description="One axis, or two.")
+    cells: list[PlotCell] = Field(description="Its cells, those of the first axis' first part first.")
+
+
+class Why(Model):
+    """Failures of a run in groups, with what they go with."""
+
+    trials: int = Field(description="Number of trials that passed or failed; others say nothing of the robot.")
+    failed: int = Field(description="Number of trials that failed.")
+    groups: list[FailureGroup] = Field(
+        default=[], description="Groups, the largest first; a failure is in one of them."
+    )
+    lifts: list[TestedLift] = Field(default=[], description="All axes and pairs of axes that were tested.")
+    sensitivities: list[Sensitivity] = Field(default=[], description="Changes of margins along axes.")
+    margin_plots: list[MarginPlot] = Field(default=[], description="Margins over axes, at most six.")
+    cell_plots: list[CellPlot] = Field(default=[], description="Failure rates over claimed axes, at most six.")
+    refused: list[str] = Field(default=[], description="Sentences about what cannot be told, with what would do.")

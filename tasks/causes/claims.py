@@ -1,0 +1,259 @@
+"""Claims about groups of failures: all axes, pairs of axes and worlds are tested, and Holm corrects for all of them."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.causes import Claim, ClaimKind, TestedLift
+from .evidence import AxisColumn, Evidence
+from .exchange import Units, p_between_worlds, p_value, scores, units_of
+from .groups import Group
+from .lift import Lift, lift_of, world_outlier
+from .regions import CUTS_OF_PAIRS, Region, directions_of, pairs_of_regions, parts_of, regions_of
+
+ALPHA = 0.05
+_NEARLY = 0.9
+"""Share of the best pair's score from which on another region of the pair may be the one that is named."""
+_SAME_TRIALS = 0.8
+"""Share of the trials in either of two regions that are in both, from which on they cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A tested axis, pair of axes or world, with its best region in a group."""
+
+    group: int
+    kind: ClaimKind
+    axes: tuple[str, ...]
+    region: str
+    mask: NDArray[np.bool_]
+    strength: float
+    """Failures of the region beyond those expected, in standard deviations."""
+    p_value: float
+    is_of_such_worlds: bool = False
+    """Whether it was tested between worlds, so that it holds for others of their kind."""
+    adjusted: float = 1.0
+    """P-value with Holm's correction for all hypotheses of the run."""
+
+
+def fewest_failures(axes: int) -> int:
+    """Returns how many failures a group needs, so that a claim is possible.
+
+    All of them would have to lie in one half of an axis, with a chance that is below alpha after Holm's correction for
+    the axes and pairs of this group, each with about 16 regions.
+
+    Args:
+        axes: Number of axes.
+    """
+    hypotheses = axes + axes * (axes - 1) // 2 + 1
+    return math.ceil(math.log2(16 * hypotheses / ALPHA))
+
+
+def hypotheses_of(
+    evidence: Evidence, groups: Sequence[Group], axes: Sequence[AxisColumn], chance: np.random.Generator
+) -> list[Hypothesis]:
+    """Tests all axes, pairs of axes and worlds in some groups.
+
+    Args:
+        evidence: The trials.
+        groups: The groups, each with enough failures.
+        axes: The axes that can be told from worlds.
+        chance: What permutes trials.
+
+    Returns:
+        The hypotheses, with adjusted p-values.
+    """
+    tests = len(groups) * (len(axes) + len(axes) * (len(axes) - 1) // 2 + 1)
+    found: list[Hypothesis] = []
+    for number, group in enumerate(groups):
+        found += [_axis(evidence, number, group, axis, _Draw(chance, tests)) for axis in axes]
+        found += [_pair(evidence, number, group, pair, _Draw(chance, tests)) for pair in combinations(axes, 2)]
+        if (outlier := world_outlier(evidence, group)) is not None:
+            found.append(_world(evidence, number, *outlier))
+    adjusted = holm([each.p_value for each in found])
+    return [replace(each, adjusted=value) for each, value in zip(found, adjusted, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Draw:
+    chance: np.random.Generator
+    tests: int
+    """Number of tests of the run."""
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Corrects p-values for their number by the method of Holm (1979)."""
+    order = np.argsort(p_values, kind="stable")
+    steps = np.array(p_values, dtype=np.float64)[order] * np.arange(len(order), 0, -1)
+    adjusted = np.empty(len(order))
+    adjusted[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    return adjusted.tolist()
+
+
+def _axis(evidence: Evidence, number: int, group: Group, axis: AxisColumn, draw: _Draw) -> Hypothesis:
+    regions = regions_of(axis)
+    units = units_of(evidence, group, [axis])
+    members = _members(units, axis, regions)
+    found = scores(units, members)
+    best = int(np.argmax(found))
+    region = regions[best]
+    between = _between_worlds(evidence, [units], region.weights(axis), directions_of(axis))
+    p = between or 0.0
+    if p <= ALPHA:
+        p = max(p, p_value(units, members, float(found[best]), draw.chance, draw.tests))
+    holds = between is not None
+    return Hypothesis(number, "axis", (axis.name,), region.words, region.mask(axis), float(found[best]), p, holds)
+
+
+def _members(units: Units, axis: AxisColumn, regions: Sequence[Region]) -> NDArray[np.bool_]:
+    return np.stack([region.mask(axis)[units.first] for region in regions], axis=1)
+
+
+def _pair(
+    evidence: Evidence, number: int, group: Group, axes: tuple[AxisColumn, AxisColumn], draw: _Draw
+) -> Hypothesis:
+    """Tests whether failures gather in a corner of two axes, as neither would let expect by itself.
+
+    Trials are swapped inside fifths of either axis; the p-value is the larger one of both.
+    """
+    units = units_of(evidence, group, axes)
+    singles = [_members(units, axis, regions_of(axis, CUTS_OF_PAIRS)) for axis in axes]
+    members = (singles[0][:, :, None] & singles[1][:, None, :]).reshape(len(units.values), -1)
+    given = [units.inside(_part_codes(axis)) for axis in axes]
+    each_given = [scores(one, members) for one in given]
+    both = np.minimum(*each_given)
+    # Several corners are nearly the same; the one with most failures is meant.
+    corner = int(np.argmax(np.where(both >= _NEARLY * max(float(both.max()), 1e-9), scores(units, members), -np.inf)))
+    first, second = pairs_of_regions(*axes)[corner]
+    weights = first.weights(axes[0]) * second.weights(axes[1])
+    between = _between_worlds(evidence, given, weights, directions_of(axes[0]) * directions_of(axes[1]))
+    p = (between or 0.0) if both[corner] > 0 else 1.0
+    for one, found in zip(given, each_given, strict=True):
+        if p <= ALPHA:
+            p = max(p, p_value(one, members, float(found[corner]), draw.chance, draw.tests))
+    return Hypothesis(
+        number,
+        "pair",
+        (axes[0].name, axes[1].name),
+        f"{first.words} and {second.words}",
+        first.mask(axes[0]) & second.mask(axes[1]),
+        float(scores(units, members[:, [corner]])[0]),
+        p,
+        between is not None,
+    )
+
+
+def _between_worlds(
+    evidence: Evidence, units: Sequence[Units], weights: NDArray[np.float64], directions: int
+) -> float | None:
+    """P-value between worlds, for the number of directions that there are; None where there are too few worlds."""
+    if evidence.world_count < FEWEST_WORLDS:
+        return None
+    found = [p_between_worlds(each, weights[each.first], evidence.worlds) for each in units]
+    known = [each for each in found if each is not None]
+    return min(1.0, directions * max(known)) if len(known) == len(found) else None
+
+
+def _part_codes(axis: AxisColumn) -> NDArray[np.int64]:
+    """Numbers of the parts of an axis that trials lie in: fifths, or values."""
+    parts = parts_of(axis, CUTS_OF_PAIRS + 1)
+    return np.argmax(np.stack([mask for _, mask in parts]), axis=0).astype(np.int64)
+
+
+def _world(evidence: Evidence, number: int, world: int, p_value: float) -> Hypothesis:
+    from scipy.special import ndtri
+
+    strength = float(-ndtri(max(p_value, 1e-300)))
+    name = f"world = {evidence.world_names[world]}"
+    return Hypothesis(number, "world", (), name, evidence.worlds == world, strength, p_value)
+
+
+def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> list[tuple[Claim, Hypothesis]]:
+    """Chooses the claims about a group, the strongest first.
+
+    A claim needs an adjusted p-value of at most 5 %, and a lift whose interval, which is that between worlds where
+    there are six or more, leaves out 1. What a claimed pair of axes explains is not claimed of its axes again.
+
+    Args:
+        evidence: The trials.
+        group: The group.
+        found: Its hypotheses.
+    """
+    lifted = [
+        (each, lift) for each in found if each.adjusted <= ALPHA and (lift := _lift(evidence, group, each)) is not None
+    ]
+    shown = [(each, lift) for each, lift in lifted if lift.low > 1]
+    kept = [(each, lift) for each, lift in shown if not _is_explained(each, [other for other, _ in shown])]
+    kept.sort(key=lambda item: (-item[0].strength, item[0].region))
+    return [(_claim(each, lift, found), each) for each, lift in kept]
+
+
+def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
+    if hypothesis.kind != "world":
+        return lift_of(evidence, group, hypothesis.mask)
+    # One world is compared with the others as they are: its trials, not worlds, are the sample.
+    one = np.zeros(len(evidence), dtype=np.int64)
+    alone = replace(evidence, jobs=one, worlds=one, world_names=("",), cells=np.arange(len(evidence)))
+    return lift_of(alone, group, hypothesis.mask)
+
+
+def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
+    """Whether a pair explains an axis that it has, or an axis the pair that has it, since it is the stronger one."""
+    if hypothesis.kind == "axis":
+        pairs = [each for each in shown if each.kind == "pair" and hypothesis.axes[0] in each.axes]
+        return any(pair.strength >= hypothesis.strength for pair in pairs)
+    if hypothesis.kind == "pair":
+        singles = [each for each in shown if each.kind == "axis" and each.axes[0] in hypothesis.axes]
+        return any(single.strength > hypothesis.strength for single in singles)
+    return False
+
+
+def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis]) -> Claim:
+    return Claim(
+        kind=hypothesis.kind,
+        axes=list(hypothesis.axes),
+        region=hypothesis.region,
+        failed_inside=lift.failed_inside,
+        trials_inside=lift.trials_inside,
+        failed_outside=lift.failed_outside,
+        trials_outside=lift.trials_outside,
+        lift=lift.value,
+        low=lift.low,
+        high=lift.high,
+        p_value=hypothesis.adjusted,
+        scope="such worlds" if hypothesis.is_of_such_worlds else "these worlds only",
+        alike=list(_alike(hypothesis, found)),
+    )
+
+
+def _alike(hypothesis: Hypothesis, found: Sequence[Hypothesis]) -> Iterator[str]:
+    for other in found:
+        if other.kind == "axis" and other.axes[0] not in hypothesis.axes:
+            both = int((other.mask & hypothesis.mask).sum())
+            if both >= _SAME_TRIALS * max(1, int((other.mask | hypothesis.mask).sum())):
+                yield other.region
+
+
+def lifts_of(
+    evidence: Evidence, groups: Sequence[Group], names: Sequence[str], found: Sequence[Hypothesis]
+) -> list[TestedLift]:
+    """Computes the lift of each hypothesis about axes, claimed or not."""
+    lifts = [(each, lift_of(evidence, groups[each.group], each.mask)) for each in found if each.axes]
+    return [
+        TestedLift(
+            group=names[each.group],
+            axes=list(each.axes),
+            region=each.region,
+            lift=lift.value,
+            low=lift.low,
+            high=lift.high,
+            p_value=each.adjusted,
+        )
+        for each, lift in lifts
+        if lift is not None
+    ]

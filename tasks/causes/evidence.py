@@ -1,0 +1,204 @@
+"""Evidence about failures, from the table of results: judged trials, their axes, and the way in which each failed."""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.runs.axes import AS_BUILT
+from ...schemas.runs.axis_kinds.kind import Value
+from ..results.table import ResultTable
+
+NO_REQUIREMENT = "verdict"
+"""Requirement of a trial that failed although its row names none that was missed."""
+
+_NUMBERED = re.compile(r"[\s_.:#-]*\d+$")
+"""Number at the end of a thing's name: `chair_3` and `chair_12` are both a chair."""
+
+
+class Signature(NamedTuple):
+    """The way in which a trial failed: its first missed requirement, and where, by what and when it was missed."""
+
+    requirement: str
+    room: str | None = None
+    other: str | None = None
+    """Kind of the thing that was touched or came too near."""
+    phase: str | None = None
+    """Last goal that had been reached, or first one that had not: `after to-kitchen`, `before to-kitchen`."""
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The same as texts, by which groups of one size are sorted."""
+        return tuple(each or "" for each in self)
+
+
+@dataclass(frozen=True)
+class AxisColumn:
+    """Values of one axis, as arrays with one entry for each judged trial."""
+
+    name: str
+    codes: NDArray[np.int64]
+    """Number of the value among `values`."""
+    values: tuple[Value | None, ...]
+    """Different values in their order; None: as built."""
+
+    @property
+    def is_number(self) -> bool:
+        """Whether its values are numbers."""
+        return all(not isinstance(each, str) for each in self.values)
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """Values of the trials; NaN where an axis is as built. Only for axes of numbers."""
+        known = [math.nan if value is None else float(value) for value in self.values]
+        return np.array(known, dtype=np.float64)[self.codes]
+
+    def label(self, code: int) -> str:
+        """Returns a value as text, a number with four digits."""
+        value = self.values[code]
+        return AS_BUILT if value is None else value if isinstance(value, str) else f"{value:.4g}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Trials that passed or failed; those that broke, were cancelled or have no verdict say nothing of the robot."""
+
+    rows: NDArray[np.int64]
+    """Rows of the table of results."""
+    failed: NDArray[np.bool_]
+    jobs: NDArray[np.int64]
+    worlds: NDArray[np.int64]
+    world_names: tuple[str, ...]
+    seeds: NDArray[np.int64]
+    cells: NDArray[np.int64]
+    """Number of the combination of values of all axes."""
+    axes: tuple[AxisColumn, ...]
+    """Axes with two values or more."""
+    twins: int
+    """Number of further trials that had the same values of all axes and went through the same states: no evidence."""
+    signatures: tuple[Signature | None, ...]
+    """Way in which each trial failed; None: it passed."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def world_count(self) -> int:
+        """Number of different worlds."""
+        return len(self.world_names)
+
+
+def evidence_of(results: ResultTable) -> Evidence:
+    """Reads the judged trials of a table of results, and how those that failed did so.
+
+    Args:
+        results: The table.
+    """
+    codes, outcomes = results.codes("outcome")
+    wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]
+    judged = np.flatnonzero(np.isin(codes, wanted))
+    rows = _distinct(results, judged)
+    failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
+    worlds, names = _worlds(results, rows)
+    columns = tuple(_axis(name, results.values(name), rows) for name in results.axes)
+    axes = tuple(each for each in columns if len(each.values) > 1)
+    seeds = np.unique(np.nan_to_num(results.numbers("seed")[rows], nan=-1.0), return_inverse=True)[1]
+    return Evidence(
+        rows=rows,
+        failed=failed,
+        jobs=key_codes([_plain(results, "step", rows), _plain(results, "job", rows)]),
+        worlds=worlds,
+        world_names=names,
+        seeds=seeds.astype(np.int64),
+        cells=key_codes([each.codes for each in axes] or [np.zeros(len(rows), dtype=np.int64)]),
+        axes=axes,
+        twins=len(judged) - len(rows),
+        signatures=_signatures(results, rows, failed),
+    )
+
+
+def _distinct(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leaves out trials whose job has one with the same axes and states before: their seed changes nothing."""
+    states, names = results.codes("state_digest")
+    numbers = _plain(results, "step", rows), _plain(results, "job", rows), states[rows].astype(np.int64)
+    own = np.where(states[rows] >= 0, 0, 1 + np.arange(len(rows)))  # what has no digest is like no other
+    axes = (_axis(name, results.values(name), rows).codes for name in results.axes)
+    _, first = np.unique(key_codes([*numbers[:2], numbers[2] + 1, own, *axes]), return_index=True)
+    return rows[np.sort(first)] if names else rows
+
+
+def key_codes(columns: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Numbers the combinations of values of some columns; rows with the same values have the same number."""
+    found = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        _, found = np.unique(found * (int(column.max(initial=0)) + 1) + column, return_inverse=True)
+    return found.astype(np.int64)
+
+
+def _plain(results: ResultTable, column: str, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    return results.codes(column)[0][rows].astype(np.int64) + 1  # empty cells are -1
+
+
+def _worlds(results: ResultTable, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Numbers of the worlds, which are told apart by their content, and their names in this run."""
+    contents, _ = results.codes("world")
+    named, names = results.codes("world_name")
+    by = np.where(contents[rows] >= 0, contents[rows], named[rows]) if len(rows) else contents[rows]
+    found, first, codes = np.unique(by, return_index=True, return_inverse=True)
+    labels = [names[named[rows[place]]] if named[rows[place]] >= 0 else "no world" for place in first.tolist()]
+    return codes.astype(np.int64), tuple(labels[: len(found)])
+
+
+def _axis(name: str, values: Sequence[Value | None], rows: NDArray[np.int64]) -> AxisColumn:
+    own = [values[row] for row in rows.tolist()]
+    known = sorted({each for each in own if each is not None}, key=lambda each: (isinstance(each, str), each))
+    ordered: list[Value | None] = [*known, *([None] if None in own else [])]
+    places = {value: place for place, value in enumerate(ordered)}
+    return AxisColumn(name, np.array([places[each] for each in own], dtype=np.int64), tuple(ordered))
+
+
+def _signatures(
+    results: ResultTable, rows: NDArray[np.int64], failed: NDArray[np.bool_]
+) -> tuple[Signature | None, ...]:
+    texts = results.texts("requirements")
+    return tuple(
+        signature_of(json.loads(texts[row] or "[]")) if has_failed else None
+        for row, has_failed in zip(rows.tolist(), failed.tolist(), strict=True)
+    )
+
+
+def signature_of(requirements: Sequence[Mapping[str, Any]]) -> Signature:
+    """Says how a trial failed, by the first requirement that it missed.
+
+    Args:
+        requirements: Requirements of the trial, as JSON without defaults.
+    """
+    missed = [
+        each for each in requirements if each.get("counts", True) and not each["satisfied"] and not each.get("error")
+    ]
+    if not missed:
+        return Signature(NO_REQUIREMENT)
+    first = min(missed, key=_violated_at_s)
+    other = first.get("other")
+    kind = other and (_NUMBERED.sub("", other) or other)
+    return Signature(first["name"], first.get("room"), kind or None, _phase(requirements, first))
+
+
+def _violated_at_s(requirement: Mapping[str, Any]) -> float:
+    found = requirement.get("first_violation_s")
+    return math.inf if found is None else float(found)
+
+
+def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any]) -> str | None:
+    """The goals around the time of a violation; None: there are no other goals."""
+    goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
+    at_s = _violated_at_s(missed)
+    reached = [each for each in goals if each.get("unit") == "s" and (each.get("value") or math.inf) <= at_s]
+    if reached:
+        return f"after {max(reached, key=lambda each: each['value'])['name']}"
+    return f"before {goals[0]['name']}" if goals else None

@@ -1,0 +1,106 @@
+"""Sensitivity of margins to axes of numbers: slopes within worlds, with intervals that respect clusters."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.causes import Sensitivity
+from ..results.rates import margin_units
+from ..results.table import ResultTable
+from .evidence import AxisColumn, Evidence
+from .lift import cells_of, reach_between
+
+FEWEST_TRIALS = 20
+FEWEST_CLUSTERS = 10
+"""Cells, or seeds, from which on a slope has an interval: with fewer, t intervals of skewed margins are too narrow."""
+_LEVEL = 0.95
+
+
+def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensitivity], list[str]]:
+    """Computes by how much margins change along axes.
+
+    Args:
+        results: The table of results.
+        evidence: Its judged trials.
+
+    Returns:
+        Sensitivities, and sentences about those that were refused.
+    """
+    units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
+    numbers = [axis for axis in evidence.axes if axis.is_number]
+    level = 1 - (1 - _LEVEL) / max(1, len(units) * len(numbers))
+    found: list[Sensitivity] = []
+    refused: dict[str, None] = {}
+    for name, unit in units.items():
+        margins = judged_margins(results, evidence, name)
+        for axis in numbers:
+            answer = _along(margins, evidence, axis, level)
+            if isinstance(answer, str):
+                refused[f"sensitivity of {name} to {axis.name}: {answer}"] = None
+            elif answer is not None:
+                start, end, change, reach = answer
+                found.append(
+                    Sensitivity(
+                        requirement=name,
+                        axis=axis.name,
+                        unit=unit,
+                        start=start,
+                        end=end,
+                        change=change,
+                        low=change - reach,
+                        high=change + reach,
+                    )
+                )
+    return found, list(refused)
+
+
+def judged_margins(results: ResultTable, evidence: Evidence, requirement: str) -> NDArray[np.float64]:
+    """Returns the margins of judged trials; NaN where a requirement was not judged."""
+    met = results.met(requirement)[evidence.rows]
+    return np.where(met >= 0, results.numbers(f"margin.{requirement}")[evidence.rows], np.nan)
+
+
+def _along(
+    margins: NDArray[np.float64], evidence: Evidence, axis: AxisColumn, level: float
+) -> tuple[float, float, float, float] | str | None:
+    """Ends of the axis, change between them and half its interval; or why not; None: the requirement has no margins."""
+    values = axis.numbers
+    known = np.isfinite(margins) & np.isfinite(values)
+    if not np.isfinite(margins).any():
+        return None
+    count = int(known.sum())
+    if count < FEWEST_TRIALS:
+        return f"{count} trials with a margin are too few for an interval; {FEWEST_TRIALS} would do"
+    x, y = (_within(each[known], evidence.jobs[known]) for each in (values, margins))
+    square = float((x**2).sum())
+    if square <= 1e-12 * float((values[known] ** 2).sum() + 1e-12):
+        return "it is the same in all trials of each job; other values in each job would do"
+    clusterings = [cells_of(evidence)[known]]
+    if (worlds := len(np.unique(evidence.worlds[known]))) >= FEWEST_WORLDS:
+        clusterings.append(evidence.worlds[known])
+    clusters = len(np.unique(clusterings[0]))
+    if clusters < FEWEST_CLUSTERS:
+        return f"{clusters} seeds or cells in {worlds} worlds are too few for an interval; {FEWEST_CLUSTERS} would do"
+    slope = float((x * y).sum()) / square
+    parts = x * (y - slope * x) / square
+    reach = max(reach_between(parts, each, level) for each in clusterings)
+    start, end = (float(each) for each in np.quantile(values[known], [0.1, 0.9]))
+    if start == end:
+        start, end = float(values[known].min()), float(values[known].max())
+    return start, end, slope * (end - start), reach * (end - start)
+
+
+def _within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Subtracts the mean of its job from each value."""
+    numbers = np.unique(jobs, return_inverse=True)[1]
+    return values - (np.bincount(numbers, weights=values) / np.bincount(numbers))[numbers]
+
+
+def varying(evidence: Evidence) -> Iterator[AxisColumn]:
+    """Yields the axes that have several values in some job."""
+    for axis in evidence.axes:
+        pairs = np.unique(np.stack([evidence.jobs, axis.codes]), axis=1)[0]
+        if (np.bincount(pairs) > 1).any():
+            yield axis

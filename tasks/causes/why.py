@@ -1,0 +1,157 @@
+"""The reasons of a run's failures: groups, claims about them, sensitivities, drawings, and what cannot be told."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
+from ..results.table import ResultTable
+from .claims import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
+from .evidence import AxisColumn, Evidence, evidence_of
+from .groups import Group, groups_of
+from .plots import cell_plot, margin_plot
+from .sensitivity import judged_margins, sensitivities, varying
+
+_SEED = 38
+"""Seed of permutations: the same table has the same answer."""
+_MOST_PLOTS = 6
+
+
+def explain(results: ResultTable, *, refused: str = "") -> Why | None:
+    """Groups the failures of a run and finds what they go with; `None` if no trial failed.
+
+    Args:
+        results: The run's table of results.
+        refused: Why nothing may be claimed of this run; empty: it may.
+    """
+    evidence = evidence_of(results)
+    if not evidence.failed.any():
+        return None
+    axes = list(varying(evidence))
+    wholes = groups_of(evidence)
+    all_groups = [each for whole in wholes for each in (whole, *whole.parts)]
+    fewest = fewest_failures(len(axes))
+    can_tell = not refused and bool(axes or evidence.world_count >= FEWEST_WORLDS)
+    large = [each for each in all_groups if each.count >= fewest] if can_tell else []
+    chance = np.random.default_rng(_SEED)
+    found = hypotheses_of(evidence, large, axes, chance)
+    claimed = {id(group): _claimed(evidence, group, number, found) for number, group in enumerate(large)}
+    chosen = sorted(
+        (each for whole in wholes for each in _chosen(whole, claimed)),
+        key=lambda each: (-each.count, each.signature.order),
+    )
+    groups = [_reported(results, evidence, each, claimed.get(id(each), []), fewest, can_tell) for each in chosen]
+    margins, not_shown = sensitivities(results, evidence)
+    names = [_name(each) for each in large]
+    return Why(
+        trials=len(evidence),
+        failed=int(evidence.failed.sum()),
+        groups=groups,
+        lifts=lifts_of(evidence, large, names, found),
+        sensitivities=margins,
+        margin_plots=_margin_plots(results, evidence, margins),
+        cell_plots=_cell_plots(evidence, chosen, claimed, axes),
+        refused=[*([refused] if refused else _refused(evidence, axes)), *not_shown],
+    )
+
+
+_Claims = list[tuple[Claim, Hypothesis]]
+
+
+def _claimed(evidence: Evidence, group: Group, number: int, found: Sequence[Hypothesis]) -> _Claims:
+    return claims_of(evidence, group, [each for each in found if each.group == number])
+
+
+def _chosen(whole: Group, claimed: dict[int, _Claims]) -> Sequence[Group]:
+    """The group, or its parts where one of them shows a cause more clearly, or nothing is claimed of the whole."""
+
+    def strength(group: Group) -> float:
+        return max((each.strength for _, each in claimed.get(id(group), [])), default=0.0)
+
+    if not whole.parts:
+        return [whole]
+    of_whole = strength(whole)
+    return [whole] if of_whole and of_whole >= max(map(strength, whole.parts)) else whole.parts
+
+
+def _name(group: Group) -> str:
+    return FailureGroup(**group.signature._asdict(), failed=group.count, job="", command="").name
+
+
+def _reported(
+    results: ResultTable, evidence: Evidence, group: Group, claims: _Claims, fewest: int, can_tell: bool
+) -> FailureGroup:
+    region = claims[0][1].mask if claims else np.ones(len(evidence), dtype=np.bool_)
+    rows = evidence.rows[group.failed & region]
+    outputs = results.texts("output")
+    kept = next((row for row in rows.tolist() if outputs[row]), None)
+    row = int(rows[0]) if kept is None else kept
+    job, number = results.texts("job")[row] or "", results.numbers("trial")[row]
+    trial = None if np.isnan(number) else int(number)
+    return FailureGroup(
+        **group.signature._asdict(),
+        failed=group.count,
+        claims=[claim for claim, _ in claims],
+        job=job,
+        trial=trial,
+        clip=None if kept is None else outputs[kept],
+        command=f"robomaker repro {job}" + ("" if trial is None else f" --trial {trial}"),
+        refused=_too_few(len(evidence), group.count, fewest) if can_tell and group.count < fewest else "",
+    )
+
+
+def _too_few(trials: int, failures: int, fewest: int) -> str:
+    needed = -(-trials * fewest // failures)
+    return (
+        f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
+        f"which at this rate takes {needed:,} trials instead of {trials:,}"
+    )
+
+
+def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
+    if evidence.twins:
+        yield (
+            f"{evidence.twins} trials count for nothing: others of their job with the same values of all axes went "
+            "through the same states; an application whose states depend on the seed would do"
+        )
+    told = {axis.name for axis in axes}
+    for axis in evidence.axes:
+        if axis.name not in told:
+            yield (
+                f"{axis.name} has the same value in all trials of each job, so that it cannot be told from the jobs' "
+                "worlds; several values in each job would do"
+            )
+    if not evidence.axes and evidence.world_count < FEWEST_WORLDS:
+        worlds = "1 world" if evidence.world_count == 1 else f"{evidence.world_count} worlds"
+        yield f"no cause can be claimed of trials without axes in {worlds}; axes, or {FEWEST_WORLDS} worlds, would do"
+
+
+def _margin_plots(results: ResultTable, evidence: Evidence, found: Sequence[Sensitivity]) -> list[MarginPlot]:
+    """Plots of the margins that change along an axis, those that change most surely first."""
+    axes = {axis.name: axis for axis in evidence.axes}
+    shown = sorted(
+        (each for each in found if each.is_shown),
+        key=lambda each: -abs(each.change) / max(each.high - each.low, 1e-300),
+    )
+    plots = [
+        margin_plot(judged_margins(results, evidence, each.requirement), axes[each.axis], each.requirement, each.unit)
+        for each in shown[:_MOST_PLOTS]
+    ]
+    return [plot for plot in plots if plot is not None]
+
+
+def _cell_plots(
+    evidence: Evidence, groups: Sequence[Group], claimed: dict[int, _Claims], axes: Sequence[AxisColumn]
+) -> list[CellPlot]:
+    by_name = {axis.name: axis for axis in axes}
+    wanted = [
+        (group, hypothesis)
+        for group in groups
+        for _, hypothesis in claimed.get(id(group), [])
+        if hypothesis.kind != "world"
+    ]
+    return [
+        cell_plot(evidence, group, _name(group), [by_name[name] for name in hypothesis.axes])
+        for group, hypothesis in wanted[:_MOST_PLOTS]
+    ]

@@ -1,0 +1,64 @@
+"""Evidence holds judged trials only, each once, and says how those that failed did so."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.tasks.causes.evidence import Signature, evidence_of, signature_of
+
+GOALS = [
+    {"name": "kitchen", "kind": "goal", "satisfied": True, "detail": "", "value": 12.0, "unit": "s"},
+    {"name": "bed", "kind": "goal", "satisfied": True, "detail": "", "value": 40.0, "unit": "s"},
+]
+
+
+def test_what_broke_was_cancelled_or_has_no_verdict_is_no_evidence(made: Callable[..., Any]) -> None:
+    outcomes = ["passed", "failed", "broken", "canceled", "unfinished", "no verdict", "passed"]
+    evidence = evidence_of(made([{"outcome": outcome} for outcome in outcomes]))
+    assert evidence.rows.tolist() == [0, 1, 6]
+    assert evidence.failed.tolist() == [False, True, False]
+
+
+def test_trials_that_went_through_the_same_states_with_the_same_axes_count_once(made: Callable[..., Any]) -> None:
+    rows = [
+        {"axes": {"mass": 1.0}, "state_digest": "a", "seed": 1},
+        {"axes": {"mass": 1.0}, "state_digest": "a", "seed": 2},
+        {"axes": {"mass": 1.2}, "state_digest": "a", "seed": 1},  # the axis changes nothing, which is evidence
+        {"axes": {"mass": 1.0}, "state_digest": "a", "seed": 1, "world": 1},
+        {"axes": {"mass": 1.0}, "seed": 3},
+        {"axes": {"mass": 1.0}, "seed": 4},
+    ]
+    evidence = evidence_of(made(rows))
+    assert evidence.rows.tolist() == [0, 2, 3, 4, 5]
+    assert evidence.twins == 1
+
+
+def test_the_first_requirement_that_was_missed_names_the_failure(miss: Callable[..., dict[str, Any]]) -> None:
+    asked = [
+        *GOALS,
+        miss("late", first_violation_s=50.0),
+        miss("polite", first_violation_s=13.5, room="Kitchen", other="chair_12"),
+        miss("broken", first_violation_s=1.0, error="no topic"),
+        miss("aside", first_violation_s=2.0, counts=False),
+    ]
+    assert signature_of(asked) == Signature("polite", "Kitchen", "chair", "after kitchen")
+
+
+@pytest.mark.parametrize(
+    ("at_s", "phase"), [(3.0, "before kitchen"), (12.0, "after kitchen"), (39.9, "after kitchen"), (41.0, "after bed")]
+)
+def test_a_phase_is_the_last_goal_that_was_reached(
+    at_s: float, phase: str, miss: Callable[..., dict[str, Any]]
+) -> None:
+    assert signature_of([*GOALS, miss(first_violation_s=at_s)]).phase == phase
+
+
+def test_a_failure_without_a_missed_requirement_is_of_its_verdict() -> None:
+    assert signature_of(GOALS) == Signature("verdict")
+
+
+def test_a_value_that_a_cell_does_not_name_is_a_value_of_its_own(made: Callable[..., Any]) -> None:
+    evidence = evidence_of(made([{"axes": {"mass": 1.0}}, {"axes": {}}, {"axes": {"mass": 2.0}}]))
+    [mass] = evidence.axes
+    assert [mass.label(code) for code in mass.codes] == ["1", "as built", "2"]

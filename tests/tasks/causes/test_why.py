@@ -1,0 +1,192 @@
+"""A run says why its trials failed, and claims no more than its trials show."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from helpers.examples import examples
+from helpers.planted_causes import draw, planted
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.reports.causes import Why
+from prefect_robomaker.tasks.causes.why import explain
+from prefect_robomaker.tasks.results.table import ResultTable
+
+from .conftest import Row, table_of
+
+CAUSES = {each["id"]: each for each in planted("causes") if not each.get("held_back")}
+
+
+def claims(why: Why | None) -> list[str]:
+    return [claim.region for group in (why.groups if why else ()) for claim in group.claims]
+
+
+def in_worlds(worlds: int, trials: int, fails: Callable[[int, float, np.random.Generator], bool]) -> list[Row]:
+    """Trials of an axis from 0 to 1, in some worlds."""
+    chance = np.random.default_rng(3)
+    rows: list[Row] = []
+    for world in range(worlds):
+        for _ in range(trials):
+            value = float(chance.random())
+            outcome = "failed" if fails(world, value, chance) else "passed"
+            rows.append({"world": world, "axes": {"noise": value}, "outcome": outcome})
+    return rows
+
+
+def test_no_failures_need_no_reason(made: Callable[..., Any]) -> None:
+    assert explain(made([{"axes": {"noise": float(each)}} for each in range(50)])) is None
+    assert explain(made([{"outcome": "broken"}, {"outcome": "passed"}])) is None
+
+
+@pytest.mark.parametrize("name", ["kitchen-with-dropout", "fast-on-low-grip", "one-world-of-16"])
+def test_a_planted_cause_heads_its_group(name: str) -> None:
+    why = explain(draw(CAUSES[name], 1).table)
+    assert why is not None
+    [group] = [each for each in why.groups if each.claims]
+    claim = group.claims[0]
+    assert set(claim.axes) == set(CAUSES[name]["when"]) - {"world"}
+    assert (group.requirement, group.room) == (CAUSES[name]["requirement"], CAUSES[name].get("room"))
+    assert claim.low > 1
+    assert claim.failed_inside + claim.failed_outside == group.failed
+    assert group.command == f"robomaker repro {group.job} --trial {group.trial}"
+    assert sum(each.failed for each in why.groups) == why.failed
+
+
+def test_the_order_of_rows_does_not_matter() -> None:
+    table = draw(CAUSES["carpet"], 1).table
+    arrow = table.to_arrow()
+    mixed = arrow.take(pa.array(np.random.default_rng(1).permutation(arrow.num_rows)))
+    one, other = explain(table), explain(ResultTable(mixed.column_names, mixed.num_rows, mixed.column))
+    assert one is not None
+    assert other is not None
+    assert [(each.name, each.failed) for each in one.groups] == [(each.name, each.failed) for each in other.groups]
+    assert claims(one) == claims(other) == ["FLOOR = carpet"]
+
+
+def test_an_axis_that_goes_with_worlds_only_is_no_cause() -> None:
+    """Noise is high in the four worlds that are hard; within a world it changes nothing."""
+
+    def rows(spread: float) -> list[Row]:
+        made = in_worlds(8, 60, lambda world, _, chance: chance.random() < (0.6 if world >= 4 else 0.05))
+        for row in made:
+            row["axes"] = {"noise": float(row["world"] >= 4) + spread * row["axes"]["noise"]}
+        return made
+
+    for spread in (0.0, 0.1):
+        assert claims(explain(table_of(rows(spread)))) == []
+    why = explain(table_of(rows(0.0)))
+    assert why is not None
+    assert "noise has the same value in all trials of each job" in why.refused[0]
+
+
+def test_what_broke_where_the_axis_is_high_is_no_failure_of_the_robot() -> None:
+    rows = in_worlds(8, 50, lambda _, value, chance: value < 0.5 and chance.random() < 0.2)
+    for row in rows:
+        if row["axes"]["noise"] >= 0.5:
+            row["outcome"] = "broken"
+    why = explain(table_of(rows))
+    assert why is not None
+    assert why.trials == sum(row["outcome"] != "broken" for row in rows)
+    assert claims(why) == []
+
+
+def test_failures_that_hide_others_do_not_make_the_rest_gather_elsewhere(miss: Callable[..., dict[str, Any]]) -> None:
+    """Above 0.5 most trials fail at once; what fails by chance later is seen below 0.5 only."""
+    chance = np.random.default_rng(9)
+    rows = in_worlds(10, 100, lambda *_: False)
+    for row in rows:
+        if row["axes"]["noise"] > 0.5 and chance.random() < 0.9:
+            row |= {"outcome": "failed", "requirements": [miss("polite")]}
+        elif chance.random() < 0.15:
+            row |= {"outcome": "failed", "requirements": [miss("upright")]}
+    why = explain(table_of(rows))
+    assert why is not None
+    assert {group.requirement: bool(group.claims) for group in why.groups} == {"polite": True, "upright": False}
+
+
+def test_axes_that_vary_together_are_named_together() -> None:
+    rows = in_worlds(8, 60, lambda _, value, chance: chance.random() < (0.5 if value > 0.6 else 0.03))
+    for row in rows:
+        row["axes"]["latency"] = row["axes"]["noise"] / 10
+    why = explain(table_of(rows))
+    assert why is not None
+    claim = why.groups[0].claims[0]
+    assert len(claim.alike) == 1
+    assert "has nearly the same trials" in claim.numbers
+
+
+def test_few_worlds_speak_for_themselves_only() -> None:
+    def fails(_: int, value: float, chance: np.random.Generator) -> bool:
+        return chance.random() < (0.6 if value > 0.6 else 0.03)
+
+    def scopes(worlds: int) -> set[str]:
+        why = explain(table_of(in_worlds(worlds, 80, fails)))
+        return {claim.scope for group in (why.groups if why else ()) for claim in group.claims}
+
+    assert scopes(3) == {"these worlds only"}
+    assert scopes(8) == {"such worlds"}
+
+
+def test_an_axis_that_matters_in_one_world_alone_does_not_hold_for_such_worlds() -> None:
+    def fails(world: int, value: float, chance: np.random.Generator) -> bool:
+        return chance.random() < (0.9 if world == 0 and value > 0.5 else 0.03)
+
+    why = explain(table_of(in_worlds(8, 60, fails)))
+    assert not [claim for group in (why.groups if why else ()) for claim in group.claims if claim.kind == "axis"]
+
+
+def test_too_few_failures_are_refused_with_what_would_do() -> None:
+    rows = in_worlds(6, 10, lambda *_: False)
+    for row in rows[:4]:
+        row["outcome"] = "failed"
+    why = explain(table_of(rows))
+    assert why is not None
+    assert why.groups[0].refused == (
+        "4 failures are too few to claim a cause; 10 would do, which at this rate takes 150 trials instead of 60"
+    )
+    assert why.groups[0].in_words == f"polite: 4 trials; {why.groups[0].refused}"
+
+
+def test_without_axes_and_with_few_worlds_nothing_can_be_claimed(made: Callable[..., Any]) -> None:
+    why = explain(made([{"outcome": "failed" if each < 20 else "passed"} for each in range(40)]))
+    assert why is not None
+    assert why.refused == ["no cause can be claimed of trials without axes in 1 world; axes, or 6 worlds, would do"]
+    assert claims(why) == []
+
+
+def test_an_example_is_one_that_was_recorded(made: Callable[..., Any]) -> None:
+    rows = [{"outcome": "failed"}, {"outcome": "failed", "output": "file:///out/trials/000001"}, {}]
+    why = explain(made(rows))
+    assert why is not None
+    assert (why.groups[0].trial, why.groups[0].clip) == (1, "file:///out/trials/000001")
+
+
+values = st.one_of(st.none(), st.sampled_from([0.0, 0.5, 1.0, 2.5]))
+trials = st.fixed_dictionaries(
+    {
+        "world": st.integers(0, 7),
+        "seed": st.integers(0, 2),
+        "outcome": st.sampled_from(["passed", "failed", "broken", "canceled", "no verdict"]),
+        "axes": st.fixed_dictionaries({"a": values, "b": values, "KIND": st.sampled_from([None, "x", "y"])}),
+        "margin": st.one_of(st.none(), st.floats(-1, 1)),
+    }
+)
+
+
+@examples(60)
+@given(st.lists(trials, max_size=40))
+def test_any_table_has_an_answer(rows: Sequence[Row]) -> None:
+    why = explain(table_of(rows)) if rows else None
+    failed = sum(row["outcome"] == "failed" for row in rows)
+    if not failed:
+        assert why is None
+        return
+    assert why is not None
+    assert sum(group.failed for group in why.groups) == why.failed == failed
+    assert why.trials == sum(row["outcome"] in ("passed", "failed") for row in rows)
+    for group in why.groups:
+        for claim in group.claims:
+            assert claim.low <= claim.lift <= claim.high
