@@ -55,7 +55,14 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """The groups of failures, and the tables of requirements that were missed and of jobs that did not pass."""
+    """Yields the tables of values in pairs, groups of failures, missed requirements and jobs that did not pass."""
+    if found := [(axis, each) for axis in summary.axes for each in axis.comparisons]:
+        rows = [
+            f"| {_code(axis.step)} | {_code(f'{axis.axis}: {each.value} instead of {each.baseline}')} "
+            f"| {each.result} | {_code(each.why)} |"
+            for axis, each in found[:_MOST_COMPARED]
+        ]
+        yield "\n".join(("| step | in pairs | result | why |", "| --- | --- | --- | --- |", *rows))
     if is_told(summary.why):
         yield "\n".join(_why(summary.why))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
