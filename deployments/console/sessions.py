@@ -12,7 +12,7 @@ from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.protocol_errors import UnrecognizedClientException
 
 LIFETIME_S = 12 * 3600
-"""Time that a session lasts."""
+"""Lifetime of a login session, in seconds."""
 
 _MOST_FAILURES = 10
 _FAILURES_WITHIN_S = 60.0
@@ -50,7 +50,7 @@ class Sessions:
         self._new_token = new_token
         self._sessions: dict[str, Session] = {}
         self._failures: dict[str, deque[float]] = {}
-        """Times of the last failed logins, by address."""
+        """Times of the latest failed logins, by IP address."""
         self._lock = threading.Lock()
 
     def log_in(self, key_id: str, secret: str, client: str = "") -> str:

@@ -13,7 +13,7 @@ SMALL_BODY_BYTES = 64 * 1024
 
 SMALL_BODIES = 512
 LARGE_BODIES = 24
-"""Limit on the bodies that are received at once; together they fit into memory."""
+"""Limit of large request bodies that are received at once; together they fit into memory."""
 
 SMALL_BODY_TIMEOUT_S = 15.0
 LARGE_BODY_TIMEOUT_S = 60.0
@@ -33,7 +33,7 @@ class Arrivals:
             declared: the header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
-            How many seconds it may take.
+            Time limit for the body, in seconds.
 
         Raises:
             ThrottlingException: too many are on their way already.
@@ -52,10 +52,10 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
     """Reads a request's body, with limits on size and time.
 
     Args:
-        request: whose body has not been read.
+        request: the request, whose body has not been read.
         declared: the header `Content-Length`.
-        max_bytes: how much is taken at most.
-        timeout_s: how long it may take.
+        max_bytes: size limit of the body, in bytes.
+        timeout_s: time limit for the body, in seconds.
 
     Raises:
         RequestEntityTooLargeException: the body is longer; the rest is left unread.

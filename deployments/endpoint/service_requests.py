@@ -13,10 +13,10 @@ class ServiceRequest(Request):
     """An HTTP request to the API server, with path and query in undecoded form."""
 
     content = b""
-    """The body, once it is read."""
+    """Body of an HTTP request, once it is read."""
 
     operation: str | None = None
-    """The operation that it asks for, once that is known."""
+    """Name of the requested API operation, once it is known."""
 
     def __init__(self, scope: Scope, receive: Receive) -> None:
         super().__init__(scope, receive)
@@ -25,10 +25,10 @@ class ServiceRequest(Request):
 
     @property
     def raw_path(self) -> str:
-        """Path of the URL, percent-encoded."""
+        """Path of the request's URL, percent-encoded."""
         return self.scope["raw_path"].decode("latin-1")
 
     @property
     def raw_query(self) -> str:
-        """Query string of the URL, undecoded."""
+        """Query string of the request's URL, undecoded."""
         return self.scope["query_string"].decode("latin-1")

@@ -7,8 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from ...schemas.reports.names import short_name
 from ...schemas.reports.causes import Why
+from ...schemas.reports.names import short_name
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import counts_in_words, meaning_of
 from ...schemas.specs.parameter_values import values_in_words

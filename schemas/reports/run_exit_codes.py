@@ -11,7 +11,7 @@ EXIT_CODES: dict[RunState, int] = {
     "canceled": CANCELED,
     "timed out": TIMED_OUT,
 }
-"""Exit codes of the command line, by how the run ended; see `exit_code_of` for runs with `--against`."""
+"""Exit code of the command line by the state of a run; see `exit_code_of` for runs with `--against`."""
 
 ANSWER_EXIT_CODES: dict[Answer, int] = {
     "better": OK,
@@ -26,11 +26,11 @@ ANSWER_EXIT_CODES: dict[Answer, int] = {
 def exit_code_of(state: RunState, against: AgainstAnswer | None) -> int:
     """Returns the exit code of a run.
 
-    One that came to its end beside an earlier run has the code of the answer: that is what was asked.
+    A run that was compared with an earlier run until its end has the exit code of the comparison's answer.
 
     Args:
-        state: how the run ended.
-        against: the answer; None: it was not carried out beside an earlier run.
+        state: State of the finished run.
+        against: Answer of the comparison; None: the run was not compared.
     """
     is_whole = state in ("succeeded", "failed")
     return ANSWER_EXIT_CODES[against.answer] if against is not None and is_whole else EXIT_CODES[state]

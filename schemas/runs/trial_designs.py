@@ -41,7 +41,7 @@ class CellAxis(Protocol):
         ...
 
     def at(self, share: float) -> Value:
-        """Returns the value below which a share, 0 to 1, of its values lies."""
+        """Returns the quantile of the axis's values at a probability, 0 to 1."""
         ...
 
 

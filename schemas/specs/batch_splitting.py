@@ -17,7 +17,7 @@ _REQUESTS = "createSimulationJobRequests"
 _CLIENT_TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
 _LISTS = frozenset({"createdRequests", "failedRequests", "pendingRequests"})
 MOST_REQUESTS = 1000
-"""Largest number of requests in one batch."""
+"""Maximum number of requests in one batch."""
 
 
 class Part(NamedTuple):
@@ -31,10 +31,10 @@ class Part(NamedTuple):
     """Number of parts of the step."""
 
     total: int = 0
-    """Number of requests of the whole step; 0: it is no campaign."""
+    """Number of requests of the whole step; 0: the step is not divided."""
 
     trials: int = 0
-    """Number of trials that those order; 0: none, or it is no campaign."""
+    """Number of trials of all those requests; 0: none, or the step is not divided."""
 
     def name(self, step: str) -> str:
         """Returns the part's name: the step's, or `simulate_2_of_3` for a part of a divided step."""
@@ -51,9 +51,9 @@ def with_client_token(operation: str, request: Mapping[str, Any], place: str) ->
     """Adds a client token to a part's request, if the operation has one, so that the request can be repeated safely.
 
     Args:
-        operation: the step's operation.
-        request: the part's request; a token that it has stays.
-        place: what no other part has, of this run or another.
+        operation: Operation of the step.
+        request: Request of the part; a token in it is kept.
+        place: Text that is unique for this part in all runs.
     """
     if _CLIENT_TOKEN not in STEPS[operation].request.model_fields:
         return dict(request)
@@ -69,8 +69,8 @@ def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
     """Splits a step's request into several batches if it has more jobs than one batch may have.
 
     Args:
-        operation: the step's operation.
-        request: its resolved request, not yet checked.
+        operation: Operation of the step.
+        request: Resolved request, not yet checked.
 
     Returns:
         The parts, in order; each job request is in one of them.
@@ -94,7 +94,7 @@ class EarlierParts:
     """Combined results of the finished parts of a step that is divided into several batches."""
 
     output: dict[str, Any] = field(default_factory=dict[str, Any])
-    """Response that references see of the step so far: the jobs of all its batches under the ARN of the last."""
+    """Combined response for references: the jobs of all finished batches, under the ARN of the last."""
 
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     """Number of requests by state, of the batches that have ended."""
@@ -108,9 +108,9 @@ class EarlierParts:
         """Returns these combined results with those of one more finished part added.
 
         Args:
-            output: the final description of the one more.
-            counts: how many of its requests are in which state.
-            trials: those of its jobs, as they were at its end; None: there were none.
+            output: Final description of the finished part.
+            counts: Number of its requests by state.
+            trials: Trial counts of its jobs at its end; None: there were none.
         """
         lists = {
             name: [*self.output.get(name, []), *entries]
@@ -127,8 +127,8 @@ class EarlierParts:
         """Adds the trial counts of the running part to those of the finished parts; `None` if there are no trials.
 
         Args:
-            trials: those of the part that runs.
-            total: how many the whole step has; 0: it is no campaign, or has none.
+            trials: Trial counts of the running part.
+            total: Number of trials of the whole step; 0: not divided, or none.
         """
         return TrialCounts(self._finished(trials), total) if total else trials
 

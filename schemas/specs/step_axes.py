@@ -128,7 +128,7 @@ class _ListedAxis:
         return text
 
     def at(self, share: float) -> Scalar:
-        """Returns one of the values, all of which are equally likely."""
+        """Returns the value at a quantile, 0 to 1; all values are equally likely."""
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 

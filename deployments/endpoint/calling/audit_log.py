@@ -14,7 +14,7 @@ from ....schemas.wire.errors import ConfigurationError
 from .access_keys import AccessKey
 
 MAX_RESOURCES = 20
-"""Limit on the named resources of a call; `resource_count` says how many there were."""
+"""Limit of the resources named in the log entry of a call; `resource_count` has the full number."""
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
@@ -26,15 +26,15 @@ class Call:
     request_id: str
     address: str | None
     key: AccessKey | None = None
-    """The key it was signed with; `None`: none was asked for, or the signature was refused."""
+    """Access key that signed the call; `None`: none was required, or the signature was refused."""
 
     operation: str | None = None
     resources: Sequence[str] = ()
     outcome: str = "ok"
-    """`ok`, or the error's name."""
+    """Result of an API call in the audit log: `ok`, or the error's name."""
 
     job: str | None = None
-    """ARN of the simulation job whose process sent it; `None`: another program did."""
+    """ARN of the simulation job whose process sent the API call; `None`: another program did."""
 
 
 class AuditLog:

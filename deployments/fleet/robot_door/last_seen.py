@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 
 
 class LastSeen:
-    """Collects the last poll times of robots, and hands them on regularly.
+    """Collects the last poll times of robots, and passes them on regularly.
 
     Args:
-        hand_on: takes what was gathered, seconds since 1970 by robot; must not wait.
-        interval_s: how long is gathered.
+        hand_on: receives the collected times, in seconds since 1970, by robot; must not block.
+        interval_s: time for which they are collected, in seconds.
     """
 
     def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:
@@ -24,7 +24,7 @@ class LastSeen:
         self._seen[robot] = at_s
 
     def flush(self) -> None:
-        """Hands on the collected poll times."""
+        """Passes on the collected poll times of robots."""
         seen, self._seen = self._seen, {}
         if seen:
             self._hand_on(seen)

@@ -112,7 +112,7 @@ class Rig(Protocol):
 
     @property
     def touching_pairs(self) -> Any:
-        """Mask of the model's explicit contact pairs of a robot's geom, shape (npair,)."""
+        """Mask of the model's explicit contact pairs that have a geom of the robot, shape (npair,)."""
         ...
 
     @property

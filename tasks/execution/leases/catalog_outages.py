@@ -56,7 +56,7 @@ class CatalogWait:
         """Waits until the catalog's database answers again.
 
         Args:
-            failure: how the outage was noticed.
+            failure: error by which the outage was noticed.
 
         Raises:
             ServiceUnavailableException: `failure`, when waiting is over, or when the catalog was never away the last

@@ -24,10 +24,10 @@ class GivenUp:
     """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
 
     failure_code: str
-    """Its failure code, in place of that of other jobs."""
+    """Failure code that jobs of a kind get when they are given up."""
 
     tell: Callable[[Resource, Service], None]
-    """Called once it has ended."""
+    """Function that is called after a given-up job has ended."""
 
 
 def _given_up(kind: str) -> GivenUp | None:

@@ -100,5 +100,5 @@ class Lease:
                 _logger.warning("the lease of %s is not renewed: %s", self.job.arn, error)
 
     def _renew_once(self) -> bool:
-        """Renews the lease, unless another holds it."""
+        """Renews the lease once, unless another worker holds it; returns whether it is still held."""
         return self._service.catalog.renew(self.job.arn, self._owner, self._service.timing.lease_s)

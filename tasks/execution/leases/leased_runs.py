@@ -27,7 +27,7 @@ def run_under_lease(
         arn: the job.
         kind: the resource kind it has to be.
         service: the service, with its catalog and object store.
-        work: carries the job on from wherever it stands to a terminal state.
+        work: runs the job from its current state to a terminal state.
         held: record of the leases that this process holds.
 
     Raises:
@@ -82,16 +82,16 @@ def run_if_unclaimed(
 
 
 def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) -> None:
-    """Carries a job to its end, and goes on from where it stands after each outage of the catalog on the way.
+    """Runs a job to completion, and continues from its current state after each outage of the catalog.
 
     Args:
-        work: carries the job on from wherever it stands to a terminal state.
+        work: runs the job from its current state to a terminal state.
         lease: the right to change the job.
         service: the service, with its catalog and object store.
 
     Raises:
         ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
-            takes no change.
+            accepts no change.
     """
     wait = CatalogWait.of(lease, service)
     while not is_terminal(lease.job.kind, lease.job.status):

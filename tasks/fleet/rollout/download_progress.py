@@ -11,7 +11,7 @@ _DOWNLOAD = "DownloadingExtracting"
 def with_progress(state: State, event: Progressed, now_s: float) -> State:
     """Returns a robot's rollout state after a progress report.
 
-    A download that begins, or begins again after a loss of power, is measured from there.
+    The speed of a download that begins, or begins again after a loss of power, is measured from that report on.
     """
     step = event.step or state.step
     times = state.step_times

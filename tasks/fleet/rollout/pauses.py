@@ -3,7 +3,7 @@
 from ....schemas.fleet.rollouts.rollout import Pause, Paused, Resumed
 
 MOST_PAUSES = 100
-"""Earlier ones are forgotten."""
+"""Limit of the stored pauses of a rollout; earlier ones are deleted."""
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
@@ -12,7 +12,7 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
     Args:
         pauses: earlier pauses, oldest first.
         event: a person's decision.
-        now_s: when, in seconds since the epoch.
+        now_s: the time, in seconds since the epoch.
     """
     last = pauses[-1] if pauses else None
     is_paused = last is not None and last.until_s is None

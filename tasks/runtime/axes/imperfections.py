@@ -142,7 +142,7 @@ class OdometryDrift(KeepsAttributes):
         return super().state(), self._chance.bit_generator.state
 
     def restore(self, state: Any) -> None:
-        """Restores both from a checkpoint."""
+        """Restores the waiting commands and the other controller's state from a checkpoint."""
         own, self._chance.bit_generator.state = state
         super().restore(own)
 

@@ -8,27 +8,27 @@ from ....schemas.runs.plan import Requirement, Verdict
 
 @dataclass(frozen=True)
 class Parts:
-    """Facts from which the verdict of a run is decided."""
+    """Facts about a run from which its verdict is decided."""
 
     own: Verdict = "NONE"
-    """Verdict of the environment, or of a program that runs alone."""
+    """Verdict of the environment, or of a program that runs without one."""
 
     requirements: Sequence[Requirement] = ()
     """Requirements of job and environment; those with `counts: false` are ignored."""
 
     defects: Sequence[Requirement] = ()
-    """Defects of the run itself, as missed requirements: broken physics, no step at all."""
+    """Defects of the run itself (broken physics, no steps), as missed requirements."""
 
     trials: "TrialParts | None" = None
-    """Trials of the run; `None`: it is one episode."""
+    """Counts of the run's trials by verdict; `None`: the run is a single episode."""
 
     is_canceled: bool = False
-    """Whether the run was cancelled; nothing is judged then."""
+    """Whether the run was cancelled; it has no verdict then."""
 
 
 @dataclass(frozen=True)
 class TrialParts:
-    """Numbers of a run's trials by verdict."""
+    """Counts of a run's trials by verdict."""
 
     planned: int
     passed: int
@@ -40,12 +40,12 @@ class TrialParts:
 def decide_verdict(parts: Parts) -> Verdict:
     """Decides the verdict of a run: PASS, FAIL or ERROR.
 
-    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Two things need no trust in a
-    measurement: a robot under the floor has failed, unless the physics itself broke; trials are independent, so a
-    failed one counts beside a broken one.
+    ERROR takes precedence over FAIL, since measurements of a broken run cannot be trusted. There are two exceptions: a
+    robot that fell through the floor has failed, unless the physics itself broke; and trials are independent, so that a
+    failed trial counts even if another one is broken.
 
     Args:
-        parts: What the verdict is made from.
+        parts: Facts about the run.
     """
     if parts.is_canceled:
         return "NONE"

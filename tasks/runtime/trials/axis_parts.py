@@ -62,7 +62,7 @@ class AxisEffect:
         self._pairs = 0
 
     def take(self, row: TrialRow) -> None:
-        """Adds a trial's results."""
+        """Adds one trial's results to the job's counts."""
         if self._first is None:
             return
         if row.state_digest is None:

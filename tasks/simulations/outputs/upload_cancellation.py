@@ -15,19 +15,21 @@ from ...catalog import Catalog
 _logger = logging.getLogger(__name__)
 
 _ASK_EVERY_S = 0.2
-"""The threads of an upload ask thousands of times a second; the catalog is asked as often as while a job runs."""
+"""Seconds between two checks in the catalog for a cancellation, as often as during a run; the threads of an upload ask
+thousands of times a second.
+"""
 
 
 class UploadEnd:
     """Checks whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
 
-    A batch whose time is over lets uploads finish.
+    A timeout of the batch lets uploads finish.
 
     Args:
         job: ARN of the job.
         batch: ARN of its batch; `None`: it has none.
-        catalog: the catalog.
-        why_stop: why the job has to end; `None` if it does not have to.
+        catalog: The catalog.
+        why_stop: Function that returns the reason why the job has to end, or `None`.
     """
 
     def __init__(
@@ -47,7 +49,7 @@ class UploadEnd:
         self._heard = False
 
     def __call__(self) -> bool:
-        """The last answer; one thread asks again when it is time, and no other waits for it."""
+        """Returns the last answer; one thread asks the catalog again when it is time, and the others do not wait."""
         if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
             try:
                 self._heard = self._is_canceled()

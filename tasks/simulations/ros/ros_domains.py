@@ -10,20 +10,21 @@ _logger = logging.getLogger(__name__)
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 DOMAINS = range(1, 102)
-"""All domains whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0."""
+"""ROS 2 domain ids whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0.
+"""
 
 
 @contextmanager
 def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
-    """Reserves a ROS 2 domain number that no other running job of this machine has; yields it.
+    """Reserves a ROS 2 domain id that no other running job of this machine has; yields it.
 
-    What holds it is the name of a socket. It belongs to the machine, whatever user runs jobs there, or to the container
-    that they run in, as the ports of a domain do; and it is free again when its holder dies.
+    The name of an abstract socket holds it. Such names belong to the machine, whichever user runs jobs, or to the
+    container in which they run, as the ports of a domain do; and they are free again when the process dies.
 
     Args:
-        job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
-            which hear each other too, most likely have different ones.
-        holders: prefix of the names of sockets; only processes with the same prefix avoid each other's domains.
+        job: ARN of the job. The same job gets the same domain again if possible; jobs on two machines of a network,
+            which hear each other, too, most likely get different ones.
+        holders: Prefix of the sockets' names; only processes with the same prefix avoid each other's domains.
     """
     first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):

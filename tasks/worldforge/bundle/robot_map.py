@@ -25,7 +25,7 @@ They reach from just above flat things on the floor to below the lintels of door
 """
 
 _TOUCHING_M = 1e-4
-"""Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
+"""Height up to which a part only touches the robot's space, in metres: many beds begin at exactly 10 cm."""
 
 
 class Scene(Protocol):

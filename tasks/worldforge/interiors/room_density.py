@@ -14,14 +14,16 @@ _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Office": (0.18, 0.28, 14.0),
     "Storage": (0.20, 0.29, 12.0),
 }
-"""Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
-hold when people and robots pass. Larger rooms are emptier, as the cube root of their area."""
+"""Share of the floor under furniture in moderate and dense rooms, and the floor area up to which it applies (m2).
+
+The shares leave place for people and robots to pass. Larger rooms are emptier, as the cube root of their area.
+"""
 
 COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense": 0.5}
-"""Share of the floor after which only kinds still missing are added."""
+"""Share of the floor under furniture above which only missing kinds are added, by density."""
 
 MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
-"""Pieces in a room of up to 40 m2; larger ones hold more, by the power 2/3 of their area."""
+"""Limit of the pieces in a room of up to 40 m2, by density; larger rooms have more, by the power 2/3 of their area."""
 
 
 def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> float:
