@@ -81,7 +81,8 @@ def test_a_table_of_other_points_is_repeated_by_its_own(
     service: Service, swing: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another release of scipy may draw other points than those that a stored run had."""
-    from prefect_robomaker.schemas.runs import trials as planned
+    from prefect_robomaker.schemas.runs import trial_designs as planned
+    from prefect_robomaker.schemas.runs.trials import Trials
 
     job = swing(seed=3, job={"trials": DRAWN}, TIME_LIMIT_S="1")
     rows = rows_of(service, job)
@@ -90,7 +91,7 @@ def test_a_table_of_other_points_is_repeated_by_its_own(
     monkeypatch.setattr(planned, "point", lambda axes, design, points, seed, number: {
         **draw(axes, design, points, seed, number), "mass": 0.77
     })  # fmt: skip
-    assert planned.Trials.model_validate(DRAWN).trial(1, 3).axes["mass"] == 0.77
+    assert Trials.model_validate(DRAWN).trial(1, 3).axes["mass"] == 0.77
 
     answer = verify_run(job["arn"], service, trial=1)
     assert (answer.answer, answer.digest_again) == ("bit-identical", rows[1]["state_digest"])

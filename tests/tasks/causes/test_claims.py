@@ -36,7 +36,7 @@ def test_between_worlds_an_axis_that_suits_each_by_chance_shows_nothing() -> Non
         worlds = np.repeat(np.arange(10), 60)
         weights = chance.random(600)
         slopes = chance.normal(mean, 0.8, 10)[worlds]
-        parts = (chance.random(600) < np.clip(0.5 + slopes * (weights - 0.5), 0, 1)) - 0.5
+        parts = np.asarray(chance.random(600) < np.clip(0.5 + slopes * (weights - 0.5), 0, 1), np.float64) - 0.5
         every = np.arange(600)
         return p_between_worlds(Units(parts, worlds, every, every, every, parts), weights, worlds)
 

@@ -173,7 +173,7 @@ def test_jobs_and_worlds_are_named_as_they_are_shown(service: Service, night: tu
     record, ids = night
     names = [job.name for job in jobs_of(record.steps, service)]
 
-    def chosen(**parts: tuple[str, ...]) -> list[str]:
+    def chosen(**parts: Any) -> list[str]:
         rerun = plan_rerun(record, Selection(**parts), service)
         assert rerun is not None
         return [each.partition(":")[0] for each in rerun.rerun_of.earlier["drive"]]

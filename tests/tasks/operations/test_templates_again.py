@@ -23,7 +23,7 @@ def taken(service: Service, request: dict[str, Any], **members: str) -> str | No
     step = {"operation": "CreateWorldTemplate", "input": request, **members}
     checked = load_spec(json.dumps({"version": 1, "name": "one", "steps": {"template": step}}), "one.json")
     answer = existing_resource(checked.steps["template"], request, service)
-    return answer and answer["arn"]
+    return answer["arn"] if answer else None
 
 
 def turned(value: Any) -> Any:
