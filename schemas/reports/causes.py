@@ -32,7 +32,10 @@ class Claim(Model):
 
     @property
     def numbers(self) -> str:
-        """Counts, lift and interval as a part of a sentence that begins with the region."""
+        """Counts, lift and interval, to follow the region's name in a sentence.
+
+        An example: `9 of 10, elsewhere 3 of 30: 9.0 times as often (95 %: 3.1 to 26.4), in all jobs`.
+        """
         also = f"; {' and '.join(self.alike)} has nearly the same trials" if self.alike else ""
         return (
             f"{self.failed_inside} of {self.trials_inside}, elsewhere {self.failed_outside} of {self.trials_outside}: "
@@ -65,12 +68,15 @@ class FailureGroup(Model):
 
     @property
     def nothing(self) -> str:
-        """Sentence for a group without a claim."""
+        """Sentence for a group without a claim (a region of the axes, or a world, that explains its failures)."""
         return self.refused or "no axis and no world explains it"
 
     @property
     def in_words(self) -> str:
-        """The group in one line, with its strongest claim."""
+        """The group in one line, with its strongest claim: the region of an axis where it fails most.
+
+        It reads `polite, in Kitchen: 12 trials; REGION: NUMBERS`, or ends with the reason why no region explains it.
+        """
         count = f"{self.failed} {'trial' if self.failed == 1 else 'trials'}"
         said = f"{self.claims[0].region}: {self.claims[0].numbers}" if self.claims else self.nothing
         return f"{self.name}: {count}; {said}"

@@ -106,7 +106,7 @@ def subject_of(kind: str) -> str:
 
 
 def value_text(value: Value) -> str:
-    """Formats a value of an axis for people: a number with six digits at most."""
+    """Formats a value of an axis for people: a number with six digits at most, `0.333333`; a text as it is."""
     return value if isinstance(value, str) else f"{value:.6g}"
 
 

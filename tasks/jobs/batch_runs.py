@@ -224,7 +224,7 @@ class BatchRun:
         )
 
     def _in_words(self) -> str:
-        """Returns the counts of the batch's requests so far as text."""
+        """Counts the batch's requests so far by outcome, as text: `10 jobs: 8 passed, 2 failed`."""
         jobs = jobs_by_request(self._batch, self._service).values()
         documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
         outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]

@@ -64,7 +64,11 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def has_ended(self) -> bool:
-        """Whether the robot has finished, so that the rollout no longer waits for it."""
+        """Whether the robot is finished: it installed the application, failed to, left the fleet, or was deleted.
+
+        The rollout, which installs the application on all robots of a fleet, waits only for robots that are not
+        finished.
+        """
         return self.outcome is not None or self.gone is not None
 
     @property

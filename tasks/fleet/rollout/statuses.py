@@ -71,6 +71,8 @@ def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
 def in_words(wait: DeploymentWait, job: str) -> str:
     """Describes why a deployment waits, and how a person can end the wait.
 
+    An example: `waits for its maintenance window, which opens at 2026-11-27T22:00+00:00`.
+
     Args:
         wait: one of `waits_for`.
         job: ARN of the deployment job.

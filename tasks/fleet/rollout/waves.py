@@ -128,11 +128,14 @@ class Group:
 
     @property
     def has_ended(self) -> bool:
-        """Whether every robot of the group has ended its deployment."""
+        """Whether every robot of the group is finished: it installed the application or failed to, or is gone."""
         return self.ended == self.robots
 
     def breach(self, threshold_percentage: int) -> str | None:
-        """Returns a text with the number of failed robots if they reach the threshold, else `None`."""
+        """Returns a text with the number of failed robots if they reach the threshold, else `None`.
+
+        An example: `3 of 20 robots failed, which is 15 %; the threshold is 10 %`.
+        """
         if not self.failed or self.failed * 100 < threshold_percentage * self.robots:
             return None
         share = 100 * self.failed / self.robots

@@ -146,20 +146,20 @@ class BridgeRecorder(Recorder):
             self._send(STATIC_TOPIC, encode(self._static.message(self._hidden_frames)))
 
     def add_series(self, series: Series) -> None:
-        """Records and publishes the messages that a series collects."""
+        """Registers a source of ROS messages, so that its messages are recorded and published."""
         relayed = _Relayed(series, keeps=self._inner.enabled, publishes=lambda: self._wire is not None)
         self._inner.add_series(relayed)
         self._series.append(relayed)
         self._series.sort(key=lambda each: not each.has_states)
 
     def remove_series(self, series: Series) -> None:
-        """Records the messages of a series, and stops recording it."""
+        """Records the messages that a source still holds, and stops recording and publishing it."""
         for relayed in [each for each in self._series if each.series is series]:
             self._inner.remove_series(relayed)
             self._series.remove(relayed)
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes due messages to the recording, and empties a full series."""
+        """Writes due messages to the recording; `full`: takes the collected messages of all sources first."""
         if full:
             for relayed in self._series:
                 relayed.gather()
