@@ -128,7 +128,7 @@ def tag_value(value: Value) -> str:
 
 
 def cell_in_tags(tags: object) -> dict[str, Value]:
-    """Returns the cell that a job's tags say; empty for a job of no axes.
+    """Returns the cell (a value for each axis) that a job's tags say; empty for a job without axes.
 
     Args:
         tags: The tags of a request, if it has any.

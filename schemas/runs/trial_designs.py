@@ -76,11 +76,11 @@ class Cells:
 
     @property
     def first(self) -> dict[str, Value]:
-        """The first cell of a grid."""
+        """The first cell of a grid: a value for each axis."""
         return grid_cell(self.axes, self._kept[0] if self._kept else 0)
 
     def cell(self, place: int, seed: int) -> Cell:
-        """Returns the cell of a given number, from 0.
+        """Returns the cell (a value for each axis) of a given number, from 0.
 
         Args:
             place: Its number.
@@ -148,7 +148,7 @@ class Cells:
             )
 
     def _has_cell(self, cell: Cell) -> bool:
-        """Whether a grid has a cell of its own that is the same."""
+        """Whether the grid has such a cell (a value for each axis): all values are listed, none excludes it."""
         listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self.axes.items())
         return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
 
@@ -171,7 +171,7 @@ class Cells:
         return [self._parsed(cell, "")[0] for cell in self.include]
 
     def _parsed(self, cell: Mapping[str, Any], place: str) -> tuple[Cell, list[str]]:
-        """The values that a cell of the request means, and what is wrong with others, each after its path."""
+        """Parses a cell of the request (a value for each axis); returns its values, and the problems of wrong ones."""
         parsed: dict[str, Value] = {}
         wrong: list[str] = []
         for name, given in cell.items():

@@ -107,7 +107,7 @@ class ChallengeCut:
 
 
 def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> dict[str, Any]:
-    """Returns the request of a job with a sabotage, or of the unchanged job (control arm).
+    """Makes the request of a job with a sabotage (a fault put into the robot), or with the unchanged robot.
 
     Args:
         job: Request of the job, with references resolved.

@@ -274,7 +274,7 @@ def clashing_axes(names: Sequence[str] | Mapping[str, Any], request: Mapping[str
 
 
 def clashing_words(name: str) -> str:
-    """Says that trials have an axis of a name that the step's axes have."""
+    """Makes the error text for an axis of trials that has the name of one of the step's axes."""
     return f"the step has an axis {name!r} too, and a row of results can say but one of both; rename one"
 
 

@@ -295,7 +295,7 @@ def _worlds(run: NightRun) -> set[str]:
 
 
 def _without_verdicts(before: NightRun, after: NightRun) -> str:
-    """Describes how the jobs without a verdict ended."""
+    """Counts the jobs of two runs by outcome, as text: `night-1 has 2 passed, 1 broken; night-2 has 3 canceled`."""
     told = []
     for run in (before, after):
         outcomes = [outcome_of(job) for job in run.jobs]

@@ -237,13 +237,13 @@ class DeploymentRun:
         show_wave(self._job, kept.rollout, number, robots)
 
     def _wait_for(self, kept: KeptRollout, robots: Sequence[str] | None) -> None:
-        """Continues the rollout until each of some robots has ended, or the whole rollout has."""
+        """Continues the deployment until each of some robots is finished, or the whole deployment has ended."""
         while not _is_over(kept.rollout, robots):
             self._sleep(POLL_S)
             self._look(kept)
 
     def _wait_for_approval(self, kept: KeptRollout) -> None:
-        """Shows that the deployment needs approval, until a person has approved it or the rollout has ended."""
+        """Waits and shows that the deployment needs approval, until a person has approved it or it has ended."""
         if _is_decided(kept.rollout):
             return
 
@@ -336,7 +336,7 @@ class DeploymentRun:
 
 
 def progress_of(rollout: Rollout) -> Progress:
-    """Counts the robots of a rollout by state, as progress for Prefect."""
+    """Counts the robots of a deployment by state, as progress for Prefect."""
     return Progress(counts_of(rollout), len(rollout.robots))
 
 

@@ -134,7 +134,7 @@ class Rollout(StoredPart):
 
     @property
     def rollback_is_due(self) -> bool:
-        """Whether a rollback has to begin now: the failure threshold is reached and no robot is still installing."""
+        """Whether a planned rollback has to begin or go on: too many robots failed, and none is installing any more."""
         if not self.plan.rolls_back or self.failure_code != "FailureThresholdBreached":
             return False
         is_complete = self.rollback is not None and self.rollback.is_complete

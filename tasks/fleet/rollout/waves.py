@@ -37,7 +37,7 @@ def _groups(robots: list[str], size: int) -> list[tuple[str, ...]]:
 
 
 def waits(state: RobotDeploymentState) -> bool:
-    """Whether a robot waits for its first order in a rollout."""
+    """Whether a robot waits for its first order to install in a deployment."""
     return state.order == "none" and not state.has_ended
 
 
@@ -47,7 +47,7 @@ def waits_again(state: RobotDeploymentState) -> bool:
 
 
 class Line:
-    """Queue of the robots that wait for an order in a rollout."""
+    """Queue of the robots of a deployment that wait for an order to install the application."""
 
     def __init__(self, plan: RolloutPlan, robots: Mapping[str, RobotDeploymentState]) -> None:
         """Lines up the robots of a rollout.
@@ -119,7 +119,7 @@ class Group:
     failed: int = 0
 
     def count(self, state: RobotDeploymentState, sign: int) -> None:
-        """Adds a robot to the counts of a rollout, or removes it (`sign` -1)."""
+        """Adds a robot to the group's counts, or removes it (`sign` -1), unless it left before it finished."""
         if state.gone is not None and state.outcome is None:
             return
         self.robots += sign
@@ -168,7 +168,7 @@ class Tally:
             self.canaries.count(state, sign)
 
     def verdict(self) -> Verdict | None:
-        """Returns the rollout's final result; `None` if it has not ended."""
+        """Returns the final result of the deployment to the robots; `None` if it has not ended."""
         for group in (self.canaries, self.fleet):
             if reason := group.breach(self.plan.threshold_percentage):
                 return Verdict("Failed", "FailureThresholdBreached", reason)

@@ -155,7 +155,7 @@ def loss_in_words(loss: Loss) -> str:
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:
-    """Describes when several jobs began to fail, if that was the same for all; empty otherwise."""
+    """Describes since when several jobs all fail, `All fail since TIME, 3 runs; ...`; empty if that differs."""
     said = {since_in_words(each.since) if each.since else "" for each in changes}
     return said.pop().replace("fails since", "All fail since", 1) if len(changes) > 1 and len(said) == 1 else ""
 

@@ -204,7 +204,7 @@ PathPoint = tuple[float, float, float]
 
 
 def line_of(point: PathPoint) -> str:
-    """Formats a point of the robot's path as a line of the live path file."""
+    """Formats a point of the robot's path as a line of the live path file: time, x and y, `1.200,0.500,-0.250`."""
     time_s, x, y = point
     return f"{time_s:.3f},{x:.3f},{y:.3f}\n"
 

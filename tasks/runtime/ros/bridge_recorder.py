@@ -224,7 +224,7 @@ def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]
 
 
 class _Relayed:
-    """A series that is read twice: by the recording, whenever it writes, and for nodes, at every step."""
+    """A source of ROS messages that is read twice: by the recording when it writes, and for nodes at every step."""
 
     def __init__(self, series: Series, *, keeps: bool, publishes: Callable[[], bool]) -> None:
         self.series = series
@@ -240,7 +240,7 @@ class _Relayed:
 
     @property
     def topics(self) -> Any:
-        """Topics of the relayed series, with their message templates."""
+        """Topics of the source of messages, each with its message template."""
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
@@ -250,7 +250,7 @@ class _Relayed:
         return _joined(kept)
 
     def gather(self) -> None:
-        """Collects new messages from the wrapped series."""
+        """Takes the new messages from the source, and keeps them for the recording and for nodes."""
         found = self.series.take()
         if not len(found[0]):
             return
@@ -265,7 +265,7 @@ class _Relayed:
         self._unsent.clear()
 
     def news(self, wanted: Collection[str]) -> list[tuple[str, bytes]]:
-        """Returns the messages for nodes: the present state, and all new sensor readings.
+        """Returns the encoded messages for nodes: of a source of states the present one, else all new readings.
 
         Args:
             wanted: Topics of the series to publish.
