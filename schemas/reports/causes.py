@@ -108,12 +108,12 @@ class Sensitivity(Model):
 
     @property
     def is_shown(self) -> bool:
-        """Whether its interval leaves out 0."""
+        """Whether the change of the margin is shown: its interval does not contain 0."""
         return self.low > 0 or self.high < 0
 
 
 class MarginPlot(Model):
-    """Margins over an axis, for a drawing."""
+    """Margins by which trials met or missed a requirement, by the value of an axis, for a drawing."""
 
     requirement: str = Field(description="The requirement.")
     axis: str = Field(description="The axis.")
@@ -125,7 +125,7 @@ class MarginPlot(Model):
 
 
 class PlotCell(Model):
-    """Failures of a group in a part of an axis, or of two, with its interval."""
+    """Failure rate of a group of failures in a part of an axis, or of two axes, with its interval."""
 
     part: str = Field(description="Part of the first axis, in words.")
     other_part: str = Field(default="", description="Part of the second axis; empty: there is none.")

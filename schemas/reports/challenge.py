@@ -14,7 +14,7 @@ ControlResult = Literal["passes", "fails", "breaks", "is not judged", "was not r
 
 
 class ChallengedJob(Model):
-    """A job of a challenge in the control arm, in which the robot is unchanged."""
+    """A job of a challenge, as it ended with the unchanged robot (in the control arm)."""
 
     name: str = Field(description="Name of the job in every run of the specification.")
     control: ControlResult = Field(

@@ -233,7 +233,7 @@ def kept_cells(axes: Mapping[str, CellAxis], excluded: Sequence[Mapping[str, Val
 
 
 def grid_cell(axes: Mapping[str, CellAxis], number: int) -> dict[str, Value]:
-    """Returns a cell (combination of axis values) of a grid by its number."""
+    """Returns a cell (combination of axis values) of a grid by its number, from 0; the last axis varies fastest."""
     chosen: dict[str, Value] = {}
     for name, axis in reversed([*axes.items()]):
         listed = axis.listed or ()

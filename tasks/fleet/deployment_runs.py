@@ -178,7 +178,7 @@ class DeploymentRun:
             self._lease.forget_lost_workers()
 
     def _begun(self) -> KeptRollout | None:
-        """Starts or finds the job's rollout; `None` if each robot has the application already."""
+        """Starts the deployment to the robots, or finds it started; `None` if each has the application already."""
         from .attestations.required_batches import check_delivered  # it needs the extra `fleet`
 
         document = DeploymentJobDocument.of(self._job)
@@ -257,7 +257,7 @@ class DeploymentRun:
             self._step("approval", wait)
 
     def _look(self, kept: KeptRollout) -> None:
-        """Polls once: applies the robots' reports, time-outs, cancellation and decisions to the rollout.
+        """Polls once: applies robots' reports, time-outs, cancellation and people's decisions to the robots' state.
 
         Raises:
             StateConflictError: the lease was lost.

@@ -191,7 +191,7 @@ class KeptRollout:
         return stored
 
     def _show(self, before: Rollout, after: Rollout) -> None:
-        """Stores the statuses of robots that differ between two states of the rollout."""
+        """Stores, in the robots' records, the statuses of robots that differ between two states of the deployment."""
         active, was_active = after.status == "InProgress", before.status == "InProgress"
         for robot, state in after.robots.items():
             old = before.robots[robot]
@@ -264,7 +264,7 @@ def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> N
 
 @dataclass(frozen=True)
 class OpenRollout:
-    """A rollout whose robots may have open orders."""
+    """A deployment to robots that may have open orders (to install or cancel), as it was last read."""
 
     job: str
     """ARN of the deployment job of a rollout."""
@@ -324,7 +324,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
 
 def report(service: Service, job: str, event: Report, at_s: float) -> None:
-    """Stores what a robot reported about an order, for its rollout.
+    """Stores a robot's report on its order to install, as an event that the deployment applies later.
 
     After the job's end, `served_rollouts` makes it part of the rollout.
 
@@ -349,7 +349,7 @@ def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> 
 
 
 def stop(job: str, why: StopCause, service: Service) -> bool:
-    """Ends the rollout of a deployment job, and the job itself, at once.
+    """Ends a deployment to robots and its job at once: no robot gets an order any more, and open ones are cancelled.
 
     Returns:
         False if it has no rollout, so that nothing was done.

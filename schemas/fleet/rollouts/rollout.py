@@ -20,7 +20,7 @@ UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
 
 
 class RobotDeploymentState(StoredPart):
-    """State of one robot in a rollout: its order, status, times and failure."""
+    """State of one robot in a deployment: its order to install the application, its times, outcome and failure."""
 
     order: OrderState = Field(default="none", description="State of the robot's latest order.")
     action_id: ActionId | None = optional("Number of the robot's latest order; absent: none.")
@@ -82,14 +82,14 @@ RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
 
 
 class Pause(StoredPart):
-    """A period in which a person had paused the rollout, so that no robot received an order."""
+    """A period in which a person had paused a deployment, so that no robot received an order to install."""
 
     from_s: TimeS = Field(description="Begin of the pause.")
     until_s: TimeS | None = optional("End of the pause; absent: it continues.")
 
 
 class Rollback(StoredPart):
-    """State of a rollback: robots return to the version that they had before the rollout."""
+    """State of a rollback: robots return to the version that they had before the failed deployment."""
 
     jobs: tuple[str, ...] = Field(
         default=(), description="ARNs of the deployment jobs that return robots to the earlier version."

@@ -14,7 +14,7 @@ _MOST_WAVES = 100  # each is a task run
 
 
 def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
-    """Divides the robots of a rollout into waves, which get their orders one after the other.
+    """Divides the robots of a deployment into waves (groups), which get their orders one after the other.
 
     A group is as large as the number of robots that may have orders at the same time. The next group's first robots get
     theirs as soon as some of the group have ended; but those behind the canaries wait until all canaries have.
@@ -99,7 +99,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Final result of a rollout."""
+    """Final result of a deployment to the robots of a fleet: status, and code and reason of a failure."""
 
     status: RolloutStatus
     code: DeploymentJobErrorCode | None = None
@@ -147,7 +147,7 @@ class Group:
 
 @dataclass
 class Tally:
-    """Counts of a rollout's robots by outcome: all of them, and the canary robots."""
+    """Counts of a deployment's robots by outcome: all of them, and the canary robots, which get it first."""
 
     plan: RolloutPlan
     fleet: Group = field(default_factory=lambda: Group("robots"))
