@@ -134,7 +134,7 @@ class Cells:
             yield from wrong or (wrong_excluded(self.axes, parsed, f"exclude[{number}]") if are_listed else ())
 
     def _wrong_count(self) -> Iterator[str]:
-        """Finds grids without a cell or with one twice, and wrong numbers of trials, where all else is right."""
+        """Yields the problems of a grid that has no cell (a value for each axis), one twice, or too many trials."""
         if self.exclude and not self._kept and not self.include:
             yield "exclude: it leaves no cell; exclude fewer, or include some"
             return
