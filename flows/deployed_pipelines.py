@@ -21,7 +21,11 @@ def with_parameters(names: Iterable[str]) -> Flow[..., Any]:
     """Makes the flow `RunPipeline` with more parameters, which are passed on as those of the specification.
 
     Args:
-        names: Parameter names of the flow run; invalid ones are reported together with errors of the specification.
+        names: Parameter names of the flow run; those that the specification does not declare are reported with its
+            other errors.
+
+    Raises:
+        ValueError: A name is no Python identifier, or is a keyword; this is raised at once.
     """
     own = inspect.signature(pipelines.RunPipeline.fn)
 

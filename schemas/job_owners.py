@@ -123,7 +123,10 @@ class JobStanding(Model):
         return self.state in ("died", "left") and self.command is not None and bool(self.differences)
 
     def in_words(self) -> str:
-        """Describes in a sentence or two which process runs the job and how it continues."""
+        """Describes in a sentence or two which process runs the job and how it continues.
+
+        An example: `carried out by OWNER since 2026-11-27 02:00:00 UTC, which has died; the next job worker takes it`.
+        """
         since = f" since {self.since:%Y-%m-%d %H:%M:%S} UTC" if self.since else ""
         before = f", as {self.lost} had died" if self.lost else ""
         told = f"carried out by {self.owner}{since}{before}"

@@ -143,7 +143,7 @@ def pages(api_url: str, secret: str | None) -> str:
 
 
 def described(status: ServerStatus) -> str:
-    """Describes a Prefect server's state in a line."""
+    """Describes a Prefect server's state in a line: `running at http://127.0.0.1:4200 (local, log server.log)`."""
     where = "the one PREFECT_API_URL or the Prefect profile names" if status.configured_elsewhere else "local"
     if status.busy:
         return f"busy: it has not answered within some seconds, at {str(status.api_url).removesuffix('/api')} ({where})"

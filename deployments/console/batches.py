@@ -140,12 +140,12 @@ class BatchView:
 
     @property
     def may_run_again(self) -> bool:
-        """Whether the batch has ended and has failed jobs, which can be run again."""
+        """Whether the batch can be run again: it has ended, and some requests failed, broke or were canceled."""
         return self.has_ended and any(tile.look.key not in ("passed", "unjudged") for tile in self.tiles)
 
     @property
     def has_ended(self) -> bool:
-        """Whether the batch has ended, so that the page no longer changes."""
+        """Whether the batch has its final status, such as completed or canceled: the page no longer changes."""
         return is_terminal(BATCH, self.batch.status)
 
 

@@ -107,7 +107,7 @@ def _looked(look: Look) -> list[tuple[str, Any]] | None:
 
 
 def event(name: str, data: Any) -> bytes:
-    """Formats a server-sent event."""
+    """Formats a server-sent event, with its data as JSON: `event: part`, `data: ...` and an empty line."""
     return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()
 
 

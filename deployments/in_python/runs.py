@@ -60,7 +60,10 @@ class Run:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run has ended; call `results` again for its current state."""
+        """Whether the run had ended, with any outcome, when this object was made; a run whose process died has not.
+
+        Call `results` again for its current state.
+        """
         return self._standing.has_ended
 
     @property

@@ -241,7 +241,7 @@ def _is_alive(status: ServerStatus) -> bool:
 
 
 def _has_ended(pid: int) -> bool:
-    """Whether a process has closed all its files; its command line disappears before."""
+    """Whether a process is a zombie or gone, so that its files are closed; its command line disappears before."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] in "ZX"
     except OSError:

@@ -130,7 +130,7 @@ class Outage:
 
     @property
     def is_on(self) -> bool:
-        """Whether the Prefect server is away."""
+        """Whether the Prefect server was not healthy at the last check: it is away, or does not answer."""
         return self._health is not Health.HEALTHY
 
     @property

@@ -146,7 +146,7 @@ class WarmWorker:
 
 
 def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
-    """Describes the number of running jobs in a pool.
+    """Describes the number of running jobs in a pool: `2 of at most 4 running, 1 waiting`.
 
     Args:
         pool: the pool.

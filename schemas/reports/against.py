@@ -51,7 +51,11 @@ class AgainstAnswer(Against):
 
 
 def in_words(found: AgainstAnswer) -> str:
-    """Describes the answer in a line, with the number of used trials and of jobs that were skipped because of it."""
+    """Describes the answer in a line: the result, its reason, and what was not run because of it.
+
+    An example, with `...` for the reason: `worse than nightly-1: ...; 120 trials saved; not run since it was decided:
+    long-drives`.
+    """
     heads: dict[Answer, str] = {
         "better": f"better than {found.run_id}",
         "not worse": f"not worse than {found.run_id}",

@@ -32,7 +32,10 @@ class Claim(Model):
 
     @property
     def numbers(self) -> str:
-        """Counts, lift and interval as a part of a sentence that begins with the region."""
+        """Counts, lift and interval, to follow the region's name in a sentence.
+
+        An example: `9 of 10, elsewhere 3 of 30: 9.0 times as often (95 %: 3.1 to 26.4), in all jobs`.
+        """
         also = f"; {' and '.join(self.alike)} has nearly the same trials" if self.alike else ""
         return (
             f"{self.failed_inside} of {self.trials_inside}, elsewhere {self.failed_outside} of {self.trials_outside}: "
@@ -65,12 +68,15 @@ class FailureGroup(Model):
 
     @property
     def nothing(self) -> str:
-        """Sentence for a group without a claim."""
+        """Sentence for a group without a claim (a region of the axes, or a world, that explains its failures)."""
         return self.refused or "no axis and no world explains it"
 
     @property
     def in_words(self) -> str:
-        """The group in one line, with its strongest claim."""
+        """The group in one line, with its strongest claim: the region of an axis where it fails most.
+
+        It reads `polite, in Kitchen: 12 trials; REGION: NUMBERS`, or ends with the reason why no region explains it.
+        """
         count = f"{self.failed} {'trial' if self.failed == 1 else 'trials'}"
         said = f"{self.claims[0].region}: {self.claims[0].numbers}" if self.claims else self.nothing
         return f"{self.name}: {count}; {said}"
@@ -102,12 +108,12 @@ class Sensitivity(Model):
 
     @property
     def is_shown(self) -> bool:
-        """Whether its interval leaves out 0."""
+        """Whether the change of the margin is shown: its interval does not contain 0."""
         return self.low > 0 or self.high < 0
 
 
 class MarginPlot(Model):
-    """Margins over an axis, for a drawing."""
+    """Margins by which trials met or missed a requirement, by the value of an axis, for a drawing."""
 
     requirement: str = Field(description="The requirement.")
     axis: str = Field(description="The axis.")
@@ -119,7 +125,7 @@ class MarginPlot(Model):
 
 
 class PlotCell(Model):
-    """Failures of a group in a part of an axis, or of two, with its interval."""
+    """Failure rate of a group of failures in a part of an axis, or of two axes, with its interval."""
 
     part: str = Field(description="Part of the first axis, in words.")
     other_part: str = Field(default="", description="Part of the second axis; empty: there is none.")

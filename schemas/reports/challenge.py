@@ -14,7 +14,7 @@ ControlResult = Literal["passes", "fails", "breaks", "is not judged", "was not r
 
 
 class ChallengedJob(Model):
-    """A job of a challenge in the control arm, in which the robot is unchanged."""
+    """A job of a challenge, as it ended with the unchanged robot (in the control arm)."""
 
     name: str = Field(description="Name of the job in every run of the specification.")
     control: ControlResult = Field(
@@ -24,7 +24,10 @@ class ChallengedJob(Model):
 
     @property
     def in_words(self) -> str:
-        """Describes why the job shows nothing about sabotages; empty if it passes."""
+        """Describes why the job cannot show whether sabotages (faults put into the robot) are noticed; empty if it can.
+
+        An example: `drive: the robot fails here without a sabotage, so this job shows nothing`.
+        """
         reason = f" ({self.reason})" if self.reason else ""
         match self.control:
             case "passes":
@@ -40,7 +43,7 @@ class ChallengedJob(Model):
 
 
 class SabotageResult(Model):
-    """Result of one sabotage in the jobs that pass without it."""
+    """Result of one sabotage (a fault put into the robot) in the jobs that pass without it."""
 
     name: str = Field(description="Name of the sabotage.")
     axes: dict[str, Value] = Field(description="Values of axes, by kind; texts by name of the environment variable.")
@@ -67,18 +70,21 @@ class SabotageResult(Model):
 
     @property
     def is_only_broken(self) -> bool:
-        """Whether jobs crashed with the sabotage, and no requirement caught it."""
+        """Whether the sabotage was noticed only because jobs crashed with it, and not by any requirement."""
         return 0 < self.caught == self.broke
 
     @property
     def is_open(self) -> bool:
-        """Whether the sabotage counts and was not caught."""
+        """Whether no job caught the sabotage; one that cannot be applied to the robot of any job does not count."""
         is_only_elsewhere = self.not_applicable > 0 and not self.applicable and not self.not_tried
         return not self.caught and not is_only_elsewhere
 
     @property
     def in_words(self) -> str:
-        """Describes how often the sabotage was caught, and by which requirement first."""
+        """Describes how often the sabotage was caught, and by which requirement first.
+
+        An example: `caught by 3 of 4 jobs, first by upright at 2.1 s, missed by 1`.
+        """
         if not self.applicable:
             return self._not_run_in_words()
         parts = [self._tried_in_words()]
@@ -120,7 +126,7 @@ def _jobs(count: int, total: int) -> str:
 
 
 class Challenge(Model):
-    """Table of a challenge: jobs of the control arm, and how often each sabotage was caught."""
+    """Table of a challenge: jobs with the unchanged robot, and how often each fault put into the robot was caught."""
 
     sabotages: list[SabotageResult] = Field(description="The sabotages, in order.")
     jobs: list[ChallengedJob] = Field(default=[], description="The jobs in the control arm, in order.")

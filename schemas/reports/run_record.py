@@ -232,7 +232,11 @@ def interrupted_briefly(count: int) -> str:
 
 
 def interrupted_in_words(interruptions: Sequence[Interruption]) -> str:
-    """Describes when a run's process died and when another resumed the run; empty if that never happened."""
+    """Describes when a run's process died and when another resumed the run; empty if that never happened.
+
+    An example: `interrupted once: OWNER died at about 2026-11-27 02:10:00, and another process took the run up at
+    02:15:00 UTC`.
+    """
     each = [
         f"{item.lost or 'its process'} died at about {item.lost_at:%Y-%m-%d %H:%M:%S}, and another process took the "
         f"run up at {item.continued_at:%H:%M:%S} UTC"

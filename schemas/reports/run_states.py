@@ -172,6 +172,8 @@ def worst_job(jobs: Iterable[JobRecord]) -> JobRecord | None:
 def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
     """Summarises a run as text: its state, how many verdicts pass, the worst failures, and a command to inspect them.
 
+    An example: `failed: 3 of 4 verdicts pass. scout in flat 3 (sim-82856b0yq33y): FAIL: upright. Look: COMMAND`.
+
     Args:
         state: State of the finished run.
         jobs: simulation jobs of the run.
@@ -199,7 +201,7 @@ def counts_in_words(jobs: Sequence[JobRecord]) -> str:
 
 
 def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:
-    """Returns the jobs that broke, then those that failed for a reason that is not known."""
+    """Returns the jobs that broke, then those that failed; without those on the list of known failures."""
     found = [job for job in jobs if _outcome_of(job) in ("broken", "failed") and not job.known]
     return sorted(found, key=lambda job: _outcome_of(job) != "broken")
 

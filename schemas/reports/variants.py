@@ -41,7 +41,7 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _of_cell(request: Mapping[str, Any]) -> dict[_Path, str]:
-    """The cell of a request that axes of a step made, with its seed; its world has a column of its own."""
+    """Returns the values of the step's axes and the seed of a request, as texts; without its world; empty: no axes."""
     cell = cell_in_tags(request.get("tags"))
     settings = {(name,): _short(value_text(value)) for name, value in cell.items() if ":world/" not in str(value)}
     return {**settings, ("seed",): str(request.get("seed"))} if cell else {}

@@ -106,7 +106,7 @@ def subject_of(kind: str) -> str:
 
 
 def value_text(value: Value) -> str:
-    """Formats a value of an axis for people: a number with six digits at most."""
+    """Formats a value of an axis for people: a number with six digits at most, `0.333333`; a text as it is."""
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
@@ -128,7 +128,7 @@ def tag_value(value: Value) -> str:
 
 
 def cell_in_tags(tags: object) -> dict[str, Value]:
-    """Returns the cell that a job's tags say; empty for a job of no axes.
+    """Returns the cell (a value for each axis) that a job's tags say; empty for a job without axes.
 
     Args:
         tags: The tags of a request, if it has any.

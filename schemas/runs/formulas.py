@@ -116,7 +116,7 @@ def bounds_of(formula: Formula) -> Iterator[Bounds]:
 
 
 def in_words(node: _Node) -> str:
-    """Formats a temporal logic formula as text, with all brackets."""
+    """Formats a temporal logic formula as text, with all brackets: `always[0, 10] ((x + y) < 2)`."""
     if isinstance(node, Number):
         return node.value if isinstance(node.value, str) else f"{node.value:g}"
     if isinstance(node, Comparison):

@@ -76,11 +76,11 @@ class Cells:
 
     @property
     def first(self) -> dict[str, Value]:
-        """The first cell of a grid."""
+        """The first cell of a grid: a value for each axis."""
         return grid_cell(self.axes, self._kept[0] if self._kept else 0)
 
     def cell(self, place: int, seed: int) -> Cell:
-        """Returns the cell of a given number, from 0.
+        """Returns the cell (a value for each axis) of a given number, from 0.
 
         Args:
             place: Its number.
@@ -134,7 +134,7 @@ class Cells:
             yield from wrong or (wrong_excluded(self.axes, parsed, f"exclude[{number}]") if are_listed else ())
 
     def _wrong_count(self) -> Iterator[str]:
-        """Finds grids without a cell or with one twice, and wrong numbers of trials, where all else is right."""
+        """Yields the problems of a grid that has no cell (a value for each axis), one twice, or too many trials."""
         if self.exclude and not self._kept and not self.include:
             yield "exclude: it leaves no cell; exclude fewer, or include some"
             return
@@ -148,7 +148,7 @@ class Cells:
             )
 
     def _has_cell(self, cell: Cell) -> bool:
-        """Whether a grid has a cell of its own that is the same."""
+        """Whether the grid has such a cell (a value for each axis): all values are listed, none excludes it."""
         listed = all(name in cell and cell[name] in (axis.listed or ()) for name, axis in self.axes.items())
         return listed and not any(excluded.items() <= cell.items() for excluded in self._excluded)
 
@@ -171,7 +171,7 @@ class Cells:
         return [self._parsed(cell, "")[0] for cell in self.include]
 
     def _parsed(self, cell: Mapping[str, Any], place: str) -> tuple[Cell, list[str]]:
-        """The values that a cell of the request means, and what is wrong with others, each after its path."""
+        """Parses a cell of the request (a value for each axis); returns its values, and the problems of wrong ones."""
         parsed: dict[str, Value] = {}
         wrong: list[str] = []
         for name, given in cell.items():
@@ -233,7 +233,7 @@ def kept_cells(axes: Mapping[str, CellAxis], excluded: Sequence[Mapping[str, Val
 
 
 def grid_cell(axes: Mapping[str, CellAxis], number: int) -> dict[str, Value]:
-    """Returns a cell (combination of axis values) of a grid by its number."""
+    """Returns a cell (combination of axis values) of a grid by its number, from 0; the last axis varies fastest."""
     chosen: dict[str, Value] = {}
     for name, axis in reversed([*axes.items()]):
         listed = axis.listed or ()

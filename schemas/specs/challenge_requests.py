@@ -56,7 +56,7 @@ def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
 
 @dataclass
 class ChallengeCut:
-    """Function object that replaces each request of a specification by that of a challenge, step after step."""
+    """Function object that replaces each step's request by that of a challenge: jobs with faults put into the robot."""
 
     sabotages: Sequence[Sabotage]
     jobs: int
@@ -82,7 +82,7 @@ class ChallengeCut:
         return cls(sabotages, jobs, len(requests), jobs if counts else None)
 
     def __call__(self, operation: str, request: dict[str, Any]) -> dict[str, Any]:
-        """Returns the request that the challenge carries out in place of a step's.
+        """Returns the request that a challenge carries out in place of a step's: its jobs, with and without sabotages.
 
         Args:
             operation: Operation of the step.
@@ -107,7 +107,7 @@ class ChallengeCut:
 
 
 def arm_of(job: Mapping[str, Any], sabotage: Sabotage | None, number: int) -> dict[str, Any]:
-    """Returns the request of a job with a sabotage, or of the unchanged job (control arm).
+    """Makes the request of a job with a sabotage (a fault put into the robot), or with the unchanged robot.
 
     Args:
         job: Request of the job, with references resolved.

@@ -230,7 +230,11 @@ class _Check:
         return tuple(map(KnownFailure.model_validate, plain(found))) if found is not None else ()
 
     def _sabotages(self) -> tuple[Sabotage, ...]:
-        """Returns the specification's own sabotages; entries that are no mappings were reported before."""
+        """Reads the sabotages of the specification, and reports the problems of invalid ones.
+
+        A sabotage is a fault put into the robot, to see whether the requirements catch it. Entries that are no
+        mappings were reported before.
+        """
         found = self._root.entries.get("sabotages")
         if not isinstance(found, MappingNode) or not found.entries:
             return ()

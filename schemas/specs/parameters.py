@@ -273,7 +273,7 @@ def _read(text: str, kind: ValueType) -> ParameterValue:
 
 
 def _wanted(value: Any, declared: Parameter) -> str:
-    """Describes which values would be allowed; empty if the value is."""
+    """Describes which values would be allowed, as `it has to be true or false`; empty if the value is allowed."""
     kind = declared.value_type
     if not _is_of_type(value, kind):
         is_other = kind == "string" and isinstance(value, int | float)

@@ -91,7 +91,7 @@ def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location
 
 
 def _resolve_axes(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
-    """The job requests of all cells: those of one cell after each other, with one seed after the other."""
+    """Makes the job requests of all cells (combinations of the axes' values), for each cell one of each seed."""
     cells = written_cells(construct, scope, location)
     value = construct.entries[VALUE]
     seed = child(value, "seed")

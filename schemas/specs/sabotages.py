@@ -74,7 +74,7 @@ class _Holder(Model):
 
 
 def read_sabotages(data: object) -> tuple[list[Sabotage], list[RequestProblem]]:
-    """Parses sabotages from plain values, and returns the problems of invalid ones.
+    """Parses sabotages (faults put into a robot) from plain values, and returns the problems of invalid ones.
 
     Args:
         data: Axis values by name of the sabotage: `{slippery: {robot_friction: 0.2}}`.
@@ -173,7 +173,7 @@ _NUMBERS = tuple(name for name, kind in AXIS_KINDS.items() if kind.is_number)
 
 
 def challenged_trials(trials: Trials | None, seed: int, sabotage: Sabotage | None) -> dict[str, Any]:
-    """Returns the trials of a challenged job: a single one, the job's first, with or without a sabotage.
+    """Returns the only trial of a challenged job: the job's first, with or without a fault put into the robot.
 
     An axis of the job that changes the same quantity as the sabotage is removed.
 

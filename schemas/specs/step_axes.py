@@ -247,7 +247,7 @@ def cells_of(cells: Cells, seed: int) -> list[StepCell]:
 
 
 def job_of_cell(request: Mapping[str, Any], cell: StepCell, number: int) -> dict[str, Any]:
-    """Returns the request of one job of a cell: with its seed, and with tags that say the cell.
+    """Makes the request of one job of a cell (a value for each axis), with the job's seed, and the values as tags.
 
     Jobs of a cell have seeds after each other, the same ones in every cell. Trials of a job have seeds of their own, so
     the next job begins after those: no seed comes twice in a cell.
@@ -274,7 +274,7 @@ def clashing_axes(names: Sequence[str] | Mapping[str, Any], request: Mapping[str
 
 
 def clashing_words(name: str) -> str:
-    """Says that trials have an axis of a name that the step's axes have."""
+    """Makes the error text for an axis of trials that has the name of one of the step's axes."""
     return f"the step has an axis {name!r} too, and a row of results can say but one of both; rename one"
 
 

@@ -251,7 +251,7 @@ def _untagged(detail: ErrorDetails) -> ErrorDetails:
 
 
 def _explain(detail: ErrorDetails) -> str:
-    """Describes a pydantic error in one line."""
+    """Describes a pydantic error in one line: the member's path, its value, and which value would be right."""
     path = ""
     for key in detail["loc"]:
         path = _join(path, key)
@@ -278,7 +278,7 @@ _RIGHT = {
 
 
 def _advice(detail: ErrorDetails) -> str:
-    """Describes which value would be valid instead of an invalid one."""
+    """Describes which value would be valid instead of an invalid one: `a number without quotes would be right`."""
     kind, context = detail["type"], dict(detail.get("ctx", {}))
     if kind == "literal_error" and isinstance(detail["input"], str):
         expected = tuple(re.findall("'([^']+)'", context["expected"]))

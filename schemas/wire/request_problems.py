@@ -218,7 +218,7 @@ def _has(value: object, step: str | int) -> bool:
 
 
 def _shown(value: object) -> str:
-    """Formats a value as the caller wrote it."""
+    """Formats a wrong value for an error message: `'fast'`, `true`, `a list of 3`, `a mapping with x, y`."""
     if is_object(value):
         names = ", ".join(map(str, islice(value, _MOST_SHOWN)))
         if len(value) > _MOST_SHOWN:

@@ -145,7 +145,7 @@ class _Extraction:
         return parts
 
     def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """Describes what is wrong with a member's path in an archive; empty if nothing is."""
+        """Describes what is wrong with a member's path in an archive, `an absolute path`; empty if nothing is."""
         if member.name.startswith("/"):
             return "an absolute path"
         if "\\" in path or "\0" in path:

@@ -17,7 +17,7 @@ _CHUNK = 500  # of ARNs in one query
 
 
 def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
-    """Returns the SQL condition that no living owner holds a resource's lease."""
+    """Returns the SQL condition that a resource has no lease (lock of a job worker), or one that has run out."""
     return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
 
 
@@ -58,7 +58,7 @@ class CatalogLeases(CatalogReader):
     """Leases in the catalog: time-limited locks by which job workers claim the jobs that they run."""
 
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Takes the lease of a resource if no other owner holds it.
+        """Takes the lease of a resource (a lock that runs out unless it is renewed) if no other owner holds it.
 
         A lease that has run out was its owner's until it died: `lost_workers` counts that.
 
@@ -80,7 +80,7 @@ class CatalogLeases(CatalogReader):
     def claim_child(
         self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str], finishing: str
     ) -> str | None:
-        """Takes the lease of the oldest unfinished child (such as a batch's job) that no other owner holds.
+        """Takes the lease (lock) of the oldest unfinished child, such as a batch's job, that no other owner holds.
 
         No more of them are ever held at once than the parent's document says: they are counted in the transaction
         that takes the lease, and such transactions of one parent come one after the other. As many may be held beside
@@ -128,7 +128,7 @@ class CatalogLeases(CatalogReader):
             return arn
 
     def renew(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Extends a lease, even an expired one, unless another owner has taken it.
+        """Extends a lease (lock of a resource), even an expired one, unless another owner has taken it.
 
         Returns:
             Whether `owner` still holds the lease.
@@ -137,7 +137,7 @@ class CatalogLeases(CatalogReader):
         return self._lease(_HELD, arn, owner, {"lease_expires_at": until})
 
     def release(self, arn: str, owner: str) -> bool:
-        """Gives up a lease, so that others can take it at once.
+        """Gives up a lease (lock of a resource), so that others can take it at once.
 
         Returns:
             Whether `owner` held it.

@@ -42,7 +42,7 @@ class Hypothesis:
 
 
 def fewest_failures(axes: int) -> int:
-    """Returns how many failures a group needs, so that a claim is possible.
+    """Returns how many failures a group needs before a cause of them (a region of the axes) can be claimed.
 
     All of them would have to lie in one half of an axis, with a chance that is below alpha after Holm's correction for
     the axes and pairs of this group, each with about 16 regions.
@@ -151,7 +151,7 @@ def _pair(
 def _between_worlds(
     evidence: Evidence, units: Sequence[Units], weights: NDArray[np.float64], directions: int
 ) -> float | None:
-    """P-value between worlds, for the number of directions that there are; None where there are too few worlds."""
+    """P-value of an axis between worlds, corrected for its number of directions; None: there are too few worlds."""
     if evidence.world_count < FEWEST_WORLDS:
         return None
     found = [p_between_worlds(each, weights[each.first], evidence.worlds) for each in units]
@@ -160,7 +160,7 @@ def _between_worlds(
 
 
 def _part_codes(axis: AxisColumn) -> NDArray[np.int64]:
-    """Numbers of the parts of an axis that trials lie in: fifths, or values."""
+    """Returns for each trial the number of the part of an axis in which its value lies: a fifth, or one value."""
     parts = parts_of(axis, CUTS_OF_PAIRS + 1)
     return np.argmax(np.stack([mask for _, mask in parts]), axis=0).astype(np.int64)
 
@@ -174,7 +174,7 @@ def _world(evidence: Evidence, number: int, world: int, p_value: float) -> Hypot
 
 
 def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> list[tuple[Claim, Hypothesis]]:
-    """Chooses the claims about a group, the strongest first.
+    """Chooses the claims about a group of failures: regions of axes, or worlds, that explain them; strongest first.
 
     A claim needs an adjusted p-value of at most 5 %, and a lift whose interval, which is that between worlds where
     there are six or more, leaves out 1. What a claimed pair of axes explains is not claimed of its axes again.
@@ -203,7 +203,7 @@ def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | No
 
 
 def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
-    """Whether a pair explains an axis that it has, or an axis the pair that has it, since it is the stronger one."""
+    """Whether an axis is explained by a pair with it that is as strong or stronger, or a pair by a stronger axis."""
     if hypothesis.kind == "axis":
         pairs = [each for each in shown if each.kind == "pair" and hypothesis.axes[0] in each.axes]
         return any(pair.strength >= hypothesis.strength for pair in pairs)

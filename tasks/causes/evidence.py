@@ -33,7 +33,7 @@ class Signature(NamedTuple):
 
     @property
     def order(self) -> tuple[str, ...]:
-        """The same as texts, by which groups of one size are sorted."""
+        """Members as texts, empty where they are `None`, by which groups of one size are sorted."""
         return tuple(each or "" for each in self)
 
 
@@ -59,7 +59,7 @@ class AxisColumn:
         return np.array(known, dtype=np.float64)[self.codes]
 
     def label(self, code: int) -> str:
-        """Returns a value as text, a number with four digits."""
+        """Returns a value of the axis by its number, as text: a number with four digits, `0.3333`."""
         value = self.values[code]
         return AS_BUILT if value is None else value if isinstance(value, str) else f"{value:.4g}"
 
@@ -123,7 +123,7 @@ def evidence_of(results: ResultTable) -> Evidence:
 
 
 def _distinct(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Leaves out trials whose job has one with the same axes and states before: their seed changes nothing."""
+    """Leaves out trials of a job whose axis values and simulated states an earlier trial of it had, too."""
     states, names = results.codes("state_digest")
     numbers = _plain(results, "step", rows), _plain(results, "job", rows), states[rows].astype(np.int64)
     own = np.where(states[rows] >= 0, 0, 1 + np.arange(len(rows)))  # what has no digest is like no other
@@ -195,7 +195,7 @@ def _violated_at_s(requirement: Mapping[str, Any]) -> float:
 
 
 def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any]) -> str | None:
-    """The goals around the time of a violation; None: there are no other goals."""
+    """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; None: no goals."""
     goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
     at_s = _violated_at_s(missed)
     reached = [each for each in goals if each.get("unit") == "s" and (each.get("value") or math.inf) <= at_s]

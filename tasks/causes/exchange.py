@@ -37,7 +37,7 @@ _SHARE_IN_BLOCKS = 0.5
 
 @dataclass(frozen=True)
 class Units:
-    """Trials or cells that are swapped, and the strata inside which they are."""
+    """Trials, or groups of trials, that a permutation test swaps, and the strata inside which they are swapped."""
 
     values: NDArray[np.float64]
     """Failures of each unit beyond those that its jobs would lead to expect."""
@@ -53,7 +53,7 @@ class Units:
     """Part of each of these trials in the value of its unit."""
 
     def inside(self, codes: NDArray[np.int64]) -> "Units":
-        """Returns the same units, to be swapped only where these numbers of their trials are the same, too."""
+        """Returns the same units, in finer strata: only units with the same number of those given are swapped."""
         return replace(self, strata=key_codes([self.strata, codes[self.first]]))
 
     def centred(self, values: NDArray[np.float64]) -> NDArray[np.float64]:

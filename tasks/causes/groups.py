@@ -20,7 +20,7 @@ _MOST_IN_COMMON = 0.9
 
 @dataclass(frozen=True)
 class Group:
-    """Failures that are alike."""
+    """Failures that are alike: they missed the same requirement first, perhaps in the same room and phase."""
 
     signature: Signature
     """Members that they have in common; None where they differ."""
@@ -83,7 +83,7 @@ def _in_common(values: Iterable[str | None]) -> str | None:
 
 
 def _most_uneven(evidence: Evidence, rows: Sequence[int]) -> str | None:
-    """The attribute in which failures lie most unevenly, by a chi-squared test of equal shares; None: in none."""
+    """Returns the attribute (such as the room) whose values have the most unequal numbers of failures; None: none."""
     found = min(_unevenness(evidence, rows), default=(1.0, ""))
     return found[1] if found[0] < _UNEVEN else None
 

@@ -15,7 +15,7 @@ _LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Lift:
-    """A ratio of two failure rates with its 95 % interval."""
+    """Failure rate inside a region divided by that outside, with its 95 % interval."""
 
     inside: float
     """Failure rate in the region, with worlds weighted as in the ratio."""
@@ -30,7 +30,7 @@ class Lift:
 
 
 def lift_of(evidence: Evidence, group: Group, region: NDArray[np.bool_]) -> Lift | None:
-    """Computes the lift of a region; `None` where no job has trials on both sides, or there are no failures.
+    """Computes how many times as often trials fail in a region; `None`: nothing failed, or no job has both sides.
 
     It is the ratio of Mantel and Haenszel over jobs, so that a hard world with many trials in the region lifts nothing.
     Its variance is that between worlds where there are six or more, and between cells, of which the larger one counts;
@@ -82,7 +82,7 @@ def _reach(evidence: Evidence, parts: NDArray[np.float64], usable: NDArray[np.bo
 
 
 def cells_of(evidence: Evidence) -> NDArray[np.int64]:
-    """Clusters of trials that are alike beside their worlds: cells that were drawn, else each world's seeds.
+    """Returns the number of each trial's cluster: its drawn combination of axis values, else its job and seed.
 
     The cells of a grid have all values of each axis equally often, and few of them are no sample of anything.
     """

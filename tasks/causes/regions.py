@@ -32,7 +32,7 @@ class Region:
     direction: Literal["≥", "<", "="]
 
     def weights(self, axis: AxisColumn) -> NDArray[np.float64]:
-        """Returns how far trials lie in the region's direction, from 0 to 1, whatever its cut: their share of ranks."""
+        """Returns the rank of each trial's value in the region's direction, from 0 to 1; the cut does not matter."""
         if self.direction == "=":
             return self.mask(axis).astype(np.float64)
         known = np.array([value is not None for value in axis.values])
@@ -42,7 +42,7 @@ class Region:
         return ranks[axis.codes]
 
     def mask(self, axis: AxisColumn) -> NDArray[np.bool_]:
-        """Returns which trials lie in it."""
+        """Returns a mask of the trials whose values lie in the region."""
         chosen = np.zeros(len(axis.values), dtype=np.bool_)
         chosen[list(self.codes)] = True
         return chosen[axis.codes]
@@ -67,7 +67,7 @@ def _single(axis: AxisColumn, code: int) -> Region:
 
 
 def _cuts(axis: AxisColumn, known: Sequence[int], cuts: int) -> list[int]:
-    """Values, by their numbers, from which on a region begins."""
+    """Returns the numbers of the values at which an axis is cut, so that its parts have about equally many trials."""
     if len(known) <= cuts + 1:
         return list(known[1:])
     counts = np.bincount(axis.codes, minlength=len(axis.values))[list(known)]
@@ -82,7 +82,7 @@ def _halves(axis: AxisColumn, known: Sequence[int], cut: int) -> Iterator[Region
 
 
 def directions_of(axis: AxisColumn) -> int:
-    """Returns the number of directions in which an axis can be a cause: up, down, and each value that is no number."""
+    """Returns the number of ways in which an axis can be a cause: larger, smaller, or each value that is no number."""
     built = sum(value is None for value in axis.values)
     return 2 + built if axis.is_number else len(axis.values)
 
@@ -115,6 +115,6 @@ def parts_of(axis: AxisColumn, most: int = 5) -> list[tuple[str, NDArray[np.bool
 
 
 def _short(axis: AxisColumn, code: int) -> str:
-    """A value with as many digits as a narrow column holds."""
+    """Formats a value for a narrow column: with two or three significant digits."""
     value = float(axis.values[code] or 0.0)
     return f"{value:.2g}" if abs(value) < _SMALL else f"{value:.3g}"

@@ -65,7 +65,7 @@ def judged_margins(results: ResultTable, evidence: Evidence, requirement: str) -
 def _along(
     margins: NDArray[np.float64], evidence: Evidence, axis: AxisColumn, level: float
 ) -> tuple[float, float, float, float] | str | None:
-    """Ends of the axis, change between them and half its interval; or why not; None: the requirement has no margins."""
+    """Returns an axis's ends, the margin's change between them and half its interval; or why not; None: no margins."""
     values = axis.numbers
     known = np.isfinite(margins) & np.isfinite(values)
     if not np.isfinite(margins).any():

@@ -64,7 +64,7 @@ def _claimed(evidence: Evidence, group: Group, number: int, found: Sequence[Hypo
 
 
 def _chosen(whole: Group, claimed: dict[int, _Claims]) -> Sequence[Group]:
-    """The group, or its parts where one of them shows a cause more clearly, or nothing is claimed of the whole."""
+    """Returns the group, or its parts if one of them has a stronger claim of a cause, or the whole group has none."""
 
     def strength(group: Group) -> float:
         return max((each.strength for _, each in claimed.get(id(group), [])), default=0.0)

@@ -174,7 +174,10 @@ def _answer(
 
 
 def _margin_in_words(test: MarginTest) -> str:
-    """Returns a text on whether it is shown that the pass rate fell by less than the margin."""
+    """Returns a text on whether it is shown that the pass rate fell by less than the margin.
+
+    An example: `the pass rate did not fall by 5 points or more (p = 0.012, Tango's score test)`.
+    """
     by = f"p = {test.p_value:.2g}, {test.test} test" if test.p_value is not None else test.test
     points = f"{100 * test.margin:.3g} points"
     if test.outcome == "shown":
@@ -292,7 +295,7 @@ def _worlds(run: NightRun) -> set[str]:
 
 
 def _without_verdicts(before: NightRun, after: NightRun) -> str:
-    """Describes how the jobs without a verdict ended."""
+    """Counts the jobs of two runs by outcome, as text: `night-1 has 2 passed, 1 broken; night-2 has 3 canceled`."""
     told = []
     for run in (before, after):
         outcomes = [outcome_of(job) for job in run.jobs]

@@ -137,7 +137,7 @@ class CellTable:
         return len(self._requests)
 
     def place(self, jobs: Sequence[JobRecord]) -> list[int | None]:
-        """Returns the cell number of each job, from 0; jobs that no earlier run had get new numbers.
+        """Returns a number for each job, from 0, which it has in every run; jobs that no earlier run had get new ones.
 
         The number is None for jobs whose inputs are unknown.
         """

@@ -100,10 +100,11 @@ def margin_pairs_needed(discordant: float, margin: float, alpha: float = 0.05, p
 def shown_between_worlds(
     mean: NDArray[np.float64], error: NDArray[np.float64], worlds: int, margin: float, alpha: float
 ) -> NDArray[np.bool_]:
-    """Returns whether changes of pass rates by world exclude a decrease by the margin.
+    """Tests whether the pass rate has fallen by less than the margin, from its mean change over several worlds.
 
     A few worlds with equal changes have no variance, but say nothing about other worlds: if one in ten fails
-    completely, that is a decrease by 10 points. So the standard error is at least that of such a decrease.
+    completely, that is a decrease by 10 points. So the standard error counts as at least that of such a decrease,
+    `sqrt(margin * (1 - margin) / worlds)`.
 
     Args:
         mean: mean change of the pass rate, any shape.

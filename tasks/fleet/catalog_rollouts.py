@@ -36,7 +36,7 @@ class StoredRollout:
 
 @dataclass(frozen=True)
 class StoredEvent:
-    """An event of a rollout that is stored but not yet applied to it, in plain JSON."""
+    """A stored event of a deployment to robots, such as a robot's report, not yet applied; in plain JSON."""
 
     sequence: int
     at_s: float
@@ -54,7 +54,7 @@ class Rollouts:
         self._catalog = catalog
 
     def begin_rollout(self, job: str, delivery: Mapping[str, Any], rollout: Mapping[str, Any]) -> bool:
-        """Stores the rollout of a deployment job, unless it has one.
+        """Stores a rollout (state of a deployment to robots) for a deployment job, unless it has one.
 
         Returns:
             False if the job has one, which stays as it is.
@@ -73,18 +73,18 @@ class Rollouts:
         return True
 
     def rollout(self, job: str) -> StoredRollout | None:
-        """Reads the rollout of a deployment job; `None` if it has none or the job does not exist."""
+        """Reads the state of a deployment's robots; `None` if the job does not exist, or has not begun with robots."""
         with self._catalog.reading() as connection:
             row = connection.execute(select(rollouts).where(rollouts.c.job == job)).mappings().one_or_none()
         return None if row is None else StoredRollout(**row)
 
     def rollout_revision(self, job: str) -> int | None:
-        """Returns the revision number of a job's rollout; `None` if the job has none."""
+        """Returns the revision number of the stored state of a deployment's robots; `None` if there is none."""
         with self._catalog.reading() as connection:
             return connection.scalar(select(rollouts.c.revision).where(rollouts.c.job == job))
 
     def open_rollouts(self, fleet: str | None = None) -> dict[str, int]:
-        """Returns the revision of each rollout whose robots may have orders, by deployment job, oldest first.
+        """Returns the revisions of deployments whose robots may have open orders, by deployment job, oldest first.
 
         Args:
             fleet: ARN of the fleet; `None`: all fleets.
@@ -99,7 +99,7 @@ class Rollouts:
     def replace_rollout(
         self, job: str, revision: int, rollout: Mapping[str, Any], *, is_open: bool, applied: Sequence[int] = ()
     ) -> bool:
-        """Stores a rollout after events, and removes these, unless another process changed it since it was read.
+        """Stores the robots' new state and removes the applied events, unless another process changed the state.
 
         Args:
             job: ARN of its deployment job.
@@ -134,7 +134,7 @@ class Rollouts:
             raise not_found(job) from None
 
     def move_orders(self, numbers: Sequence[int], job: str) -> None:
-        """Redirects events about orders to another job's rollout, which waits for robots to give the orders up."""
+        """Redirects robots' reports on some orders to a later deployment, which waits until robots give these up."""
         with self._catalog.writing() as connection:
             for start in range(0, len(numbers), 500):
                 chunk = numbers[start : start + 500]

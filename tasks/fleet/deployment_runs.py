@@ -178,7 +178,7 @@ class DeploymentRun:
             self._lease.forget_lost_workers()
 
     def _begun(self) -> KeptRollout | None:
-        """Starts or finds the job's rollout; `None` if each robot has the application already."""
+        """Starts the deployment to the robots, or finds it started; `None` if each has the application already."""
         from .attestations.required_batches import check_delivered  # it needs the extra `fleet`
 
         document = DeploymentJobDocument.of(self._job)
@@ -237,13 +237,13 @@ class DeploymentRun:
         show_wave(self._job, kept.rollout, number, robots)
 
     def _wait_for(self, kept: KeptRollout, robots: Sequence[str] | None) -> None:
-        """Continues the rollout until each of some robots has ended, or the whole rollout has."""
+        """Continues the deployment until each of some robots is finished, or the whole deployment has ended."""
         while not _is_over(kept.rollout, robots):
             self._sleep(POLL_S)
             self._look(kept)
 
     def _wait_for_approval(self, kept: KeptRollout) -> None:
-        """Shows that the deployment needs approval, until a person has approved it or the rollout has ended."""
+        """Waits and shows that the deployment needs approval, until a person has approved it or it has ended."""
         if _is_decided(kept.rollout):
             return
 
@@ -257,7 +257,7 @@ class DeploymentRun:
             self._step("approval", wait)
 
     def _look(self, kept: KeptRollout) -> None:
-        """Polls once: applies the robots' reports, time-outs, cancellation and decisions to the rollout.
+        """Polls once: applies robots' reports, time-outs, cancellation and people's decisions to the robots' state.
 
         Raises:
             StateConflictError: the lease was lost.
@@ -336,7 +336,7 @@ class DeploymentRun:
 
 
 def progress_of(rollout: Rollout) -> Progress:
-    """Counts the robots of a rollout by state, as progress for Prefect."""
+    """Counts the robots of a deployment by state, as progress for Prefect."""
     return Progress(counts_of(rollout), len(rollout.robots))
 
 

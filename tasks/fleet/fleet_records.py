@@ -166,7 +166,7 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
 
 
 def is_meant(robot: Resource, deployment: Resource) -> bool:
-    """Whether a deployment that has not begun includes a robot of its fleet."""
+    """Whether a deployment that has not begun is for a robot; a repetition, for example, leaves out those in sync."""
     document = DeploymentJobDocument.of(deployment)
     if document.rolls_back is not None:
         return robot.arn in document.rolls_back.robots

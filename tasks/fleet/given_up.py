@@ -8,7 +8,7 @@ from .catalog_rollouts import Rollouts
 
 
 def _tell_robots(job: Resource, service: Service) -> None:
-    """Adds the event `Stopped` to the job's rollout: robots' orders are cancelled at the next report of one of them."""
+    """Stores the event that the deployment was stopped; the next report of a robot of it makes it cancel the orders."""
     stopped = Stopped(why="canceled")
     Rollouts(service.catalog).add_event(job.arn, stopped.to_json(), service.clock().timestamp())
 

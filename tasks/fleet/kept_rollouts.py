@@ -56,7 +56,7 @@ class _Read:
 
 
 class KeptRollout:
-    """The stored rollout of a deployment job, which applies events and saves the result. For one thread.
+    """The stored state of a deployment to robots, which applies events and saves the result. For one thread.
 
     Args:
         job: the deployment job; it has a rollout.
@@ -73,11 +73,11 @@ class KeptRollout:
 
     @property
     def rollout(self) -> Rollout:
-        """State of the rollout, as far as this object knows."""
+        """State of the deployment's robots, as this object last read or stored it."""
         return self._read.rollout
 
     def fold(self, *events: RolloutEvent) -> bool:
-        """Applies waiting events and time-outs to the rollout, gives new orders, saves it, and ends its job if done.
+        """Applies stored events, given ones and time-outs, gives robots new orders, saves, and ends the job if done.
 
         Returns:
             Whether anything happened.
@@ -92,21 +92,21 @@ class KeptRollout:
         return happened
 
     def refresh(self) -> None:
-        """Reads the rollout again, because another process has changed it."""
+        """Reads the stored state of the robots again, because another process has changed it."""
         self._load()
 
     def keep_alive(self) -> None:
-        """Records that the rollout was watched until now, so that a later gap counts as an outage of the service."""
+        """Stores that the service ran until now, so that a later gap counts as an outage and extends time limits."""
         self._ledger.pass_time(self._now_s())
         if not self._store(self._ledger, ()):
             self._load()
 
     def is_outdated(self) -> bool:
-        """Whether another process has changed the rollout since it was read."""
+        """Whether another process has changed the stored state of the robots since it was read."""
         return Rollouts(self._service.catalog).rollout_revision(self.job.arn) != self._read.revision
 
     def note_rollback(self, rollback: Rollback) -> None:
-        """Stores the state of the rollback, in which robots return to their old version."""
+        """Stores the state of the rollback, in which robots return to the application version they had before."""
         for _ in range(_MAX_ATTEMPTS):
             if self.rollout.rollback == rollback:
                 return
@@ -121,7 +121,7 @@ class KeptRollout:
         return self._ledger.unanswered()
 
     def give_away(self, orders: Mapping[str, int]) -> list[str]:
-        """Closes orders that another rollout takes over and waits for.
+        """Closes unanswered orders that a later deployment takes over: it waits for the robots' answers to them.
 
         Args:
             orders: numbers of the orders, by robot; orders of other robots are not changed.
@@ -191,7 +191,7 @@ class KeptRollout:
         return stored
 
     def _show(self, before: Rollout, after: Rollout) -> None:
-        """Stores the statuses of robots that differ between two states of the rollout."""
+        """Stores, in the robots' records, the statuses of robots that differ between two states of the deployment."""
         active, was_active = after.status == "InProgress", before.status == "InProgress"
         for robot, state in after.robots.items():
             old = before.robots[robot]
@@ -233,7 +233,7 @@ def _changed_by_others(job: str) -> ServiceUnavailableException:
 
 
 def has_orders(rollout: Rollout) -> bool:
-    """Whether robots of the rollout have orders, may still get some, or have to be rolled back.
+    """Whether robots of a deployment have orders to install, may still get some, or have to be rolled back.
 
     Robots that were deleted do not count, as they answer nothing.
     """
@@ -264,7 +264,7 @@ def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> N
 
 @dataclass(frozen=True)
 class OpenRollout:
-    """A rollout whose robots may have open orders."""
+    """A deployment to robots that may have open orders (to install or cancel), as it was last read."""
 
     job: str
     """ARN of the deployment job of a rollout."""
@@ -324,7 +324,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
 
 def report(service: Service, job: str, event: Report, at_s: float) -> None:
-    """Stores what a robot reported about an order, for its rollout.
+    """Stores a robot's report on its order to install, as an event that the deployment applies later.
 
     After the job's end, `served_rollouts` makes it part of the rollout.
 
@@ -349,7 +349,7 @@ def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> 
 
 
 def stop(job: str, why: StopCause, service: Service) -> bool:
-    """Ends the rollout of a deployment job, and the job itself, at once.
+    """Ends a deployment to robots and its job at once: no robot gets an order any more, and open ones are cancelled.
 
     Returns:
         False if it has no rollout, so that nothing was done.

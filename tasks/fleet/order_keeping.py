@@ -66,7 +66,7 @@ def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
 
 
 def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
-    """Translates a robot's report into an event of its rollout.
+    """Translates a robot's report, as its updater sends it, into an event of the deployment to robots.
 
     Args:
         report: the robot's report.
@@ -210,7 +210,7 @@ class OrderKeeper:
         return self._ordered.get(key)
 
     def artifact(self, order: RobotOrder) -> Artifact | None:
-        """Returns the stored file that an order installs; `None` if no open rollout has it any more."""
+        """Returns the stored file that an order installs; `None` if no open deployment has it any more."""
         return self._artifacts.get(order.sha256)
 
     def files(self) -> frozenset[str]:

@@ -98,7 +98,7 @@ class OrderWatch:
         self._thread.join()
 
     def look(self) -> bool:
-        """Updates the table of orders once; returns whether a rollout is open.
+        """Updates the table of robots and their orders from the catalog; returns whether a deployment is open.
 
         Raises:
             RobomakerError: the catalog does not answer.

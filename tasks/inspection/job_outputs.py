@@ -187,7 +187,7 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
 
 
 def _axes_of(job: ReportedJob, inputs: JobInputs | None) -> dict[str, Value]:
-    """The cell of a job, by names that are the same every night: its world by the content, other ARNs by the name."""
+    """Returns a job's value of each axis in a form that is the same in every run: the world's content, else names."""
     world = (inputs and inputs.world) or ""
     cell = cell_in_tags(job.request.get("tags"))
     return {name: world if value == job.world_arn and world else _named(value) for name, value in cell.items()}

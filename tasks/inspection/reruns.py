@@ -38,7 +38,7 @@ class Selection:
 
     @property
     def words(self) -> str:
-        """Describes the criteria of the filter as text."""
+        """Describes the criteria of the filter as text: `failed, in flat 3 or flat 4`; `all` if it has none."""
         parts = ["failed"] if self.failed else []
         parts += [" or ".join(self.jobs)] if self.jobs else []
         parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []
@@ -193,7 +193,7 @@ def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service)
 
 
 def _result_in_words(job: ReportedJob) -> str:
-    """Returns the first result of a job as text: `sim-…: FAIL`."""
+    """Returns a job with its verdict, or its status if it was not judged, as text: `sim-…: FAIL`."""
     judged = job.result is not None and job.status == "Completed"
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"
 

@@ -224,7 +224,7 @@ class BatchRun:
         )
 
     def _in_words(self) -> str:
-        """Returns the counts of the batch's requests so far as text."""
+        """Counts the batch's requests so far by outcome, as text: `10 jobs: 8 passed, 2 failed`."""
         jobs = jobs_by_request(self._batch, self._service).values()
         documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
         outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]
@@ -315,7 +315,7 @@ class BatchRun:
         self._is_news = True
 
     def _may_finish(self, stack: ExitStack) -> bool:
-        """Whether one more job may finish (draw and upload), by the limits of the batch and of the machine."""
+        """Takes a place for drawing and uploading, of the batch's and the machine's; returns whether both had one."""
         if not self._finishing.acquire(blocking=False):
             return False
         stack.callback(self._finishing.release)
@@ -326,7 +326,7 @@ class BatchRun:
         self._waits_for, self._is_news = wait, True
 
     def _wants_more(self) -> bool:
-        """Whether another request becomes a job once a running job has ended."""
+        """Whether the batch goes on and has requests that have neither become jobs nor been refused."""
         return self._stop_reason() is None and len(self._made) + len(self._failed) < len(self._requests)
 
     def _stop_reason(self) -> StopReason | None:
@@ -350,7 +350,7 @@ class BatchRun:
         return StopReason.BATCH_TIMED_OUT if self._service.clock() >= self._deadline else None
 
     def _is_cancelled(self) -> bool:
-        """Whether the batch should be cancelled.
+        """Whether the batch's cancellation was requested.
 
         All its jobs ask this all the time, so the catalog is asked only once per interval.
         """
@@ -490,7 +490,7 @@ class BatchRun:
         return all(only_finishes(job, reason) for job in self._active().values())
 
     def _note_stop(self) -> None:
-        """Sets the batch's status to the reason why its jobs have to stop, if they have to."""
+        """Changes the batch's status if its jobs have to stop, by the reason: it was cancelled, or timed out."""
         event = STOP_EVENTS.get(self._stop_reason() or "")
         if event and self._lease.job.status in ("Pending", "InProgress", "Completing"):
             self._lease.transition(event)

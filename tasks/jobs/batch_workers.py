@@ -115,7 +115,7 @@ class BatchWorker:
             running = concurrent.futures.wait(running, pause_s, concurrent.futures.FIRST_COMPLETED).not_done
 
     def _is_over(self) -> bool:
-        """Whether there are no more jobs of the batch to take."""
+        """Whether the batch has ended or stops, has no job left to take, or is not managed by any process any more."""
         self._status, _ = self._service.catalog.standing(self._batch)
         if is_terminal(_BATCH, self._status) or self._status in STOPPING:
             return True
@@ -132,7 +132,7 @@ class BatchWorker:
         return True
 
     def _living(self) -> bool:
-        """Whether any job of the batch has not ended; if its worker dies, the job can be taken."""
+        """Whether any job of the batch has no final status yet; if that job's worker dies, another can take it."""
         standing = self._service.catalog.count_children(self._batch, KIND)
         return any(not is_terminal(KIND, status) for status in standing)
 

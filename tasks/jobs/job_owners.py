@@ -211,7 +211,7 @@ _logger = logging.getLogger(__name__)
 
 
 class OwnOrder:
-    """An order whose job this process runs itself: it holds the job's lease from the moment the job is stored.
+    """Creation of a job that this process runs itself: it holds the job's lease (lock) once the job is stored.
 
     Args:
         service: the service, with its catalog and object store.
@@ -226,13 +226,13 @@ class OwnOrder:
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        """Begins the order of a job that this process will run itself."""
+        """Returns this object; the job is created and run inside the `with` block."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Gives the lease back, unless that has happened; an interruption (Ctrl-C, a signal) cancels the job."""
+        """Gives the lease (lock) of the job back; an interruption (Ctrl-C, a signal) also requests its cancellation."""
         self._ended.set()
         if self._arn is None:
             return
@@ -244,7 +244,7 @@ class OwnOrder:
             _logger.warning("the lease of %s runs out by itself: %s", self._arn, unavailable)
 
     def through(self, operation: str, request: Mapping[str, Any]) -> Service:
-        """Returns the service that stores the job together with its lease.
+        """Returns a service that stores the job together with its lease (lock), held by this process.
 
         Args:
             operation: the operation that orders the job.
@@ -255,7 +255,7 @@ class OwnOrder:
         return replace(self._service, first_lease=lease)
 
     def keep(self, arn: str) -> None:
-        """Keeps the lease of the stored job.
+        """Keeps the lease (lock) of the stored job, if this process holds it.
 
         A job that an equal earlier call had stored may belong to another process; running it here then waits for its
         lease.

@@ -141,7 +141,7 @@ def launcher() -> Launcher:
 
 
 class JobRun:
-    """Runs one simulation job, holding its lease.
+    """Runs one simulation job, holding its lease (lock).
 
     Args:
         lease: the right to change the job.

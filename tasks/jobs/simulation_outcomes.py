@@ -225,5 +225,5 @@ class EarlierRuns:
 
 
 def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
-    """Describes that a run's outputs are lost with the machine it ran on."""
+    """Makes the failure text that a run's outputs were not stored, because the machine it ran on has died."""
     return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

@@ -30,7 +30,7 @@ def only_finishes(job: Resource, reason: StopReason) -> bool:
 
 
 def _no_turn(_: ExitStack) -> Turn | None:
-    """Takes no slot, for jobs that need none."""
+    """Does nothing; used for jobs that need no slot of the machine to simulate."""
     return Turn({})
 
 
@@ -52,7 +52,7 @@ class Place(AbstractContextManager["Place"]):
         self._simulates = False
 
     def simulate(self) -> Turn | None:
-        """Waits until the machine has a free slot, so that the job may simulate.
+        """Waits until the machine has a free slot, and takes it, so that the job may simulate.
 
         Returns:
             Time that the job waited for the machine; `None`: the job has to stop.
@@ -65,7 +65,7 @@ class Place(AbstractContextManager["Place"]):
         return turn
 
     def finish(self) -> None:
-        """Frees the job's slot for another job's simulation, unless too many jobs are uploading already."""
+        """Exchanges the job's slot for a place to upload, so that another can simulate; keeps it if none is free."""
         with ExitStack() as finishing:
             if self._simulates and self._permit(finishing):
                 self._finishing = finishing.pop_all()
@@ -78,7 +78,7 @@ class Place(AbstractContextManager["Place"]):
 
 
 def permit_of(machine: MachineSlots) -> Permit:
-    """Returns a machine's permission to finish (upload), of which there are as many as slots."""
+    """Returns a function that takes a place to finish (draw and upload) on a machine; it has as many as slots."""
 
     def permit(stack: ExitStack) -> bool:
         place = machine.take_finishing()

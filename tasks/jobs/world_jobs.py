@@ -134,7 +134,7 @@ def run_generation(lease: Lease, service: Service) -> None:
 
 
 class GenerationRun:
-    """Runs one world generation job, holding its lease.
+    """Runs one world generation job, holding its lease (lock).
 
     Args:
         lease: the right to change the job.

@@ -88,7 +88,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Turn:
-    """A slot that a job holds, as long as the enclosing `with` block lasts."""
+    """A job's right to simulate on this machine (a slot), inside a `with` block, with the time it waited for it."""
 
     waited_s: Mapping[Scarce, float]
     """Time that the job waited for the slot, in seconds, by scarce resource; waits for its own batch do not count."""
@@ -143,7 +143,7 @@ class MachineSlots:
     def hold(
         self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = lambda: False
     ) -> Generator[Turn | None]:
-        """Waits for a slot, and holds it inside the `with` block.
+        """Waits for a slot, which lets one job simulate on this machine, and holds it inside the `with` block.
 
         Args:
             should_stop: called while waiting; once true, waiting ends.
@@ -248,7 +248,7 @@ class MachineSlots:
                     self._leave()
 
     def _keep_turn(self, name: str) -> None:
-        """Announces that a thread is about to wait, so that other batches do not take the slot for some seconds."""
+        """Announces that a thread of this batch is about to wait, so that others leave it the slot for some seconds."""
         with self._lock:
             now_s = self._clock()
             self._since_s = self._since_s or now_s
@@ -275,7 +275,7 @@ class MachineSlots:
         return None if wait.scarce == "slots" and only_own else wait
 
     def _see(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Adds up the time of a wait, and reports to users that and why jobs wait, when that is due."""
+        """Adds up how long jobs wait, and reports that they wait, and why, once a wait has lasted long enough."""
         self._times.see(wait and wait.scarce, now_s)
         if self._notices.is_due(wait, now_s) and wait is not None:
             text = f"{name} waits: {wait.text}"

@@ -16,7 +16,7 @@ _MOST_BYTES = 4096
 
 
 class Holder(Model):
-    """Description of the job that runs in a machine slot."""
+    """Batch and start of the job that holds a machine slot (right to simulate)."""
 
     batch: str | None = Field(default=None, description="ARN of its batch; None: it is in none.")
     began_s: float = Field(default=0.0, description="When it began, in seconds since 1970.")

@@ -65,7 +65,10 @@ class BrokenOff:
         return f"on {self.order.needed.machine}: " if self.order.needed else ""
 
     def in_words(self) -> str:
-        """Describes the interrupted run in a sentence or two."""
+        """Describes the interrupted run in a sentence or two: whose death interrupted it, and what resumes it.
+
+        It begins `RUN: OWNER died at about 2026-11-27 02:10 UTC, before the run had ended; `.
+        """
         owner = self.order.owner or "its process"
         died = f"{self.run_id}: {owner} died at about {self.died_at:%Y-%m-%d %H:%M} UTC, before the run had ended"
         return f"{died}; {self.why_left or _NEXT}"

@@ -144,7 +144,7 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Yields whether this process is the only one that may check for missed nights now."""
+    """Tries to lock the check for missed nights inside the `with` block; yields whether this process got the lock."""
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:
@@ -249,7 +249,7 @@ def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | 
 
 
 def _is_of_pause(night: MissedNight, schedule: NightSchedule) -> bool:
-    """Whether a night was missed since the schedule is paused."""
+    """Whether a scheduled run was missed because its schedule is paused, and in the present pause."""
     return night.reason == PAUSED and schedule.paused_since is not None and night.due_at > schedule.paused_since
 
 

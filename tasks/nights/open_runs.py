@@ -163,7 +163,7 @@ def read_order(folder: Path) -> Order | None:
 
 
 def is_going(folder: Path) -> bool:
-    """Whether the process that carries out a run is alive."""
+    """Whether the process that carries out a run is alive: it holds the lock file in the run's folder."""
     try:
         with lock_of(folder) as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -136,7 +136,10 @@ def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
 
 
 def _left_in_words(run: BrokenOff) -> str:
-    """Describes what resumes a run that processes like this one do not resume."""
+    """Describes what resumes a run that processes like this one do not resume.
+
+    It reads `its process died, and REASON; this finishes it: on vm: COMMAND`.
+    """
     return f"its process died, and {run.why_left}; this finishes it: {run.place}{run.command}"
 
 

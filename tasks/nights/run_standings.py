@@ -39,7 +39,7 @@ class StandingRun:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run has ended."""
+        """Whether the run has ended, with any outcome: its record is stored. A run whose process died has not."""
         return self.record is not None
 
     @property

@@ -200,7 +200,7 @@ def _try(look: Callable[[], object], what: str, told: set[str]) -> None:
 
 
 def _ends_with_container() -> bool:
-    """Whether the first process of the container (or machine) is that of a flow run."""
+    """Whether the container's first process is a flow run of Prefect, so that the container ends with it."""
     try:
         return any(
             word.startswith(b"PREFECT__FLOW_RUN_ID=") for word in Path("/proc/1/environ").read_bytes().split(b"\0")

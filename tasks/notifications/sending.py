@@ -122,7 +122,7 @@ def _complaints() -> Iterator[list[str]]:
 
 
 def _shown(channel: "NotifyBase") -> str:
-    """Describes a channel for people by service and host only, as user and path may be secrets."""
+    """Describes a channel by service and host only, `mailto://host`, as user and path may be secrets."""
     service, _, rest = str(channel.url(privacy=True)).partition("://")
     return f"{service}://{re.split('[/?]', rest)[0].rpartition('@')[2]}"
 

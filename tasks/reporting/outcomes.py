@@ -145,7 +145,7 @@ def number(value: float | None, digits: int) -> str:
 
 
 def compact(value: float) -> str:
-    """Formats a number: whole numbers without decimals, others with four significant digits."""
+    """Formats a number: whole ones without decimals, `12`, others with four significant digits, `0.3333`."""
     if math.isfinite(value) and value == int(value) and abs(value) < 1e15:
         return str(int(value))
     return f"{value:.4g}"

@@ -119,12 +119,12 @@ class Page:
 
     @property
     def failures(self) -> list[JobView]:
-        """Jobs that failed their requirements for reasons that are not known, in request order."""
+        """Jobs that missed requirements and are not on the specification's list of known failures, in request order."""
         return [job for job in self.jobs if job.outcome is Outcome.FAILED and not job.job.known]
 
     @property
     def known(self) -> list[JobView]:
-        """Jobs whose failure is known, in request order."""
+        """Jobs that missed requirements as the specification's list of known failures says, in request order."""
         return [job for job in self.jobs if job.job.known]
 
     @property

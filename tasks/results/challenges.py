@@ -14,7 +14,7 @@ A_CRASH = "a crash"
 
 @dataclass(frozen=True)
 class Arm:
-    """One simulation job of a challenge, with the parts of its result that the comparison needs."""
+    """One simulation job of a challenge, with the unchanged robot or a fault put into it, and its result in parts."""
 
     job: int
     """Number of the job in the challenge; jobs with the same number are compared."""
@@ -46,7 +46,7 @@ class Arm:
 
 
 def table_of(challenge: Challenge, arms: Sequence[Arm]) -> Challenge:
-    """Fills the result table of a challenge: how often each sabotage was noticed.
+    """Fills the result table of a challenge: how often each sabotage (fault put into the robot) was noticed.
 
     Only jobs that pass without sabotage count, as the others would not pass with any robot.
 
@@ -79,7 +79,7 @@ def table_of(challenge: Challenge, arms: Sequence[Arm]) -> Challenge:
 
 
 def control_result(control: Arm | None) -> ControlResult:
-    """Returns how a job of the control arm ended; None if there is no such job."""
+    """Returns how a job with the unchanged robot ended, as text such as `passes`; `was not run` if there is no job."""
     if control is None or (control.verdict is None and not control.has_crashed):
         return "was not run"
     if control.has_crashed or control.verdict == "ERROR":
@@ -88,7 +88,9 @@ def control_result(control: Arm | None) -> ControlResult:
 
 
 def cell_result(control: Arm, arm: Arm | None) -> CellResult:
-    """Returns the effect of a sabotage on a job that passes without it: noticed, missed, or not applicable.
+    """Returns how a job that passes with the unchanged robot ended with a fault put into it (a sabotage).
+
+    It was `caught` by a requirement, crash or error, `missed`, without effect, not applicable, or not tried.
 
     Args:
         control: Job without sabotage.
@@ -135,7 +137,7 @@ def _is_broken(arm: Arm) -> bool:
 
 
 def _catch(arm: Arm) -> tuple[float, str]:
-    """Returns the time at which a sabotage was noticed, and what noticed it."""
+    """Returns time (s) and name of the first missed requirement; else infinity, and `a crash` or `an error`."""
     if arm.missed:
         return _time_of(arm.missed[0]), arm.missed[0].name
     return math.inf, A_CRASH if arm.has_crashed else "an error" if arm.verdict == "ERROR" else "its verdict"

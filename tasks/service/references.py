@@ -168,7 +168,7 @@ def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besid
 
 
 def _told(resource: Resource, service: Service) -> str:
-    """Says what a candidate is: id, name, time, and of a job its run."""
+    """Describes a world or job that a name may mean: its id, name and time, and of a job also its run."""
     run = SimulationJobDocument.of(resource).spec_run if resource.kind == JOB else None
     of_run = f" of {run}" if run else ""
     return f"{resource.id} ({name_of(resource, service)}{of_run}, made {resource.created_at:%Y-%m-%d %H:%M})"

@@ -96,7 +96,7 @@ def _warnings(step: "StepForecast") -> list[str]:
 
 
 def _ran(jobs: "Sequence[ProbedJob]") -> list[str]:
-    """Describes the verdicts of a probe's jobs: the count of each, then the jobs that did not pass."""
+    """Describes how the jobs of a probe (small trial run) ended: counts of verdicts, then jobs that did not pass."""
     counts = Counter(job.verdict for job in jobs)
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [f"  ran: {len(jobs)} {'job' if len(jobs) == 1 else 'jobs'}: {told}"]

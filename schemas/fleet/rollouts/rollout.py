@@ -20,7 +20,7 @@ UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
 
 
 class RobotDeploymentState(StoredPart):
-    """State of one robot in a rollout: its order, status, times and failure."""
+    """State of one robot in a deployment: its order to install the application, its times, outcome and failure."""
 
     order: OrderState = Field(default="none", description="State of the robot's latest order.")
     action_id: ActionId | None = optional("Number of the robot's latest order; absent: none.")
@@ -64,7 +64,11 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def has_ended(self) -> bool:
-        """Whether the robot has finished, so that the rollout no longer waits for it."""
+        """Whether the robot is finished: it installed the application, failed to, left the fleet, or was deleted.
+
+        The rollout, which installs the application on all robots of a fleet, waits only for robots that are not
+        finished.
+        """
         return self.outcome is not None or self.gone is not None
 
     @property
@@ -78,14 +82,14 @@ RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
 
 
 class Pause(StoredPart):
-    """A period in which a person had paused the rollout, so that no robot received an order."""
+    """A period in which a person had paused a deployment, so that no robot received an order to install."""
 
     from_s: TimeS = Field(description="Begin of the pause.")
     until_s: TimeS | None = optional("End of the pause; absent: it continues.")
 
 
 class Rollback(StoredPart):
-    """State of a rollback: robots return to the version that they had before the rollout."""
+    """State of a rollback: robots return to the version that they had before the failed deployment."""
 
     jobs: tuple[str, ...] = Field(
         default=(), description="ARNs of the deployment jobs that return robots to the earlier version."
@@ -130,7 +134,7 @@ class Rollout(StoredPart):
 
     @property
     def rollback_is_due(self) -> bool:
-        """Whether a rollback has to begin now: the failure threshold is reached and no robot is still installing."""
+        """Whether a planned rollback has to begin or go on: too many robots failed, and none is installing any more."""
         if not self.plan.rolls_back or self.failure_code != "FailureThresholdBreached":
             return False
         is_complete = self.rollback is not None and self.rollback.is_complete

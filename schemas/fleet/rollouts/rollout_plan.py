@@ -71,7 +71,7 @@ UnfitCode = Literal[
 
 
 class PlannedRobot(StoredPart):
-    """A robot in the plan of a rollout: the version it had before, and why it cannot get the new one, if so."""
+    """A robot in the plan of a deployment: the version it had before, and why it cannot get the new one, if so."""
 
     arn: str = Field(description="ARN of the robot.")
     installed: str | None = optional("Application and version before the rollout, such as `courier 1`; absent: none.")
@@ -188,7 +188,7 @@ class Artifact(StoredPart):
 
 
 class Delivery(StoredPart):
-    """Installation files and launch configuration that a rollout gives to its robots; they do not change."""
+    """Installation files and launch configuration that a deployment gives to its robots; they do not change."""
 
     artifacts: dict[str, Artifact] = Field(description="Files for third-party updaters, by architecture.")
     agent_artifacts: dict[str, Artifact] = Field(

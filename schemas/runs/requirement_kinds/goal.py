@@ -151,7 +151,7 @@ class GoalRule(Rule[GoalRequirement]):
 
     @property
     def is_due(self) -> bool:
-        """Whether the goal counts now: the goal that has to be reached before it, if any, is reached."""
+        """Whether the goal can be reached now: the goal that has to be reached before it, if any, is reached."""
         return self._before is None or bool(self._before.is_reached)
 
     def _numbers(self) -> Numbers:

@@ -433,7 +433,7 @@ class Rule(ABC, Generic[Asked]):
         return None
 
     def _until(self) -> str:
-        """Describes when the requirement was violated; empty if it was not."""
+        """Returns a suffix for a description: `, first at 3.20 s`, the time of the first violation; empty if none."""
         return "" if self.violated_s is None else f", first at {self.violated_s:.2f} s"
 
     @abstractmethod

@@ -61,7 +61,7 @@ def role_of(main: str, words: Sequence[str]) -> str:
 
 
 def died_here(owner: str) -> bool:
-    """Whether a lease's owner was a process of this machine that has died."""
+    """Whether the owner of a job's lease (lock) was a process of this machine that has died."""
     host, _, rest = owner.partition(":")
     pid = rest.partition(":")[0]
     if host != socket.gethostname() or not pid.isdecimal():
@@ -86,7 +86,7 @@ class HeldLeases:
 
     @contextmanager
     def owner_of(self, arn: str) -> Generator[str]:
-        """Yields an owner name for a job's lease, valid inside the `with` block.
+        """Yields an owner name for a job's lease (lock), valid inside the `with` block.
 
         Raises:
             WorkerStopping: no more leases are taken.
@@ -107,7 +107,7 @@ class HeldLeases:
                     del self._owners[arn]
 
     def adopt(self, arn: str, owner: str) -> bool:
-        """Registers a lease that was taken together with storing its job.
+        """Registers the lease (lock) of a job that was taken in the same transaction that stored the job.
 
         Returns:
             Whether `cancel_reservation` has to follow; false: another thread of this process carries the job out, or
@@ -121,7 +121,7 @@ class HeldLeases:
             return True
 
     def reserve(self, arn: str, catalog: Catalog, lease_s: float) -> bool:
-        """Takes a job's lease for the thread that will run it; `cancel_reservation` has to follow.
+        """Takes a job's lease (lock) for the thread that will run the job; `cancel_reservation` has to follow.
 
         Returns:
             Whether the lease was free.
@@ -140,7 +140,7 @@ class HeldLeases:
         return is_claimed
 
     def reserve_any(self, take: Callable[[str], str | None], catalog: Catalog) -> str | None:
-        """Takes the lease of a job that a callback chooses; `cancel_reservation` has to follow.
+        """Takes the lease (lock) of a job that a callback chooses; `cancel_reservation` has to follow.
 
         Args:
             take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
@@ -164,19 +164,19 @@ class HeldLeases:
         return None
 
     def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
-        """Renews a reserved lease until the job begins."""
+        """Extends a reserved lease (lock of a job) once, as the job has not begun; does nothing if none is held."""
         with self._lock:
             owner = self._owners.get(arn)
         if owner is not None:
             catalog.renew(arn, owner, lease_s)
 
     def cancel_reservation(self, arn: str, catalog: Catalog) -> None:
-        """Releases a reserved lease, unless that has happened already."""
+        """Releases a reserved lease (lock of a job), unless that has happened already."""
         if (owner := self._forget(arn)) is not None:
             catalog.release(arn, owner)
 
     def are_ours(self, catalog: Catalog) -> bool:
-        """Whether no other owner has taken a lease that this process holds; an expired one is still its own.
+        """Whether no other owner has taken a job that this process has locked; an expired lock is still its own.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -186,7 +186,7 @@ class HeldLeases:
         return all(catalog.lease_of(arn)[0] in (None, owner) for arn, owner in held.items())
 
     def give_back_all(self, catalog: Catalog) -> tuple[str, ...]:
-        """Releases every lease at shutdown; this process takes no more jobs.
+        """Releases every lease (lock of a job) at shutdown; this process takes no more jobs.
 
         Returns:
             ARNs of the jobs that were held, those of batches after the jobs in them.

@@ -38,7 +38,7 @@ class Lease:
 
     @contextmanager
     def renewed(self) -> Generator[None]:
-        """Renews the lease regularly inside the `with` block, and releases it at the end."""
+        """Renews the lease (lock of the job) in a thread inside the `with` block, and releases it at the end."""
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
         try:

@@ -21,7 +21,7 @@ _WAIT_S = 0.5
 def run_under_lease(
     arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> None:
-    """Runs a job's work while holding its lease, after waiting for it; does nothing if the job has ended.
+    """Waits for a job's lease (lock) and runs its work while holding it; does nothing if the job has ended.
 
     Args:
         arn: the job.
@@ -45,7 +45,7 @@ def run_under_lease(
 def run_if_unclaimed(
     arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> bool:
-    """Runs a job's work if the job has not ended and no other job worker holds its lease.
+    """Runs a job's work if the job has not ended and no other job worker holds its lease (lock).
 
     Args:
         arn: the job.

@@ -219,7 +219,11 @@ _MAX_SLEEP_S = 24 * 3600 - 1
 
 
 def base_document(robot_url: str, state: RobotState, sleep_s: int) -> bytes:
-    """Makes the JSON answer to a robot's poll: when to poll again, and at most one action to take.
+    """Makes the JSON answer to a robot's poll, as in hawkBit's DDI protocol.
+
+    It says when the robot polls next. It has a link to an update to install (`deploymentBase`) or to the cancellation
+    of one (`cancelAction`) if there is an open order, and a link for reporting the robot's attributes (`configData`)
+    if they are asked for.
 
     Args:
         robot_url: absolute address of the robot's base, without a slash at the end.

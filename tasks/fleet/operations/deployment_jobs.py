@@ -167,7 +167,10 @@ def _stored(
     token: ClientToken | None,
     tags: Mapping[str, str] | None = None,
 ) -> Resource:
-    """Stores a deployment to a fleet and notifies its robots; the caller holds the fleet's lock."""
+    """Checks a deployment to a fleet, stores it as a new job, and updates the records of the fleet and its robots.
+
+    It sends nothing to the robots: the job does so when it runs. The caller holds the fleet's lock.
+    """
     last = last_deployment(fleet.arn, service)
     if last is not None and not is_terminal(DEPLOYMENT, last.status):
         raise ConcurrentDeploymentException(

@@ -53,7 +53,7 @@ def _in_words(time_s: float) -> str:
 
 
 def percent(part: float) -> str:
-    """Formats a fraction of the width for SVG, in percent with two decimals."""
+    """Formats a fraction of the width for SVG, in percent with at most two decimals: `12.5%`."""
     return f"{100 * part:.2f}".rstrip("0").rstrip(".") + "%"
 
 

@@ -9,7 +9,7 @@ _DOWNLOAD = "DownloadingExtracting"
 
 
 def with_progress(state: State, event: Progressed, now_s: float) -> State:
-    """Returns a robot's rollout state after a progress report.
+    """Returns a robot's state in a deployment after its report of progress: step and downloaded share.
 
     The speed of a download that begins, or begins again after a loss of power, is measured from that report on.
     """

@@ -68,7 +68,7 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
-    """Creates the initial state of a rollout.
+    """Creates the initial state of a rollout (deployment to the robots of a fleet); unfit robots fail at once.
 
     Args:
         plan: the rollout's plan.
@@ -105,17 +105,17 @@ class Ledger:
         self._change_s = next_change_s(self._plan.windows, self._now_s)
 
     def rollout(self) -> Rollout:
-        """Returns the current state of the rollout, to be stored."""
+        """Returns the current state of the deployment to the robots, to be stored."""
         return self._rollout.model_copy(update={"robots": dict(self._robots), "now_s": self._now_s})
 
     @property
     def status(self) -> str:
-        """Status of the rollout's deployment job."""
+        """Status of the deployment to the robots, such as `InProgress` or `Failed`."""
         return self._rollout.status
 
     @property
     def waits_for_approval(self) -> bool:
-        """Whether robots of the rollout wait until a person has approved the deployment."""
+        """Whether all canary robots are finished, and the others wait until a person approves the deployment."""
         is_asked = self._plan.requires_approval and self._rollout.approved_s is None
         return is_asked and self._is_active and self._tally.canaries.has_ended
 
@@ -125,11 +125,11 @@ class Ledger:
         return self._tally.open
 
     def robot(self, arn: str) -> RobotDeploymentState:
-        """Returns the state of a robot in the rollout."""
+        """Returns the state of a robot in the deployment: its order (to install the application) and outcome."""
         return self._robots[arn]
 
     def note_rollback(self, rollback: Rollback) -> None:
-        """Records the rollback of a failed rollout: how robots return to their old version."""
+        """Records the rollback of a failed deployment: how robots return to their old version."""
         self._set(rollback=rollback)
 
     def unanswered(self) -> dict[str, int]:
@@ -159,7 +159,7 @@ class Ledger:
         return self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None
 
     def apply(self, event: RolloutEvent, now_s: float) -> None:
-        """Applies an event to the rollout, after the time-outs that came before it.
+        """Applies an event, such as a robot's report, to the state, after the time-outs that came before it.
 
         Args:
             event: the event to apply. Robots that are not of this rollout are left alone.
@@ -189,7 +189,7 @@ class Ledger:
         self._judge()
 
     def pass_time(self, now_s: float) -> None:
-        """Applies all time-outs and maintenance windows of a rollout up to a time."""
+        """Applies what happens by itself up to a time: time-outs, and maintenance windows that open or close."""
         self._judge()
         now_s = max(now_s, self._now_s)
         while (wake_s := self._wake_s()) is not None and wake_s <= now_s:
@@ -303,7 +303,7 @@ class Ledger:
         self._set(status=verdict.status, failure_code=verdict.code, failure_reason=verdict.reason, ended_s=self._now_s)
 
     def _revoke(self, code: DeploymentJobErrorCode, reason: str, *, begun: bool) -> None:
-        """Cancels open orders of a rollout: all, or only those that robots have not fetched."""
+        """Marks orders to install as cancelled: all open ones, or only those that robots have not fetched."""
         for robot, state in list(self._robots.items()):
             if state.is_open and (begun or state.order == "offered"):
                 self._put(robot, revoked(state, self._now_s, code, reason))

@@ -7,7 +7,7 @@ MOST_PAUSES = 100
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
-    """Returns a rollout's pauses after one begins or ends; a repetition changes nothing.
+    """Returns the pauses of a deployment after a person began or ended one; a repetition changes nothing.
 
     Args:
         pauses: earlier pauses, oldest first.

@@ -12,12 +12,12 @@ _CLOSING = Succeeded | Failed | Canceled
 
 
 def changed(state: State, **members: Any) -> State:
-    """Returns a copy of a robot's rollout state with some members changed."""
+    """Returns a copy of a robot's state in a deployment with some members changed."""
     return state.model_copy(update=members)
 
 
 def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> State:
-    """Returns a robot's rollout state with a new order, which it has to fetch in time."""
+    """Returns a robot's state in a deployment with a new order to install, which it has to fetch in time."""
     return changed(
         state,
         order="offered",
@@ -38,19 +38,19 @@ def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> Sta
 
 
 def held_back(state: State, now_s: float) -> State:
-    """Returns a robot's rollout state with its unfetched order held back; its time limit stops."""
+    """Returns a robot's state in a deployment with its unfetched order held back; its time limit stops."""
     if state.order != "offered" or state.deadline_s is None:
         return state
     return changed(state, deadline_s=None, left_s=max(0.0, state.deadline_s - now_s))
 
 
 def let_go(state: State, now_s: float) -> State:
-    """Returns a robot's rollout state with its held-back order open again, for the time that was left."""
+    """Returns a robot's state with its held-back order open again, for the time that was left to fetch it."""
     return state if state.left_s is None else changed(state, deadline_s=now_s + state.left_s, left_s=None)
 
 
 def reported(state: State, event: Report, now_s: float, timeout_s: float) -> State:
-    """Returns a robot's rollout state after a report; the same object if nothing changes.
+    """Returns a robot's state in a deployment after a report of it; the same object if nothing changes.
 
     Args:
         state: the robot before it.
@@ -79,18 +79,18 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
 
 
 def revoked(state: State, now_s: float, code: DeploymentJobErrorCode, reason: str) -> State:
-    """Returns a robot's rollout state after its order was cancelled: failed if it had begun, else waiting."""
+    """Returns a robot's state after its order was cancelled: failed if it had begun, else without an outcome."""
     begun = state.started_s is not None and not state.has_ended
     return failed(withdrawn(state), code, reason, now_s) if begun else withdrawn(state)
 
 
 def withdrawn(state: State) -> State:
-    """Returns a robot's rollout state after its order was cancelled without counting as a failure."""
+    """Returns a robot's state after its order to install was cancelled, which does not count as a failure."""
     return changed(state, order="canceling", deadline_s=None, left_s=None)
 
 
 def failed(state: State, code: DeploymentJobErrorCode, reason: str | None, now_s: float) -> State:
-    """Returns a robot's rollout state after its deployment failed; unchanged if people took the robot away before."""
+    """Returns a robot's state after its deployment failed; unchanged if it had left the fleet or was deleted before."""
     if state.gone is not None and state.outcome is None:  # people took it away: no failure of the version
         return state
     return changed(state, outcome="failed", failure_code=code, failure_reason=reason, finished_s=now_s, returned=False)

@@ -21,7 +21,7 @@ from .maintenance_windows import is_open, opens_s
 
 
 def counts_of(rollout: Rollout) -> Counter[str]:
-    """Counts the robots of a rollout that succeeded, failed, were canceled, are deploying, or wait."""
+    """Counts the robots of a deployment that succeeded, failed, were canceled, are deploying, or wait."""
     return Counter(_word(state) for state in rollout.robots.values())
 
 
@@ -40,7 +40,7 @@ def _word(state: RobotDeploymentState) -> str:
 
 
 def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
-    """Lists the reasons why no further robots get orders now; empty if there is none, or the rollout has ended.
+    """Lists why no further robots may begin to install now; empty if they may, or the deployment has ended.
 
     Args:
         rollout: the rollout.
@@ -70,6 +70,8 @@ def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
 
 def in_words(wait: DeploymentWait, job: str) -> str:
     """Describes why a deployment waits, and how a person can end the wait.
+
+    An example: `waits for its maintenance window, which opens at 2026-11-27T22:00+00:00`.
 
     Args:
         wait: one of `waits_for`.

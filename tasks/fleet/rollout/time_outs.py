@@ -40,7 +40,7 @@ class Deadlines:
 
 
 def timed_out(state: State, timeout_s: float) -> State:
-    """Returns a robot's rollout state after its order timed out: it failed, and the order is cancelled."""
+    """Returns a robot's state after its order to install timed out: it failed, and the order is cancelled."""
     at_s = state.deadline_s or 0.0
     if state.started_s is None:
         code: DeploymentJobErrorCode = "RobotDeploymentNoResponse"

@@ -14,7 +14,7 @@ _MOST_WAVES = 100  # each is a task run
 
 
 def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
-    """Divides the robots of a rollout into waves, which get their orders one after the other.
+    """Divides the robots of a deployment into waves (groups), which get their orders one after the other.
 
     A group is as large as the number of robots that may have orders at the same time. The next group's first robots get
     theirs as soon as some of the group have ended; but those behind the canaries wait until all canaries have.
@@ -37,7 +37,7 @@ def _groups(robots: list[str], size: int) -> list[tuple[str, ...]]:
 
 
 def waits(state: RobotDeploymentState) -> bool:
-    """Whether a robot waits for its first order in a rollout."""
+    """Whether a robot waits for its first order to install in a deployment."""
     return state.order == "none" and not state.has_ended
 
 
@@ -47,7 +47,7 @@ def waits_again(state: RobotDeploymentState) -> bool:
 
 
 class Line:
-    """Queue of the robots that wait for an order in a rollout."""
+    """Queue of the robots of a deployment that wait for an order to install the application."""
 
     def __init__(self, plan: RolloutPlan, robots: Mapping[str, RobotDeploymentState]) -> None:
         """Lines up the robots of a rollout.
@@ -99,7 +99,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Final result of a rollout."""
+    """Final result of a deployment to the robots of a fleet: status, and code and reason of a failure."""
 
     status: RolloutStatus
     code: DeploymentJobErrorCode | None = None
@@ -119,7 +119,7 @@ class Group:
     failed: int = 0
 
     def count(self, state: RobotDeploymentState, sign: int) -> None:
-        """Adds a robot to the counts of a rollout, or removes it (`sign` -1)."""
+        """Adds a robot to the group's counts, or removes it (`sign` -1), unless it left before it finished."""
         if state.gone is not None and state.outcome is None:
             return
         self.robots += sign
@@ -128,11 +128,14 @@ class Group:
 
     @property
     def has_ended(self) -> bool:
-        """Whether every robot of the group has ended its deployment."""
+        """Whether every robot of the group is finished: it installed the application or failed to, or is gone."""
         return self.ended == self.robots
 
     def breach(self, threshold_percentage: int) -> str | None:
-        """Returns a text with the number of failed robots if they reach the threshold, else `None`."""
+        """Returns a text with the number of failed robots if they reach the threshold, else `None`.
+
+        An example: `3 of 20 robots failed, which is 15 %; the threshold is 10 %`.
+        """
         if not self.failed or self.failed * 100 < threshold_percentage * self.robots:
             return None
         share = 100 * self.failed / self.robots
@@ -144,7 +147,7 @@ class Group:
 
 @dataclass
 class Tally:
-    """Counts of a rollout's robots by outcome: all of them, and the canary robots."""
+    """Counts of a deployment's robots by outcome: all of them, and the canary robots, which get it first."""
 
     plan: RolloutPlan
     fleet: Group = field(default_factory=lambda: Group("robots"))
@@ -165,7 +168,7 @@ class Tally:
             self.canaries.count(state, sign)
 
     def verdict(self) -> Verdict | None:
-        """Returns the rollout's final result; `None` if it has not ended."""
+        """Returns the final result of the deployment to the robots; `None` if it has not ended."""
         for group in (self.canaries, self.fleet):
             if reason := group.breach(self.plan.threshold_percentage):
                 return Verdict("Failed", "FailureThresholdBreached", reason)

@@ -195,7 +195,7 @@ class Look:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the deployment had ended at the snapshot."""
+        """Whether the deployment job had its final status at the snapshot, such as succeeded, failed or canceled."""
         return is_terminal(DEPLOYMENT, self.job.status)
 
 

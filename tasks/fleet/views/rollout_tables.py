@@ -12,7 +12,7 @@ MOST_ROWS = 500
 
 
 def robot_rows(rollout: Rollout, robots: Iterable[str]) -> list[dict[str, str | float | None]]:
-    """Makes a table row for each robot of a rollout: name, status, step, failure, duration in seconds.
+    """Makes a table row for each robot of a deployment: name, status, step, failure, duration in seconds.
 
     Args:
         rollout: the rollout.

@@ -42,7 +42,10 @@ def value_change_in_words(change: ChangedInput) -> str:
 
 
 def since_in_words(since: FailureStart) -> str:
-    """Describes since when a job fails and which inputs changed then, as a sentence without full stop."""
+    """Describes since when a job fails and which inputs changed then, as a sentence without full stop.
+
+    An example, with `TIME` for the start: `fails since TIME, 3 runs; changed then: mujoco 3.17.0 → 3.18.0`.
+    """
     runs = "1 run" if since.nights == 1 else f"{since.nights} runs"
     began = f"fails since {outcomes.moment(since.started_at)}, {runs}"
     if since.last_passed_run_id is None:
@@ -93,7 +96,10 @@ def _is_certain(change: RequirementChange) -> bool:
 
 
 def judged_otherwise_in_words(jobs: int) -> str:
-    """Warns that some jobs were judged by other requirements than before; empty if none were."""
+    """Warns that some jobs were judged by other requirements than before; empty if none were.
+
+    It begins `3 jobs were judged by other requirements than before: `.
+    """
     if not jobs:
         return ""
     were = "1 job was" if jobs == 1 else f"{jobs} jobs were"
@@ -101,7 +107,10 @@ def judged_otherwise_in_words(jobs: int) -> str:
 
 
 def without_earlier_in_words(since: SinceLastRun) -> str:
-    """Returns the text that some jobs are new, or have another world or seed; empty if none or all of them are."""
+    """Returns the text that some jobs have no earlier result; empty if none or all of them have none.
+
+    It reads `2 jobs have no earlier result: new, or with another world or seed than before.`
+    """
     if not since.unpaired or not since.paired:
         return ""
     have = "1 job has" if since.unpaired == 1 else f"{since.unpaired} jobs have"
@@ -146,7 +155,7 @@ def loss_in_words(loss: Loss) -> str:
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:
-    """Describes when several jobs began to fail, if that was the same for all; empty otherwise."""
+    """Describes since when several jobs all fail, `All fail since TIME, 3 runs; ...`; empty if that differs."""
     said = {since_in_words(each.since) if each.since else "" for each in changes}
     return said.pop().replace("fails since", "All fail since", 1) if len(changes) > 1 and len(said) == 1 else ""
 

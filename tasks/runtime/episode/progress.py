@@ -70,6 +70,8 @@ _ACTIVITIES = {
 def unanswered(phase: Phase, steps: int, time_s: float) -> str:
     """Describes which program did not answer when a run was stopped at its time limit.
 
+    An example: `stopped at the duration limit: the robot application did not answer in step 3, at 0.02 s simulated`.
+
     Args:
         phase: Phase in which the process was stopped.
         steps: Number of finished steps.
@@ -119,7 +121,13 @@ class Progress:
         return bool(self._page[_JUDGES])
 
     def request_stop(self, reason: str) -> None:
-        """Sets the reason for which the run will be told to stop (one of `STOP_REASONS`)."""
+        """Asks the simulation process to stop, by writing the reason into the shared memory page.
+
+        The process reads the page itself; this sends no signal.
+
+        Args:
+            reason: One of `STOP_REASONS`.
+        """
         self._page[_STOP] = STOP_REASONS.index(reason)
 
     @property
@@ -196,7 +204,7 @@ PathPoint = tuple[float, float, float]
 
 
 def line_of(point: PathPoint) -> str:
-    """Formats a point of the robot's path as a line of the live path file."""
+    """Formats a point of the robot's path as a line of the live path file: time, x and y, `1.200,0.500,-0.250`."""
     time_s, x, y = point
     return f"{time_s:.3f},{x:.3f},{y:.3f}\n"
 

@@ -250,11 +250,19 @@ class Measurements:
         return found
 
     def expect_tilt(self, rule: Rule[Any]) -> None:
-        """Registers a rule about tilt; it is an error if all poses are planar."""
+        """Registers a rule that measures the robot's tilt, so that `finish` can check the poses that it measured.
+
+        If no recorded pose was tilted in the least and the rule found no violation, `finish` makes it an error: such
+        poses cannot show a tilt.
+        """
         self._tilted.append((rule, self.pose_of(rule)))
 
     def expect_rise(self, rule: Rule[Any]) -> None:
-        """Registers a rule about height; it is an error if all poses are planar."""
+        """Registers a rule that measures the robot's height, so that `finish` can check the poses that it measured.
+
+        If the height of the recorded poses never changed and the rule found no violation, `finish` makes it an error:
+        such poses cannot show a height.
+        """
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
@@ -262,7 +270,7 @@ class Measurements:
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
-        """Returns whether every topic that a rule needs has had a message."""
+        """Returns whether a rule can be judged yet: the scan topic and the pose that it reads, if any, are known."""
         pose = self._poses.get(id(rule))
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
         return scanned and (pose is None or pose.is_known)

@@ -60,7 +60,7 @@ class RenewableAgent(Protocol):
 
 
 def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
-    """Returns whether an environment or agent can be reused for several trials."""
+    """Returns whether an environment or agent can be reused for several trials: it has a method `renew`."""
     return callable(getattr(part, "renew", None))
 
 

@@ -314,11 +314,11 @@ def imu(frame_id: str) -> Columns:
 
 
 class Series(Protocol):
-    """Interface of a source of ROS messages of fixed size, which the recorder collects for each chunk."""
+    """Interface of a source of ROS messages of fixed size, which the recorder reads whenever it writes a chunk."""
 
     @property
     def topics(self) -> Sequence[tuple[str, Columns]]:
-        """Topics of the series, each with its message template."""
+        """Topics of the source, each with its message template."""
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:

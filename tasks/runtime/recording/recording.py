@@ -61,13 +61,13 @@ class Recorder:
         """Records the poses of frames that do not move, on `/tf_static`."""
 
     def add_series(self, series: Series) -> None:
-        """Records the messages that a series collects, from now on."""
+        """Registers a source of ROS messages, whose messages are recorded from now on."""
 
     def remove_series(self, series: Series) -> None:
-        """Writes the messages of a series, and stops recording it."""
+        """Writes the messages that a source still holds, and stops recording it."""
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes collected messages if two seconds have passed, or if a series is full."""
+        """Writes collected messages if two seconds have passed, or (`full`) if a source can hold no more."""
 
     def state(self) -> Any:
         """Writes pending messages, and returns the state for a checkpoint."""
@@ -171,7 +171,7 @@ class McapRecorder(Recorder):
             self.write(STATIC_TOPIC, self._static.message(), time_s)
 
     def add_series(self, series: Series) -> None:
-        """Records the messages that a series collects, from now on.
+        """Registers a source of ROS messages, whose messages are recorded from now on.
 
         Args:
             series: Source of messages, read whenever a chunk is written.
@@ -183,7 +183,7 @@ class McapRecorder(Recorder):
         self._series.append((series, RowEncoder(columns)))
 
     def remove_series(self, series: Series) -> None:
-        """Writes the messages of a series, and stops recording it.
+        """Writes the messages that a source still holds, and stops recording it.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -195,7 +195,7 @@ class McapRecorder(Recorder):
         """Writes a chunk if the last one was two seconds ago (wall-clock time).
 
         Args:
-            full: Whether a series is full, so that the chunk is written in any case.
+            full: Whether a source can hold no more, so that the chunk is written in any case.
 
         Raises:
             RecordingError: The file cannot be written.

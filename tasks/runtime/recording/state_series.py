@@ -49,7 +49,7 @@ class StateSeries:
         links: Links | None = None,
         frames: Frames = DEFAULT_FRAMES,
     ) -> None:
-        """Prepares a series to be passed to `Recorder.add_series`.
+        """Prepares a source of state messages, to be passed to `Recorder.add_series`.
 
         Args:
             model: The model.
@@ -230,7 +230,7 @@ class RowSeries:
     """Collects a sensor's measurements, which become ROS messages when a chunk is written."""
 
     def __init__(self, topic: str, columns: Columns) -> None:
-        """Prepares a series to be passed to `Recorder.add_series`.
+        """Prepares a source of a sensor's messages, to be passed to `Recorder.add_series`.
 
         Args:
             topic: Topic name, such as `/scan`.

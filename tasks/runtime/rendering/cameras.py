@@ -68,7 +68,7 @@ class Relighting:
 
 
 def _gradient(look: str, wide: int, tall: int) -> np.ndarray:
-    """Computes the sky texture that MuJoCo generates for an appearance."""
+    """Lets MuJoCo generate a sky texture, and returns its pixels as a flat array of bytes."""
     texture = f'<texture type="skybox" {look} width="{wide}" height="{tall}"/>'
     return mujoco.MjModel.from_xml_string(f"<mujoco><asset>{texture}</asset></mujoco>").tex_data
 

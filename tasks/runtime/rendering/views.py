@@ -250,7 +250,7 @@ def _own_camera(model: mujoco.MjModel, name: str) -> int | None:
 
 
 def _rides_along(model: mujoco.MjModel, camera: int, body: int) -> bool:
-    """Returns whether a camera is fixed to a part of the robot, so that it tips over with it."""
+    """Returns whether a camera is fixed to a body that moves freely, so that it tips over with it."""
     is_fixed = int(model.cam_mode[camera]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
     return is_fixed and int(model.cam_bodyid[camera]) == body and _roams(model, body)
 

@@ -339,7 +339,7 @@ def result_difference(first: RunResult | None, again: RunResult | None) -> str |
 
 
 def _judged(requirement: Requirement | None) -> str:
-    """Describes how a requirement was judged, with its margin and without wall-clock times."""
+    """Describes how a requirement was judged, to compare two runs: met, missed, broken or absent, and its margin."""
     if requirement is None:
         return "absent"
     judged = "met" if requirement.satisfied else "broken" if requirement.error is not None else "missed"

@@ -152,7 +152,10 @@ def is_expected(ending: Mapping[str, Any], expected: Mapping[str, Any]) -> bool:
 
 
 def in_words(ending: dict[str, Any]) -> str:
-    """Describes the outcome of a run as a clause."""
+    """Formats the outcome of a simulation run as a predicate, to follow a subject such as `The rerun`.
+
+    Examples: `ended with verdict FAIL (upright, gentle)`, `failed with RobotApplicationCrash`, `was canceled`.
+    """
     if "failure_code" in ending:
         return f"failed with {ending['failure_code']}"
     if "verdict" not in ending:

@@ -126,7 +126,10 @@ class RequirementsObserver(Observer):
             check.look_if_new(self._time_s)
 
     def _cut_in_words(self, rules: Sequence[Rule[Any]]) -> str:
-        """Describes how much of the run the job's duration limit has cut off; empty if that is unknown."""
+        """Describes how much of the run the job's duration limit has cut off; empty if that is unknown.
+
+        An example: `the job's duration limit ended the run at 12.00 of 60 s: 80 % were not driven`.
+        """
         whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
         if self._time_s >= whole_s:

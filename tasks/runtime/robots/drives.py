@@ -201,7 +201,7 @@ def _clip(value: float, limit: float) -> float:
 
 
 class BaseState(NamedTuple):
-    """Pose and velocity of a robot's base, in metres, radians and seconds."""
+    """Position and heading on the floor, forward speed, turning rate and tilt of a robot's base (m, rad, s)."""
 
     x: float
     y: float

@@ -146,20 +146,20 @@ class BridgeRecorder(Recorder):
             self._send(STATIC_TOPIC, encode(self._static.message(self._hidden_frames)))
 
     def add_series(self, series: Series) -> None:
-        """Records and publishes the messages that a series collects."""
+        """Registers a source of ROS messages, so that its messages are recorded and published."""
         relayed = _Relayed(series, keeps=self._inner.enabled, publishes=lambda: self._wire is not None)
         self._inner.add_series(relayed)
         self._series.append(relayed)
         self._series.sort(key=lambda each: not each.has_states)
 
     def remove_series(self, series: Series) -> None:
-        """Records the messages of a series, and stops recording it."""
+        """Records the messages that a source still holds, and stops recording and publishing it."""
         for relayed in [each for each in self._series if each.series is series]:
             self._inner.remove_series(relayed)
             self._series.remove(relayed)
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes due messages to the recording, and empties a full series."""
+        """Writes due messages to the recording; `full`: takes the collected messages of all sources first."""
         if full:
             for relayed in self._series:
                 relayed.gather()
@@ -224,7 +224,7 @@ def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]
 
 
 class _Relayed:
-    """A series that is read twice: by the recording, whenever it writes, and for nodes, at every step."""
+    """A source of ROS messages that is read twice: by the recording when it writes, and for nodes at every step."""
 
     def __init__(self, series: Series, *, keeps: bool, publishes: Callable[[], bool]) -> None:
         self.series = series
@@ -240,7 +240,7 @@ class _Relayed:
 
     @property
     def topics(self) -> Any:
-        """Topics of the relayed series, with their message templates."""
+        """Topics of the source of messages, each with its message template."""
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
@@ -250,7 +250,7 @@ class _Relayed:
         return _joined(kept)
 
     def gather(self) -> None:
-        """Collects new messages from the wrapped series."""
+        """Takes the new messages from the source, and keeps them for the recording and for nodes."""
         found = self.series.take()
         if not len(found[0]):
             return
@@ -265,7 +265,7 @@ class _Relayed:
         self._unsent.clear()
 
     def news(self, wanted: Collection[str]) -> list[tuple[str, bytes]]:
-        """Returns the messages for nodes: the present state, and all new sensor readings.
+        """Returns the encoded messages for nodes: of a source of states the present one, else all new readings.
 
         Args:
             wanted: Topics of the series to publish.

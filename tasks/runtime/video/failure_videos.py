@@ -65,7 +65,7 @@ def record_failure_videos(
 
 
 def is_filmed(plan: RunPlan, outcome: RunOutcome) -> bool:
-    """Whether a run's video policy asks for a video after this outcome."""
+    """Whether a video is drawn after this outcome: a run of one episode failed, and its policy is not `none`."""
     return _may_film(plan) and has_failed(plan, outcome)
 
 

@@ -237,7 +237,7 @@ def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = nev
 
 
 def _is_used(folder: Path) -> bool:
-    """Returns whether a folder exists, and sets its time of last use."""
+    """Sets a folder's time of last use, if it exists; returns whether it does."""
     try:
         os.utime(folder)
     except FileNotFoundError:

@@ -62,7 +62,7 @@ class LeftOut:
 
     @property
     def lines(self) -> list[str]:
-        """One line for each named file that was left out."""
+        """Lines about output files that were left out of the upload: `'big.bin' is not stored: it ...`."""
         return [f"'{each['path']}' is not stored: it {each['why']}" for each in self._named]
 
     def note(self, name: str, why: str, size_bytes: int = 0) -> None:

@@ -113,7 +113,7 @@ def _between(one: Point, other: Point) -> Point:
 
 
 def belongs(line: Sequence[Point], swings: Iterable[Swing]) -> bool:
-    """Whether a drawn line is part of a door with an arc."""
+    """Whether a drawn line touches the hinge or an arc's end of a drawn door, and so is a part of it."""
     return any(swing.near(point, each) for swing in swings for each in (swing.hinge, *swing.ends) for point in line)
 
 

@@ -109,12 +109,12 @@ def xml_text(root: ET.Element) -> str:
 
 
 def numbers(values: Iterable[float], digits: int = 4) -> str:
-    """Formats numbers for SDF."""
+    """Formats numbers for SDF, rounded to some digits, with blanks between them: `1 0.5 0`."""
     return " ".join(f"{round(float(value), digits) + 0.0:.10g}" for value in values)
 
 
 def pose_text(position: Vector, rotation: Matrix) -> str:
-    """Formats a pose for SDF: x, y, z, roll, pitch and yaw."""
+    """Formats a pose for SDF: x, y, z (m), roll, pitch and yaw (rad), as `1 2 0 0 0 1.570796`."""
     return f"{numbers(position)} {numbers(_roll_pitch_yaw(rotation), 6)}"
 
 

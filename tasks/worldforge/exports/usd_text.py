@@ -80,12 +80,12 @@ def quoted(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """Formats a number for USD."""
+    """Formats a number for USD, with at most ten significant digits."""
     return f"{round(float(value), _DIGITS) + 0.0:.10g}"
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Formats a vector for USD."""
+    """Formats a vector for USD: `(1, 0.5, 0)`."""
     return f"({', '.join(map(number, values))})"
 
 

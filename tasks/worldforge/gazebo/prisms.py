@@ -20,7 +20,7 @@ Outline = Sequence[tuple[float, float]]
 
 
 def prism_parts(geometry: Geometry) -> list[HullPart]:
-    """Returns the convex pieces of polylines or of a cone.
+    """Returns the convex pieces of closed polygons, extruded up from z = 0, or of a cone, centred on z = 0.
 
     Args:
         geometry: a shape of kind `prism` or `cone`.
@@ -92,7 +92,7 @@ def _turn(a: Points, b: Points, c: Points) -> Points:
 
 
 def prism_triangles(geometry: Geometry) -> Triangles:
-    """Returns the surface triangles of extruded polylines, which begin at z = 0, or of a cone.
+    """Returns the surface triangles of closed polygons, extruded up from z = 0, or of a cone, centred on z = 0.
 
     Args:
         geometry: a shape of kind `prism` or `cone`.

@@ -250,7 +250,7 @@ def room_at(world: World, place: Sequence[float]) -> str | None:
 
 
 def _turned_wrong(scan: Scan, joint: int, door: Door) -> str:
-    """Describes how a door's hinge differs from its description; empty if it does not."""
+    """Describes how a door's hinge differs from `world.json`, in place, axis, range or opening; empty: it does not."""
     model, data = scan.model, scan.data
     anchor, axis = data.xanchor[joint], data.xaxis[joint]
     open_rad = float(model.qpos0[model.jnt_qposadr[joint]])

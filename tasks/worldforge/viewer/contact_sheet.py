@@ -128,7 +128,7 @@ class SheetWorld:
 
     @property
     def verdict_text(self) -> str:
-        """Verdict on a world in words, as the contact sheet shows it."""
+        """Verdict on a world in words, as the contact sheet shows it: `2 guarantees broken`."""
         if self.verdict == "broken":
             return f"{len(self.problems)} guarantee{'s' if len(self.problems) != 1 else ''} broken"
         return _WORDS[self.verdict]

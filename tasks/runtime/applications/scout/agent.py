@@ -288,7 +288,7 @@ class Scout(KeepsAttributes):
             self._follower = None
 
     def _is_stuck(self, pose: Pose, now_s: float) -> bool:
-        """Whether commands have had no effect for a while."""
+        """Whether the robot has neither moved nor turned noticeably for a while, although it is commanded to."""
         was = self._anchor.pose
         moved = math.hypot(pose[0] - was[0], pose[1] - was[1]) > _PROGRESS_M
         turned = abs(math.remainder(pose[2] - was[2], math.tau)) > _PROGRESS_RAD

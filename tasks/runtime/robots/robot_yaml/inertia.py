@@ -142,7 +142,7 @@ def _mass_kg(link: Located) -> float:
 
 
 def told(problems: list[Problem], path: object) -> str:
-    """Describes impossible inertias of links in one text.
+    """Describes impossible inertias of links, with the URDF's lines, in one text; of many, only the first.
 
     Args:
         problems: Links with impossible inertias.
