@@ -27,7 +27,7 @@ from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
 from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
 from ..schemas.specs.check import load_spec
-from ..schemas.specs.impossible_goals import check_world_counts
+from ..schemas.specs.checking.impossible_goals import check_world_counts
 from ..schemas.specs.parameter_values import param_options, set_options
 from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.specification import CheckedSpec

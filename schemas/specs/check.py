@@ -15,10 +15,10 @@ from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
 from .checking.application_names import application_notes
+from .checking.impossible_goals import room_problems, world_count_problems
 from .checking.inputs import InputCheck
 from .checking.respelling import respelt
 from .checking.step_order import circles, in_order
-from .impossible_goals import room_problems, world_count_problems
 from .parameter_folding import fold_parameters
 from .parameters import (
     PARAMETERS,

@@ -72,7 +72,7 @@ def test_a_failed_verdict_fails_the_run_and_not_the_job(run_flow: Any, service: 
     assert document.verdict_reason.startswith("quick: ")
     assert (result.state, result.verdicts, result.counts) == ("failed", {job.id: "FAIL"}, {"failed": 1})
     assert seen.message == result.message
-    assert f"failed: 0 of 1 verdicts pass. {job.id}: FAIL: quick: " in seen.message
+    assert f"failed: 0 of 1 verdicts pass. pusher ({job.id}): FAIL: quick: " in seen.message
     assert seen.message.endswith(f". Look: robomaker repro {job.id}")
     with service.activated(), pytest.raises(RunNotSucceeded, match=r"failed: 0 of 1 verdicts pass"):
         find_perform_flow("CreateSimulationJob")(job.arn)

@@ -1,7 +1,7 @@
 import pytest
 
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.impossible_goals import check_world_counts
+from prefect_robomaker.schemas.specs.checking.impossible_goals import check_world_counts
 from prefect_robomaker.schemas.wire.errors import SpecError
 
 SPEC = """

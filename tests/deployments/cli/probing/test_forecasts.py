@@ -141,7 +141,9 @@ def test_a_probe_that_breaks_forecasts_nothing_and_says_why(
     settings: Settings, order: Order, prefect_server: str
 ) -> None:
     spec = specification({"wait": batch([order({"FAIL_AT_STEP": "1"})] * 3)})
-    with pytest.raises(ProbeFailedError, match=r"night-probe-.* is broken: sim-.*the simulated floor gave way"):
+    with pytest.raises(
+        ProbeFailedError, match=r"night-probe-.* is broken: watcher \(sim-.*the simulated floor gave way"
+    ):
         forecast_of(spec, settings)
     assert find_forecast(spec, settings) is None
 

@@ -11,7 +11,7 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.specs.impossible_goals import start_room
+from prefect_robomaker.schemas.specs.checking.impossible_goals import start_room
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError

@@ -8,17 +8,17 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..operations.world_generation_jobs import too_many_worlds
-from ..runs.requirement_kinds.goal import goals_at_start
-from ..runs.requirements import no_such_room, starts_on_origin
-from ..templates.body import TemplateRoom
-from ..templates.parsing import parse_template_body
-from ..wire.errors import InvalidParameterException, Problem, SpecError
-from ..wire.request_problems import Location, path_text
-from .references import ReferenceMistake, parse_template
-from .specification import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
-from .step_axes import AXES, VALUE
-from .yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
+from ...operations.world_generation_jobs import too_many_worlds
+from ...runs.requirement_kinds.goal import goals_at_start
+from ...runs.requirements import no_such_room, starts_on_origin
+from ...templates.body import TemplateRoom
+from ...templates.parsing import parse_template_body
+from ...wire.errors import InvalidParameterException, Problem, SpecError
+from ...wire.request_problems import Location, path_text
+from ..references import ReferenceMistake, parse_template
+from ..specification import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
+from ..step_axes import AXES, VALUE
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
 _FARTHEST_M = 1e9
