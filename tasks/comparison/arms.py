@@ -47,7 +47,7 @@ def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
     for job in run.jobs:
         if job.axes:
             steps.setdefault(step_of(job.step or ""), []).append(job)
-    states = _states(run, digests) if steps else []
+    states = run.results.states_of(run.jobs, digests) if steps else []
     axes = [
         _Axis(run, step, jobs, name, states)
         for step, jobs in steps.items()
@@ -216,15 +216,6 @@ def _rate(trials: TrialPairs) -> RateChange | None:
     old, new = trials.outcomes
     judged = JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(ALPHA))
     return rate_change(judged, ALPHA) if len(judged) else None
-
-
-def _states(run: NightRun, digests: Mapping[str, str]) -> list[str | None]:
-    """The digest of all states of each row; of jobs without trials the table has none."""
-    states = run.results.texts("state_digest")
-    for job in run.jobs:
-        for row in run.results.rows_of(job):
-            states[row] = states[row] or digests.get(job.label)
-    return states
 
 
 def _adjusted(arms: Sequence[_Arm]) -> list[tuple[float | None, Answer]]:
