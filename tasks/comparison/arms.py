@@ -113,10 +113,10 @@ class _Axis:
             parts = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, BINS - 1).tolist()
             of_part = dict(zip(numbers, parts, strict=True))
             names = [f"{value_text(low)} to {value_text(high)}" for low, high in pairwise(edges)]
-            groups = {names[part]: [v for v in numbers if of_part[v] == part] for part in range(BINS)}
-        else:
-            groups = {self._shown(value): [value] for value in values[:MOST_SHOWN]}
-        return [self._share(name, set(found)) for name, found in groups.items()]
+            groups = [(names[part], {v for v in numbers if of_part[v] == part}) for part in range(BINS)]
+        else:  # no mapping by names, as two values may look alike: 1 and "1"
+            groups = [(self._shown(value), {value}) for value in values[:MOST_SHOWN]]
+        return [self._share(name, found) for name, found in groups]
 
     def compared(self) -> Iterator[_Arm]:
         """The first value against each other one that has pairs with it."""
@@ -128,6 +128,13 @@ class _Axis:
 
     def note(self, compared: int) -> str:
         """Says why there are no comparisons, or that some values have none."""
+        values = len(self.values)
+        if values > len(self.shares()) == MOST_SHOWN:
+            rest = self._compared_in_words(compared)
+            return f"{values - MOST_SHOWN} more values have no row{rest and '; ' + rest}"
+        return self._compared_in_words(compared)
+
+    def _compared_in_words(self, compared: int) -> str:
         values = len(self.values)
         if self._worlds.keys() >= set(self.values):
             return ""  # pairs are of one world each
