@@ -5,7 +5,7 @@ and have the same seed and the same values of all other axes, those of trials to
 lists values, such as robots or versions; points of a spread design differ in all axes, and have none.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -153,7 +153,7 @@ class _Axis:
     def _worlds(self) -> dict[Value, str]:
         return {job.inputs.world: job.world for job in self.jobs if job.inputs and job.inputs.world and job.world}
 
-    def _share(self, name: str, values: set[Value]) -> Share:
+    def _share(self, name: str, values: Container[object]) -> Share:
         rows = [row for job in self.jobs if job.axes.get(self.name) in values for row in self.run.results.rows_of(job)]
         codes = outcomes_of(self.run.results)[rows] if rows else np.zeros(0, np.int8)
         return share_of(name, *(int((codes == code).sum()) for code in (PASSED, FAILED, BROKEN)))
