@@ -124,7 +124,13 @@ class _ListedAxis:
         return self.values
 
     def parse(self, text: Any) -> Scalar:
-        """Returns the value of a cell as it is."""
+        """Returns the value of a cell as it is.
+
+        Raises:
+            ValueError: It is too long for a tag, or is 1 where the axis has true.
+        """
+        _check_length(text)
+        _check_truth([*self.values, text])
         return text
 
     def at(self, share: float) -> Scalar:
@@ -196,13 +202,29 @@ def _axis(axis: StepAxis) -> CellAxis:
     given = [name for name in ("values", "range", "normal") if getattr(axis, name) is not None]
     if given == ["values"] and axis.values is not None:
         differ([_key(value) for value in axis.values])
-        if long := [value for value in axis.values if len(tag_value(value)) > _MAX_TAG_CHARACTERS]:
-            raise ValueError(
-                f"values: {str(long[0])[:40]}… is too long: a value is a tag of its job, of {_MAX_TAG_CHARACTERS} "
-                "characters; give it a short name, and look up the rest by that"
-            )
+        try:
+            _check_truth(axis.values)
+            for value in axis.values:
+                _check_length(value)
+        except ValueError as error:
+            raise ValueError(f"values: {error}") from None
         return _ListedAxis(axis.values)
     return _SpreadAxis(range=axis.range, normal=axis.normal, values=None if axis.values is None else ["0"])
+
+
+def _check_length(value: Scalar) -> None:
+    if len(tag_value(value)) > _MAX_TAG_CHARACTERS:
+        raise ValueError(
+            f"{str(value)[:40]}… is too long: a value is a tag of its job, of {_MAX_TAG_CHARACTERS} characters; give "
+            "it a short name, and look up the rest by that"
+        )
+
+
+def _check_truth(values: Sequence[Scalar]) -> None:
+    """Refuses true beside 1, and false beside 0, which are equal in Python: one would exclude the other."""
+    for value in values:
+        if isinstance(value, bool) and any(other == value and not isinstance(other, bool) for other in values):
+            raise ValueError(f"{tag_value(value)} and {int(value)} are taken for each other; write one of them")
 
 
 def _key(value: Scalar) -> str:
@@ -257,12 +279,13 @@ def job_of_cell(request: Mapping[str, Any], cell: StepCell, number: int) -> dict
         cell: The cell.
         number: Number of the job in its cell, from 0.
     """
-    given = request.get("seed")
-    seed = given if isinstance(given, int) else 0
+    given = request.get("seed", 0)
+    if not isinstance(given, int) or not 0 <= given <= MAX_SEED:
+        number = 0  # the request is refused for its seed
     tags = request.get("tags")
     own = dict(tags) if is_mapping(tags) else {}
     said = {f"{AXIS_TAG}{name}": tag_value(value) for name, value in cell.items()}
-    seed = (seed + number * trials_seeds(request)) % (MAX_SEED + 1)
+    seed = (given + number * trials_seeds(request)) % (MAX_SEED + 1) if number else given
     return {**request, "seed": seed, "tags": {**own, **said}}
 
 

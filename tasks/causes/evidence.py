@@ -20,6 +20,9 @@ NO_REQUIREMENT = "verdict"
 _NUMBERED = re.compile(r"[\s_.:#-]*\d+$")
 """Number at the end of a thing's name: `chair_3` and `chair_12` are both a chair."""
 
+_SHARE_WITH_PAIRS = 0.5
+"""Share of a job's trials that have to differ from another in one axis alone, to tell that it changes nothing."""
+
 
 class Signature(NamedTuple):
     """The way in which a trial failed: its first missed requirement, and where, by what and when it was missed."""
@@ -81,6 +84,8 @@ class Evidence:
     """Axes with two values or more."""
     twins: int
     """Number of further trials that had the same values of all axes and went through the same states: no evidence."""
+    idle: tuple[str, ...]
+    """Axes that changed nothing in some job: trials that differ in them alone count once."""
     signatures: tuple[Signature | None, ...]
     """Way in which each trial failed; None: it passed."""
 
@@ -93,43 +98,110 @@ class Evidence:
         return len(self.world_names)
 
 
-def evidence_of(results: ResultTable) -> Evidence:
+def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None) -> Evidence:
     """Reads the judged trials of a table of results, and how those that failed did so.
 
     Args:
         results: The table.
+        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
     """
     codes, outcomes = results.codes("outcome")
     wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]
     judged = np.flatnonzero(np.isin(codes, wanted))
-    rows = _distinct(results, judged)
+    state_codes = _state_codes(results.texts("state_digest") if states is None else states)
+    kept = _distinct(results, judged, state_codes)
+    rows, idle = _without_idle_axes(results, kept, state_codes)
     failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
     worlds, names = _worlds(results, rows)
     columns = tuple(_axis(name, results.values(name), rows) for name in results.axes)
     axes = tuple(each for each in columns if len(each.values) > 1)
-    seeds = np.unique(np.nan_to_num(results.numbers("seed")[rows], nan=-1.0), return_inverse=True)[1]
     return Evidence(
         rows=rows,
         failed=failed,
         jobs=key_codes([_plain(results, "step", rows), _plain(results, "job", rows)]),
         worlds=worlds,
         world_names=names,
-        seeds=seeds.astype(np.int64),
+        seeds=_seeds(results, rows),
         cells=key_codes([each.codes for each in axes] or [np.zeros(len(rows), dtype=np.int64)]),
         axes=axes,
-        twins=len(judged) - len(rows),
+        twins=len(judged) - len(kept),
+        idle=idle,
         signatures=_signatures(results, rows, failed),
     )
 
 
-def _distinct(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Leaves out trials of a job whose axis values and simulated states an earlier trial of it had, too."""
-    states, names = results.codes("state_digest")
-    numbers = _plain(results, "step", rows), _plain(results, "job", rows), states[rows].astype(np.int64)
-    own = np.where(states[rows] >= 0, 0, 1 + np.arange(len(rows)))  # what has no digest is like no other
+def _seeds(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.unique(np.nan_to_num(results.numbers("seed")[rows], nan=-1.0), return_inverse=True)[1].astype(np.int64)
+
+
+def _state_codes(states: Sequence[str | None]) -> NDArray[np.int64]:
+    """Numbers the digests; what has none has a number of its own below 0, as it is like no other."""
+    numbers: dict[str, int] = {}
+    found = [numbers.setdefault(each, len(numbers)) if each else -1 - row for row, each in enumerate(states)]
+    return np.array(found, dtype=np.int64)
+
+
+def _distinct(results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leaves out trials with the same axes and states as one before: their seed changes nothing.
+
+    Trials are compared with those of their job; jobs without trials with those of their step that were judged alike in
+    the same world.
+    """
+    if not len(rows):
+        return rows
+    jobs = _plain(results, "job", rows)
     axes = (_axis(name, results.values(name), rows).codes for name in results.axes)
-    _, first = np.unique(key_codes([*numbers[:2], numbers[2] + 1, own, *axes]), return_index=True)
-    return rows[np.sort(first)] if names else rows
+    key = [_plain(results, "step", rows), _from_0(states[rows]), *axes]
+    if (alone := np.isnan(results.numbers("trial")[rows])).any():
+        jobs = np.where(alone, 0, jobs)
+        key += [
+            np.where(alone, _worlds(results, rows)[0], 0),
+            np.where(alone, _plain(results, "requirements", rows), 0),
+        ]
+    key.append(jobs)
+    return rows[np.sort(np.unique(key_codes(key), return_index=True)[1])]
+
+
+def _without_idle_axes(
+    results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Leaves out trials that differ from one of their job in axes alone that change nothing there.
+
+    They are copies, which would count for as many trials as such an axis has values.
+
+    Returns:
+        Rows that are left, and the names of the axes.
+    """
+    if not len(rows) or not results.axes:
+        return rows, ()
+    jobs = key_codes([_plain(results, "step", rows), _plain(results, "job", rows)])
+    columns = {name: _axis(name, results.values(name), rows).codes for name in results.axes}
+    kept = dict(columns)
+    idle: list[str] = []
+    for name, own in columns.items():
+        others = [codes for other, codes in columns.items() if other != name]
+        blocks = key_codes([jobs, _seeds(results, rows), *others])
+        has_pair = varies(blocks, own)
+        is_other = varies(blocks, _from_0(states[rows]))
+        is_idle = np.bincount(jobs, weights=has_pair) > _SHARE_WITH_PAIRS * np.bincount(jobs)
+        is_idle &= np.bincount(jobs, weights=is_other) == 0
+        if is_idle.any():
+            idle.append(name)
+            kept[name] = np.where(is_idle[jobs], 0, own + 1)
+    if not idle:
+        return rows, ()
+    key = key_codes([jobs, _from_0(states[rows]), *kept.values()])
+    return rows[np.sort(np.unique(key, return_index=True)[1])], tuple(idle)
+
+
+def varies(blocks: NDArray[np.int64], codes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Returns whether the block of each trial, such as its world, has trials with several numbers."""
+    kinds = np.bincount(np.unique(np.stack([blocks, codes]), axis=1)[0])
+    return kinds[blocks] > 1
+
+
+def _from_0(codes: NDArray[np.int64]) -> NDArray[np.int64]:
+    return codes - codes.min(initial=0)
 
 
 def key_codes(columns: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:

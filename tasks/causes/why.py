@@ -8,7 +8,7 @@ from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
 from ..results.table import ResultTable
 from .claims import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
-from .evidence import AxisColumn, Evidence, evidence_of
+from .evidence import AxisColumn, Evidence, evidence_of, varies
 from .groups import Group, groups_of
 from .plots import cell_plot, margin_plot
 from .sensitivity import judged_margins, sensitivities, varying
@@ -18,14 +18,15 @@ _SEED = 38
 _MOST_PLOTS = 6
 
 
-def explain(results: ResultTable, *, refused: str = "") -> Why | None:
+def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | None] | None = None) -> Why | None:
     """Groups the failures of a run and finds what they go with; `None` if no trial failed.
 
     Args:
         results: The run's table of results.
         refused: Why nothing may be claimed of this run; empty: it may.
+        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
     """
-    evidence = evidence_of(results)
+    evidence = evidence_of(results, states)
     if not evidence.failed.any():
         return None
     axes = list(varying(evidence))
@@ -97,11 +98,16 @@ def _reported(
         trial=trial,
         clip=None if kept is None else outputs[kept],
         command=f"robomaker repro {job}" + ("" if trial is None else f" --trial {trial}"),
-        refused=_too_few(len(evidence), group.count, fewest) if can_tell and group.count < fewest else "",
+        refused=_too_few(len(evidence), group.count, fewest, can_tell),
     )
 
 
-def _too_few(trials: int, failures: int, fewest: int) -> str:
+def _too_few(trials: int, failures: int, fewest: int, can_tell: bool) -> str:
+    """Says why nothing could be claimed of a group; empty: it could."""
+    if not can_tell:
+        return "no cause was looked for"
+    if failures >= fewest:
+        return ""
     needed = -(-trials * fewest // failures)
     return (
         f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
@@ -112,16 +118,21 @@ def _too_few(trials: int, failures: int, fewest: int) -> str:
 def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
     if evidence.twins:
         yield (
-            f"{evidence.twins} trials count for nothing: others of their job with the same values of all axes went "
-            "through the same states; an application whose states depend on the seed would do"
+            f"{evidence.twins} trials count for nothing: others of their job, or jobs of their step in the same "
+            "world, with the same values of all axes went through the same states; an application whose states depend "
+            "on the seed would do"
+        )
+    for name in evidence.idle:
+        yield (
+            f"axis {name} changed nothing: trials that differ in it alone went through the same states, and count once"
         )
     told = {axis.name for axis in axes}
     for axis in evidence.axes:
-        if axis.name not in told:
-            yield (
-                f"{axis.name} has the same value in all trials of each job, so that it cannot be told from the jobs' "
-                "worlds; several values in each job would do"
-            )
+        if axis.name not in told and axis.name not in evidence.idle:
+            so = "so that it cannot be told from the jobs' worlds"
+            if varies(evidence.worlds, axis.codes).any():
+                so = "and trials are compared with those of their job only, apart from a step's axes, in pairs"
+            yield f"{axis.name} has the same value in all trials of each job, {so}; several values in each job would do"
     if not evidence.axes and evidence.world_count < FEWEST_WORLDS:
         worlds = "1 world" if evidence.world_count == 1 else f"{evidence.world_count} worlds"
         yield f"no cause can be claimed of trials without axes in {worlds}; axes, or {FEWEST_WORLDS} worlds, would do"

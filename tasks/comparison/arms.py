@@ -5,7 +5,7 @@ and have the same seed and the same values of all other axes, those of trials to
 lists values, such as robots or versions; points of a spread design differ in all axes, and have none.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -47,7 +47,7 @@ def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
     for job in run.jobs:
         if job.axes:
             steps.setdefault(step_of(job.step or ""), []).append(job)
-    states = _states(run, digests) if steps else []
+    states = run.results.states_of(run.jobs, digests) if steps else []
     axes = [
         _Axis(run, step, jobs, name, states)
         for step, jobs in steps.items()
@@ -113,10 +113,10 @@ class _Axis:
             parts = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, BINS - 1).tolist()
             of_part = dict(zip(numbers, parts, strict=True))
             names = [f"{value_text(low)} to {value_text(high)}" for low, high in pairwise(edges)]
-            groups = {names[part]: [v for v in numbers if of_part[v] == part] for part in range(BINS)}
-        else:
-            groups = {self._shown(value): [value] for value in values[:MOST_SHOWN]}
-        return [self._share(name, set(found)) for name, found in groups.items()]
+            groups = [(names[part], {v for v in numbers if of_part[v] == part}) for part in range(BINS)]
+        else:  # no mapping by names, as two values may look alike: 1 and "1"
+            groups = [(self._shown(value), {value}) for value in values[:MOST_SHOWN]]
+        return [self._share(name, found) for name, found in groups]
 
     def compared(self) -> Iterator[_Arm]:
         """The first value against each other one that has pairs with it."""
@@ -128,6 +128,13 @@ class _Axis:
 
     def note(self, compared: int) -> str:
         """Says why there are no comparisons, or that some values have none."""
+        values = len(self.values)
+        if values > len(self.shares()) == MOST_SHOWN:
+            rest = self._compared_in_words(compared)
+            return f"{values - MOST_SHOWN} more values have no row{rest and '; ' + rest}"
+        return self._compared_in_words(compared)
+
+    def _compared_in_words(self, compared: int) -> str:
         values = len(self.values)
         if self._worlds.keys() >= set(self.values):
             return ""  # pairs are of one world each
@@ -146,7 +153,7 @@ class _Axis:
     def _worlds(self) -> dict[Value, str]:
         return {job.inputs.world: job.world for job in self.jobs if job.inputs and job.inputs.world and job.world}
 
-    def _share(self, name: str, values: set[Value]) -> Share:
+    def _share(self, name: str, values: Container[object]) -> Share:
         rows = [row for job in self.jobs if job.axes.get(self.name) in values for row in self.run.results.rows_of(job)]
         codes = outcomes_of(self.run.results)[rows] if rows else np.zeros(0, np.int8)
         return share_of(name, *(int((codes == code).sum()) for code in (PASSED, FAILED, BROKEN)))
@@ -216,15 +223,6 @@ def _rate(trials: TrialPairs) -> RateChange | None:
     old, new = trials.outcomes
     judged = JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(ALPHA))
     return rate_change(judged, ALPHA) if len(judged) else None
-
-
-def _states(run: NightRun, digests: Mapping[str, str]) -> list[str | None]:
-    """The digest of all states of each row; of jobs without trials the table has none."""
-    states = run.results.texts("state_digest")
-    for job in run.jobs:
-        for row in run.results.rows_of(job):
-            states[row] = states[row] or digests.get(job.label)
-    return states
 
 
 def _adjusted(arms: Sequence[_Arm]) -> list[tuple[float | None, Answer]]:

@@ -132,18 +132,24 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
     results = write_results(jobs, places, service, record.run_dir)
-    report = report.model_copy(update={"axes": _axis_results(record, jobs, results, report)})
+    digests = {
+        job.label: job.result.state_digest for job in report.jobs if job.result is not None and job.result.state_digest
+    }
+    report = report.model_copy(update={"axes": _axis_results(record, jobs, results, digests)})
     if record.challenge is not None:
         challenge = judged_challenge(record.challenge, report.jobs, jobs, results)
         report = report.model_copy(update={"challenge": challenge})
     else:  # sabotaged jobs fail because of their sabotage
-        report = report.model_copy(update={"why": explain(results, refused=_STOPPED if record.against else "")})
+        states = results.states_of(jobs, digests)
+        report = report.model_copy(
+            update={"why": explain(results, refused=_STOPPED if record.against else "", states=states)}
+        )
     write_why(report.why, record.run_dir)
     return report, jobs, results
 
 
 def _axis_results(
-    record: RunRecord, jobs: Sequence[JobRecord], results: ResultTable, report: Report
+    record: RunRecord, jobs: Sequence[JobRecord], results: ResultTable, digests: Mapping[str, str]
 ) -> list[AxisResult]:
     """The results by the axes of the run's steps; the arms of a challenge are compared by its own table."""
     if record.challenge is not None or not any(job.axes for job in jobs):
@@ -151,9 +157,6 @@ def _axis_results(
     from ..comparison.arms import axis_results  # imports scipy, which other runs do without
 
     run = replace(NightRun.of(record.model_copy(update={"jobs": list(jobs)})), table=results)
-    digests = {
-        job.label: job.result.state_digest for job in report.jobs if job.result is not None and job.result.state_digest
-    }
     return axis_results(run, digests)
 
 

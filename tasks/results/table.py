@@ -1,7 +1,7 @@
 """Table of a run's results, `results.parquet` in its folder: a row per trial; a job without trials has one row."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -202,6 +202,19 @@ class ResultTable:
         """Returns the row numbers of a job's trials."""
         rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
         return range(rows.start, rows.stop)
+
+    def states_of(self, jobs: Iterable[JobRecord], digests: Mapping[str, str]) -> list[str | None]:
+        """Returns the digest of all states of each row; of jobs without trials the table has none.
+
+        Args:
+            jobs: The jobs of the table.
+            digests: Digests of all states of jobs without trials, by label.
+        """
+        states = self.texts("state_digest")
+        for job in jobs:
+            for row in self.rows_of(job):
+                states[row] = states[row] or digests.get(job.label)
+        return states
 
     @property
     def first_rows(self) -> list[int]:

@@ -5,14 +5,17 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from ...runs.axes import AXIS_TAG
 from ...wire.request_problems import Location, RequestProblem
-from ..reference_typing import ANYTHING, NUMBER, Anything, Kind, ListOf, common, kind_of_value
+from ..reference_typing import ANYTHING, NUMBER, Anything, Kind, ListOf, Scalar, common, kind_of_value
 from ..references import PARAMETERS
 from ..specification import INDEX, is_step_name
 from ..step_axes import AXES, VALUE, axes_problems
 from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 
 _OPENING = "${{"
+_MAX_TAG_KEY = 128
+"""As of all keys of tags."""
 _CELLS = (("include",), ("exclude",))
 
 KindOf = Callable[[str, Location], Kind | None]
@@ -83,11 +86,18 @@ class WrittenAxes:
             if not is_step_name(name):
                 words = f"{name!r} is no name; letters, digits and _, with no digit in front, would be right"
                 yield RequestProblem((AXES, name), words, about_key=True)
+            elif len(AXIS_TAG) + len(name) > _MAX_TAG_KEY:
+                words = f"is too long: it is in a tag of its jobs; {_MAX_TAG_KEY - len(AXIS_TAG)} characters would do"
+                yield RequestProblem((AXES, name), words, about_key=True)
             elif name in scope or name in (INDEX, PARAMETERS):
                 words = f"{name!r} already means something else; choose another name"
                 yield RequestProblem((AXES, name), words, about_key=True)
 
     def _kind(self, axis: Node, name: str) -> Kind:
+        whole = self._unknown.get((AXES, name))
+        if isinstance(axis, ScalarNode) and isinstance(whole, ListOf | Scalar):
+            words = f"{axis.source} is {whole}; it has to be a mapping: values: {axis.source}"
+            self._wrong.append(RequestProblem((AXES, name), words))
         values = axis.entries.get("values") if isinstance(axis, MappingNode) else None
         if values is None:
             return NUMBER

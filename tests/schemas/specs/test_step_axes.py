@@ -56,7 +56,7 @@ SCALARS = st.text("abc,é= 1", min_size=1, max_size=5) | st.integers(-5, 5) | st
 @given(
     st.dictionaries(
         st.sampled_from(("robot", "speed", "door")),
-        st.lists(SCALARS, min_size=1, max_size=4, unique_by=lambda value: (type(value), value)),
+        st.lists(SCALARS, min_size=1, max_size=4, unique=True),
         min_size=1,
     ),
     st.integers(1, 3),
@@ -238,3 +238,33 @@ def test_seeds_alone_make_jobs_that_differ_in_nothing_else() -> None:
 
     assert [(each["seed"], each["tags"]) for each in requests_of(text)] == [(7, {}), (8, {}), (9, {})]
     assert jobs_of_axes(load_spec(text, "axes.yaml")) == 3
+
+
+def test_true_is_not_1() -> None:
+    """Python takes them for the same: excluding true left out 1."""
+    words = "true and 1 are taken for each other; write one of them"
+    assert refused(spec_of({"a": {"values": [1, True, 2]}})) == [f"axes.a: values: {words}"]
+    assert refused(spec_of({"a": {"values": [1, 2]}}, exclude=[{"a": True}])) == [f"exclude[0].a: {words}"]
+    assert [each["tags"] for each in requests_of(spec_of({"a": {"values": [True, False]}}, exclude=[{"a": True}]))] == [
+        {f"{AXIS_TAG}a": "false"}
+    ]
+
+
+def test_names_and_cells_too_long_for_tags_are_refused_before_anything_runs() -> None:
+    assert "is too long: a value is a tag" in refused(spec_of({"a": {"values": [1]}}, include=[{"a": "x" * 257}]))[0]
+    assert refused(spec_of({"a" * 114: {"values": [1]}})) == [
+        f"axes.{'a' * 114}: is too long: it is in a tag of its jobs; 113 characters would do"
+    ]
+
+
+def test_an_axis_that_is_a_list_by_reference_is_refused_before_anything_runs() -> None:
+    [found] = refused(spec_of({"a": "${{ list.worldSummaries[*].arn }}"}))
+    assert "it has to be a mapping: values: ${{ list.worldSummaries[*].arn }}" in found
+
+
+def test_a_seed_that_is_none_stays_wrong() -> None:
+    """It was taken modulo the seeds there are, so that -5 became a large one."""
+    text = spec_of({"a": {"values": [-5]}}, {"seed": "${{ a }}"}, seeds=2)
+    with pytest.raises(SpecError) as caught:
+        requests_of(text)
+    assert "seed" in str(caught.value)

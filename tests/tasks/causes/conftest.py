@@ -17,7 +17,7 @@ def missed(name: str = "polite", **more: Any) -> dict[str, Any]:
 
 
 def table_of(rows: Sequence[Row]) -> ResultTable:
-    """Makes a table; a row may have `world`, `seed`, `outcome`, `axes`, `requirements`, `margin`, `state_digest`."""
+    """Makes a table; a row may have most columns, `axes`, `requirements` and `margin`."""
     names = sorted({name for row in rows for name in row.get("axes", {})})
     columns: dict[str, list[Any]] = {name: [] for name in ("step", "test", "job", "world", "world_name", "outcome")}
     others = (
@@ -36,9 +36,10 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         margin = row.get("margin", -0.1 if outcome == "failed" else 0.1)
         polite = {"name": "polite", "satisfied": outcome != "failed", "detail": "", "margin": margin, "unit": "m"}
         asked = row.get("requirements", [polite])
+        job, trial = row.get("job", f"sim-{world}"), row.get("trial", number)
         own = {
-            "step": "drive", "test": f"world-{world}", "job": f"sim-{world}", "world": f"content-{world}",
-            "world_name": f"world-{world}", "outcome": outcome, "output": row.get("output"), "trial": number,
+            "step": "drive", "test": f"world-{world}", "job": job, "world": f"content-{world}",
+            "world_name": f"world-{world}", "outcome": outcome, "output": row.get("output"), "trial": trial,
             "seed": row.get("seed", number), "verdict": "FAIL" if outcome == "failed" else "PASS",
             "state_digest": row.get("state_digest"), "requirements": json.dumps(asked),
             "requirement.polite": outcome != "failed", "margin.polite": margin,

@@ -34,6 +34,32 @@ def test_trials_that_went_through_the_same_states_with_the_same_axes_count_once(
     assert evidence.twins == 1
 
 
+def test_trials_that_differ_in_an_axis_that_changes_nothing_count_once(made: Callable[..., Any]) -> None:
+    """Else one trial would be as many as such an axis has values."""
+
+    def row(mass: float, unread: float, seed: int) -> dict[str, Any]:
+        return {"axes": {"mass": mass, "unread": unread}, "seed": seed, "state_digest": f"{mass} {seed}"}
+
+    rows = [row(mass, unread, seed) for mass in (1.0, 2.0) for unread in (1.0, 2.0, 3.0) for seed in (1, 2)]
+    evidence = evidence_of(made(rows))
+    assert evidence.rows.tolist() == [0, 1, 6, 7]
+    assert (evidence.idle, evidence.twins) == (("unread",), 0)
+    assert [axis.name for axis in evidence.axes] == ["mass"]
+    rows[2]["state_digest"] = "another"
+    assert evidence_of(made(rows)).rows.tolist() == list(range(12))
+
+
+def test_jobs_without_trials_that_went_through_the_same_states_count_once(made: Callable[..., Any]) -> None:
+    """Seeds that change nothing make jobs that are all alike, whose digests are not in the table."""
+    rows = [{"world": world, "trial": None, "job": f"sim-{seed}", "seed": seed} for seed in range(3) for world in "ab"]
+    assert len(evidence_of(made(rows))) == 6
+    evidence = evidence_of(made(rows), [f"states in {row['world']}" for row in rows])
+    assert evidence.rows.tolist() == [0, 1]
+    assert evidence.twins == 4
+    rows[2] |= {"outcome": "failed", "requirements": [{"name": "strict", "satisfied": False, "detail": ""}]}
+    assert evidence_of(made(rows), [f"states in {row['world']}" for row in rows]).rows.tolist() == [0, 1, 2]
+
+
 def test_the_first_requirement_that_was_missed_names_the_failure(miss: Callable[..., dict[str, Any]]) -> None:
     asked = [
         *GOALS,

@@ -82,6 +82,37 @@ def test_an_axis_that_goes_with_worlds_only_is_no_cause() -> None:
     assert "noise has the same value in all trials of each job" in why.refused[0]
 
 
+def test_one_pair_of_trials_claims_nothing_however_many_values_an_idle_axis_has() -> None:
+    rows = [
+        {"axes": {"a": a, "idle": value}, "seed": 1, "outcome": "failed" if a else "passed", "state_digest": f"{a}"}
+        for a in (0.0, 1.0)
+        for value in map(float, range(20))
+    ]
+    why = explain(table_of(rows))
+    assert why is not None
+    assert claims(why) == []
+    assert "axis idle changed nothing: trials that differ in it alone went through the same states" in why.refused[0]
+
+
+def test_an_axis_of_jobs_in_one_world_is_not_said_to_go_with_worlds() -> None:
+    rows = [
+        {
+            "trial": None,
+            "job": f"sim-{number}",
+            "axes": {"gain": number % 2},
+            "outcome": ("passed", "failed")[number % 2],
+        }
+        for number in range(30)
+    ]
+    why = explain(table_of(rows))
+    assert why is not None
+    assert why.refused[0] == (
+        "gain has the same value in all trials of each job, and trials are compared with those of their job only, "
+        "apart from a step's axes, in pairs; several values in each job would do"
+    )
+    assert why.groups[0].nothing == "no cause was looked for"
+
+
 def test_what_broke_where_the_axis_is_high_is_no_failure_of_the_robot() -> None:
     rows = in_worlds(8, 50, lambda _, value, chance: value < 0.5 and chance.random() < 0.2)
     for row in rows:

@@ -60,6 +60,16 @@ def test_jobs_that_differ_in_more_than_the_axis_are_no_pair(other: str) -> None:
     assert all(each.note for each in robots)
 
 
+def test_values_that_look_alike_have_a_row_each_and_what_has_none_is_said() -> None:
+    jobs = [*arm("P", "scout", speed=1.0), *arm("F", "scout", speed="1")]
+    [speed] = [each for each in results_of(jobs) if each.axis == "speed"]
+    assert [(share.name, share.passed, share.failed) for share in speed.shares] == [("1", 1, 0), ("1", 0, 1)]
+
+    [robots] = results_of([job for number in range(53) for job in arm("P", f"robot {number}")])
+    assert len(robots.shares) == 50
+    assert robots.note == "3 more values have no row; 32 more values are not compared"
+
+
 def test_what_has_no_partner_is_counted_and_said() -> None:
     [found] = compared([*arm("PPPP", "scout"), *arm("PP", "rover")])
 
