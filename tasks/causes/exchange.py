@@ -1,9 +1,10 @@
 """Permutation tests of regions: trials, or cells, that differ in the tested axes only could as well be swapped.
 
 What is swapped decides what the test is fooled by. Trials of one job are compared with each other only, so that a
-world that is hard makes no axis guilty that has other values there. In a grid, trials are swapped that have the same
-seed and the same values of all other axes. Where cells were drawn, whole cells are swapped, with their trials in all
-worlds: cells that share a value of the tested axis by chance share those of others, which may be the cause.
+world that is hard makes no axis guilty that has other values there. In a grid, all trials of a seed that share a value
+of the tested axes are swapped with those that share another: an axis that changes nothing repeats trials, and repeated
+trials are no evidence. Where cells were drawn, whole cells are swapped, with their trials in all worlds: cells that
+share a value of the tested axis by chance share those of others, which may be the cause.
 """
 
 import math
@@ -77,7 +78,7 @@ def units_of(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> Un
     blocks = key_codes([evidence.jobs, evidence.seeds, *others])
     own = key_codes([axis.codes for axis in axes])
     if _share_with_partners(blocks, own) >= _SHARE_IN_BLOCKS:
-        return _trials(group, blocks)
+        return _slabs(evidence, group, blocks, own)
     return _cells(evidence, group)
 
 
@@ -86,14 +87,41 @@ def _share_with_partners(blocks: NDArray[np.int64], own: NDArray[np.int64]) -> f
     return float((kinds[blocks] > 1).mean()) if len(blocks) else 0.0
 
 
-def _trials(group: Group, blocks: NDArray[np.int64]) -> Units:
-    first = np.flatnonzero(group.at_risk)
-    if len(first) > _MOST_UNITS:
-        every = -(-len(first) // _MOST_UNITS)
-        chosen = np.random.default_rng(2).permutation(int(blocks.max()) + 1) % every == 0
-        first = first[chosen[blocks[first]]]
-    values = group.failed[first].astype(np.float64)
-    return Units(values, np.unique(blocks[first], return_inverse=True)[1], first, first, np.arange(len(first)), values)
+def _slabs(evidence: Evidence, group: Group, blocks: NDArray[np.int64], own: NDArray[np.int64]) -> Units:
+    """Makes units of all trials of a job and seed that share a value of the tested axes, whatever their other values.
+
+    Trials of one seed are alike in all cells of a grid: an axis that changes nothing repeats them, and its values are
+    no further evidence. Failures are counted beyond those of the trials that differ in the tested axes only.
+    """
+    trials = np.flatnonzero(group.at_risk)
+    failed = group.failed[trials].astype(np.float64)
+    of_blocks = np.unique(blocks[trials], return_inverse=True)[1]
+    means = np.bincount(of_blocks, weights=failed) / np.bincount(of_blocks)
+    parts = failed - means[of_blocks]
+    repeats = key_codes([evidence.jobs, evidence.seeds])
+    slabs = key_codes([repeats, own])[trials]
+    found, first, of_trials = np.unique(slabs, return_index=True, return_inverse=True)
+    values = np.bincount(of_trials, weights=parts, minlength=len(found)).astype(np.float64)
+    strata = np.unique(repeats[trials][first], return_inverse=True)[1]
+    units = Units(values, strata, trials[first], trials, of_trials, parts)
+    return units if len(found) <= _MOST_UNITS else _some(units)
+
+
+def _some(units: Units) -> Units:
+    """Returns the units of some strata, all of which they keep, as many as are swapped at most."""
+    every = -(-len(units.values) // _MOST_UNITS)
+    chosen = np.random.default_rng(2).permutation(int(units.strata.max()) + 1) % every == 0
+    kept = chosen[units.strata]
+    of_kept = kept[units.of_trials]
+    numbers = np.cumsum(kept) - 1
+    return Units(
+        units.values[kept],
+        np.unique(units.strata[kept], return_inverse=True)[1],
+        units.first[kept],
+        units.trials[of_kept],
+        numbers[units.of_trials[of_kept]],
+        units.parts[of_kept],
+    )
 
 
 def _cells(evidence: Evidence, group: Group) -> Units:

@@ -55,6 +55,24 @@ def test_a_planted_cause_heads_its_group(name: str) -> None:
     assert sum(each.failed for each in why.groups) == why.failed
 
 
+def test_an_axis_without_effect_makes_no_evidence_of_repeated_trials() -> None:
+    """Trials fail by chance, and do so again with each value of an axis that changes states and no outcome."""
+    for drawn in range(8):
+        chance = np.random.default_rng(drawn)
+        fails = chance.random((5, 4)) < 0.3
+        rows: list[Row] = [
+            {
+                "axes": {"speed": speed, "idle": idle},
+                "seed": seed,
+                "outcome": "failed" if fails[speed, seed] else "passed",
+            }
+            for speed in range(5)
+            for seed in range(4)
+            for idle in range(10)
+        ]
+        assert claims(explain(table_of(rows))) == [], drawn
+
+
 def test_the_order_of_rows_does_not_matter() -> None:
     table = draw(CAUSES["carpet"], 1).table
     arrow = table.to_arrow()
