@@ -117,6 +117,11 @@ class JobRecord(Model):
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
+    unnamed_failure: bool = Field(
+        default=False,
+        description="Whether it failed for more than requirements that it missed: its environment's own verdict, or "
+        "trials that broke, are missing or have no verdict.",
+    )
     known: str = Field(
         default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )

@@ -99,7 +99,10 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
     # The requests have the values; the rerun keeps them, so that records and comparisons show the same ones.
     parameters = {name: {"default": value} for name, value in record.parameters.items()}
-    spec = {"version": 1, "name": record.name, **({"parameters": parameters} if parameters else {}), "steps": steps}
+    known = [each.model_dump(mode="json") for each in record.known]
+    head = {"parameters": parameters, "known": known}
+    told = {name: value for name, value in head.items() if value}
+    spec = {"version": 1, "name": record.name, **told, "steps": steps}
     return Rerun(
         spec_text=json.dumps(spec, indent=2, ensure_ascii=False) + "\n",
         rerun_of=RerunOf(
