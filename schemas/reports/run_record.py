@@ -94,6 +94,11 @@ class RerunOf(Model):
         description="Label and verdict or status of each job of that run that was run again, by step and in the order "
         "of its requests."
     )
+    names: dict[str, list[str]] = Field(
+        default={},
+        description="Names that jobs had in that run, by label, for known failures: the few jobs of a rerun may be "
+        "called otherwise.",
+    )
 
 
 class JobRecord(Model):

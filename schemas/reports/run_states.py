@@ -10,7 +10,7 @@ from ..known_failures import ReportedFailures, idle_failures, known_failure
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words
-from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
+from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 """State of a run by the status of a failed step or job, after which no further step starts."""
@@ -90,7 +90,7 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     day = record.started_at.date()
     found = [
         ReportedFailures(
-            names=tuple(filter(None, (job.name, job.test or job.label))),
+            names=names_for_known(job, record.rerun_of),
             missed=tuple(_missed(job)) if _outcome_of(job) in ("passed", "failed") else None,
         )
         for job in jobs
@@ -105,6 +105,18 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     is_rerun = record.rerun_of is not None  # which has but some of the jobs
     told = [each for each in record.known if not is_rerun or any(each.is_about(job.names) for job in found)]
     return marked, idle_failures(found, told, day)
+
+
+def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]:
+    """Returns the names by which known failures name a job; in a rerun those that it had in the whole run.
+
+    Args:
+        job: the job.
+        rerun_of: the run that was run again; None: it is the job of no rerun.
+    """
+    if rerun_of is not None:  # a rerun's only job is its request 1, which another one was in the whole run
+        return tuple(rerun_of.names.get((job.earlier or "").rpartition(": ")[0], ()))
+    return tuple(filter(None, (job.name, job.test or job.label)))
 
 
 def _missed(job: JobRecord) -> list[str]:

@@ -67,3 +67,14 @@ def test_a_rerun_of_some_jobs_says_nothing_of_known_failures_of_the_others() -> 
     rerun = RerunOf(run_id="nightly-1", selection="failed", jobs_total=9, earlier={"drive": ["sim-1: FAIL"]})
     assert with_known(night, night.jobs)[1]
     assert not with_known(night.model_copy(update={"rerun_of": rerun}), night.jobs)[1]
+
+
+def test_a_rerun_calls_jobs_as_the_whole_run_did() -> None:
+    """Its only job is its first, however many there were before: that is not what an entry about the first means."""
+    known = KnownFailure(match=KnownMatch(job="world-1 *", requirement="*"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    jobs = [job.model_copy(update={"earlier": "sim-5: FAIL"}) for job in night.jobs]
+    for names, is_known in ((["world-1 scout"], True), (["world-5 scout"], False)):
+        rerun = RerunOf(run_id="1", selection="failed", jobs_total=9, earlier={}, names={"sim-5": names})
+        (marked,), _ = with_known(night.model_copy(update={"rerun_of": rerun}), jobs)
+        assert bool(marked.known) == is_known
