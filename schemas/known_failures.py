@@ -22,10 +22,8 @@ from .wire.base import Model
 
 def _read_day(value: object) -> object:
     """Reads a day that is written as in ISO 8601; the models take no text for a date by themselves."""
-    if not isinstance(value, str):
-        return value
     try:
-        return date.fromisoformat(value)
+        return value if isinstance(value, date) else date.fromisoformat(value if isinstance(value, str) else "")
     except ValueError:
         raise ValueError("a day is written as in 2027-01-15") from None
 

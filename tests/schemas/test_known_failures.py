@@ -85,3 +85,9 @@ def test_an_entry_that_is_about_no_job_is_told_with_a_name_that_would_be_right()
 def test_who_mends_it_until_when_and_why_is_told() -> None:
     assert str(known()) == "anna until 2027-01-15"
     assert str(known().model_copy(update={"why": "ticket 512"})) == "anna until 2027-01-15: ticket 512"
+
+
+@pytest.mark.parametrize("until", ["soon", "2027-13-01", 20270115, None, ["2027-01-15"]])
+def test_what_is_no_day_is_told_with_one_that_is(until: object) -> None:
+    with pytest.raises(ValueError, match="a day is written as in 2027-01-15"):
+        KnownFailure.model_validate({"match": {"requirement": "clearance"}, "owner": "anna", "until": until})
