@@ -94,6 +94,11 @@ class RerunOf(Model):
         description="Label and verdict or status of each job of that run that was run again, by step and in the order "
         "of its requests."
     )
+    names: dict[str, list[str]] = Field(
+        default={},
+        description="Names that jobs had in that run, by label, for known failures: the few jobs of a rerun may be "
+        "called otherwise.",
+    )
 
 
 class JobRecord(Model):
@@ -117,6 +122,11 @@ class JobRecord(Model):
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
+    unnamed_failure: bool = Field(
+        default=False,
+        description="Whether it failed for more than requirements that it missed: its environment's own verdict, or "
+        "trials that broke, are missing or have no verdict.",
+    )
     known: str = Field(
         default="", description="Owner, last day and reason of its failure if that is known; else empty."
     )

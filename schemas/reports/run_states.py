@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
-from ..known_failures import idle_failures, known_failure
+from ..known_failures import ReportedFailures, idle_failures, known_failure
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words
-from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
+from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 """State of a run by the status of a failed step or job, after which no further step starts."""
@@ -75,26 +75,48 @@ def meaning_of(record: RunRecord) -> str:
 def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRecord], list[str]]:
     """Marks jobs whose failure is known.
 
-    Only a FAIL can be known: of an ERROR nothing was judged. The jobs of a challenge fail on purpose.
+    Only a FAIL can be known: of an ERROR nothing was judged. Nor is one known that has reasons besides requirements,
+    such as trials that broke beside trials that failed. The jobs of a challenge fail on purpose.
 
     Args:
         record: the run, with its known failures.
         jobs: its jobs.
 
     Returns:
-        The jobs, and a sentence for each known failure that did not occur or whose day is over.
+        The jobs, and a sentence for each known failure that did not occur, is about no job, or whose day is over.
     """
     if not record.known or record.challenge is not None:
         return list(jobs), []
     day = record.started_at.date()
-    judged = {index: _missed(job) for index, job in enumerate(jobs) if _outcome_of(job) in ("passed", "failed")}
-    names = [job.test or job.label for job in jobs]
-    known = {index: known_failure(names[index], missed, record.known, day) for index, missed in judged.items()}
-    marked = [
-        job.model_copy(update={"known": str(found) if (found := known.get(index)) else ""})
-        for index, job in enumerate(jobs)
+    found = [
+        ReportedFailures(
+            names=names_for_known(job, record.rerun_of),
+            missed=tuple(_missed(job)) if _outcome_of(job) in ("passed", "failed") else None,
+        )
+        for job in jobs
     ]
-    return marked, idle_failures([(names[index], missed) for index, missed in judged.items()], record.known, day)
+    known = [
+        None if job.unnamed_failure else known_failure(each, record.known, day)
+        for job, each in zip(jobs, found, strict=True)
+    ]
+    marked = [
+        job.model_copy(update={"known": str(each) if each else ""}) for job, each in zip(jobs, known, strict=True)
+    ]
+    is_rerun = record.rerun_of is not None  # which has but some of the jobs
+    told = [each for each in record.known if not is_rerun or any(each.is_about(job.names) for job in found)]
+    return marked, idle_failures(found, told, day)
+
+
+def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]:
+    """Returns the names by which known failures name a job; in a rerun those that it had in the whole run.
+
+    Args:
+        job: the job.
+        rerun_of: the run that was run again; None: it is the job of no rerun.
+    """
+    if rerun_of is not None:  # a rerun's only job is its request 1, which another one was in the whole run
+        return tuple(rerun_of.names.get((job.earlier or "").rpartition(": ")[0], ()))
+    return tuple(filter(None, (job.name, job.test or job.label)))
 
 
 def _missed(job: JobRecord) -> list[str]:

@@ -227,6 +227,9 @@ class Collision(Model):
     max_force_N: float = Field(description="Largest normal force, in newtons.")
 
 
+ENVIRONMENT_VERDICT = "environment_verdict"
+"""Entry of `extra`: the environment's own FAIL, where none of its own requirements tells of it."""
+
 _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the recording"}
 """Entries of `extra` with the reason for a missing output, each with a description of the output."""
 

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from ..wire.base import Model, optional
 from .axes import AxisSetting
 from .axis_kinds.kind import Value
-from .plan import Requirement, RunPlan, RunResult, Verdict
+from .plan import ENVIRONMENT_VERDICT, Requirement, RunPlan, RunResult, Verdict
 from .provenance import StateDigestSummary
 from .trials import Trial
 
@@ -165,3 +165,16 @@ def plan_of_trial(plan: RunPlan, trial: Trial) -> RunPlan:
                 variables = {**application.environment_variables, **trial.variables}
                 changes[name] = application.model_copy(update={"environment_variables": variables})
     return plan.model_copy(update=changes)
+
+
+def fails_besides(result: RunResult | None) -> bool:
+    """Returns whether a job failed for more than requirements that it missed.
+
+    The environment may have a verdict of its own, or trials may have broken, be missing, or have no verdict.
+
+    Args:
+        result: the job's result; None: it has none.
+    """
+    trials = TrialsSummary.of(result)
+    was_judged = trials is None or trials.planned == trials.counts.passed + trials.counts.failed
+    return result is not None and result.verdict == "FAIL" and (ENVIRONMENT_VERDICT in result.extra or not was_judged)

@@ -34,6 +34,7 @@ from ...schemas.reports.run_exit_codes import exit_code_of
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord, interrupted_in_words
 from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
+from ...schemas.runs.trial_rows import fails_besides
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..causes.stored import write_why
@@ -495,6 +496,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,
+        unnamed_failure=fails_besides(result),
         remarks=result.remarks if result else [],
         runs_free=result is not None and result.runs_free,
         metrics=result.metrics if result else {},

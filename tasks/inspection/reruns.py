@@ -10,6 +10,7 @@ from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.names import ambiguous, begins_id, meant, near_names, short_name, with_id
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_states import names_for_known
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.json_values import is_list, is_object
 from ..catalog import Resource
@@ -99,7 +100,12 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
     # The requests have the values; the rerun keeps them, so that records and comparisons show the same ones.
     parameters = {name: {"default": value} for name, value in record.parameters.items()}
-    spec = {"version": 1, "name": record.name, **({"parameters": parameters} if parameters else {}), "steps": steps}
+    labels = {order.job.label for found in chosen.values() for order in found}
+    names = {each.label: [*names_for_known(each, record.rerun_of)] for each in record.jobs if each.label in labels}
+    known = [each.model_dump(mode="json") for each in record.known]
+    head = {"parameters": parameters, "known": known}
+    told = {name: value for name, value in head.items() if value}
+    spec = {"version": 1, "name": record.name, **told, "steps": steps}
     return Rerun(
         spec_text=json.dumps(spec, indent=2, ensure_ascii=False) + "\n",
         rerun_of=RerunOf(
@@ -107,6 +113,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
             selection=selection.words,
             jobs_total=len(everything),
             earlier={name: [_result_in_words(order.job) for order in found] for name, found in chosen.items()},
+            names=names if record.known else {},
         ),
     )
 

@@ -69,8 +69,11 @@ def existing_template(if_exists: str, request: Mapping[str, Any], service: Servi
     """
     asked = CreateWorldTemplateRequest.model_validate(request)
     if if_exists == "fail":
-        taken = service.catalog.find(KIND, asked.name or "")
-        if taken is not None and asked.name:
+        taken = service.catalog.find(KIND, asked.name) if asked.name else None
+        own = service.find_by_client_token(
+            ClientToken.of("CreateWorldTemplate", asked)
+        )  # made before its answer was lost
+        if taken is not None and own is None:
             raise ResourceAlreadyExistsException(
                 f"{taken.arn} has the name {asked.name!r} already; choose another, or leave ifExists out"
             )

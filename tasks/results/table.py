@@ -97,8 +97,10 @@ class ResultTable:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        texts = [*_columns(), "requirements"]  # few different ones, which are kept once they are read
         try:
+            there = set(pq.read_schema(path).names)  # tables of early releases have no names of jobs
+            # few different ones, which are kept once they are read
+            texts = [name for name in (*_columns(), "requirements") if name in there]
             file = pq.ParquetFile(path, read_dictionary=texts)
         except pa.ArrowException as error:
             raise ValueError(f"{path} is no table of results: {error}") from error

@@ -1,6 +1,7 @@
 """Finding the world or simulation job that a person means: by ARN, id, the beginning of an id, or name."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain, islice
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -135,9 +136,11 @@ def worlds_meant(wanted: str, service: Service) -> list[Resource]:
     if found:
         return found
     contents: dict[str, Resource] = {}
-    for world in [*_with_label(wanted, WORLD, service), *_early_worlds(wanted, service)]:
+    for world in chain(_with_label(wanted, WORLD, service), _early_worlds(wanted, service)):
         bundle = WorldDocument.of(world).bundle
         contents.setdefault(bundle.last_part if bundle else world.id, world)
+        if len(contents) == _MOST:
+            break
     return list(contents.values())
 
 
@@ -148,7 +151,7 @@ def jobs_meant(wanted: str, service: Service) -> list[Resource]:
     if found := _in_run(wanted, service):
         return found
     # By the name that the catalog has: one with parameters is unique within its run only, which has to be said.
-    return _with_label(wanted, JOB, service)
+    return list(islice(_with_label(wanted, JOB, service), _MOST))
 
 
 def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besides: str) -> Resource:
@@ -195,8 +198,14 @@ def _by_arn_or_id(wanted: str, kind: Kind, service: Service) -> list[Resource]:
     return [each for each in found if begins_id(wanted, each.id)]
 
 
-def _with_label(wanted: str, kind: Kind, service: Service) -> list[Resource]:
-    return list(service.catalog.list(kind, filters={NAME_LABEL: [wanted]}, limit=_MOST).resources) if wanted else []
+def _with_label(wanted: str, kind: Kind, service: Service) -> Iterator[Resource]:
+    """Yields all that have the name, newest first: many nights may have made the same world."""
+    after = None
+    while wanted:
+        page = service.catalog.list(kind, filters={NAME_LABEL: [wanted]}, limit=_MOST, after=after)
+        yield from page.resources
+        if (after := page.next_token) is None:
+            return
 
 
 def _early_worlds(wanted: str, service: Service) -> list[Resource]:

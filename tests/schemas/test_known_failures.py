@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch, idle_failures, known_failure
+from prefect_robomaker.schemas.known_failures import (
+    KnownFailure,
+    KnownMatch,
+    ReportedFailures,
+    idle_failures,
+    known_failure,
+)
 
 DAY = date(2027, 1, 15)
 
@@ -15,20 +21,26 @@ def known(requirement: str = "clearance", job: str = "*", until: date = DAY, own
     return KnownFailure(match=KnownMatch(job=job, requirement=requirement), owner=owner, until=until)
 
 
+def job(name: str, missed: list[str] | None) -> ReportedFailures:
+    return ReportedFailures((name,), None if missed is None else tuple(missed))
+
+
 def test_a_failure_is_known_if_each_missed_requirement_is() -> None:
     ours, theirs = known("clearance"), known("rooms_*", owner="ben", until=DAY - timedelta(days=1))
     before = DAY - timedelta(days=2)
-    assert known_failure("world-1 scout", ["clearance"], [ours, theirs], DAY) == ours
-    assert known_failure("world-1 scout", ["clearance", "rooms_visited"], [ours, theirs], before) == theirs
-    assert known_failure("world-1 scout", ["clearance", "rooms_visited"], [ours, theirs], DAY) is None, "one is over"
-    assert known_failure("world-1 scout", ["clearance", "time"], [ours, theirs], before) is None, "one is new"
-    assert known_failure("world-1 scout", [], [ours], DAY) is None, "it failed for no requirement"
+    assert known_failure(job("world-1 scout", ["clearance"]), [ours, theirs], DAY) == ours
+    assert known_failure(job("world-1 scout", ["clearance", "rooms_visited"]), [ours, theirs], before) == theirs
+    assert known_failure(job("world-1 scout", ["clearance", "rooms_visited"]), [ours, theirs], DAY) is None, (
+        "one is over"
+    )
+    assert known_failure(job("world-1 scout", ["clearance", "time"]), [ours, theirs], before) is None, "one is new"
+    assert known_failure(job("world-1 scout", []), [ours], DAY) is None, "it failed for no requirement"
 
 
 def test_it_is_about_the_jobs_that_it_names() -> None:
     entry = known(job="world-3 *")
-    assert known_failure("world-3 scout", ["clearance"], [entry], DAY) == entry
-    assert known_failure("world-30 scout", ["clearance"], [entry], DAY) is None
+    assert known_failure(job("world-3 scout", ["clearance"]), [entry], DAY) == entry
+    assert known_failure(job("world-30 scout", ["clearance"]), [entry], DAY) is None
 
 
 @given(
@@ -39,8 +51,8 @@ def test_it_is_about_the_jobs_that_it_names() -> None:
 def test_nothing_is_known_later_that_was_not_known_before(
     missed: list[str], entries: list[KnownFailure], days: int
 ) -> None:
-    later = known_failure("job", missed, entries, DAY + timedelta(days))
-    assert later is None or (later.until >= DAY + timedelta(days) and known_failure("job", missed, entries, DAY))
+    later = known_failure(job("job", missed), entries, DAY + timedelta(days))
+    assert later is None or (later.until >= DAY + timedelta(days) and known_failure(job("job", missed), entries, DAY))
 
 
 @pytest.mark.parametrize(
@@ -54,9 +66,28 @@ def test_nothing_is_known_later_that_was_not_known_before(
     ],
 )  # fmt: skip
 def test_what_is_mended_or_over_is_told(missed: list[str], day: date, said: list[str]) -> None:
-    assert idle_failures([("world-1 scout", missed)], [known()], day) == said
+    assert idle_failures([job("world-1 scout", missed)], [known()], day) == said
+    assert idle_failures([job("world-1 scout", None)], [known()], DAY) == [], "it broke: the failure may be there yet"
+    assert idle_failures([], [known()], DAY) == []
+
+
+def test_an_entry_that_is_about_no_job_is_told_with_a_name_that_would_be_right() -> None:
+    there = ReportedFailures(("scout in flat 3", "world-3 scout"), ("clearance",))
+    for pattern in ("scout in flat 3*", "world-3 *"):
+        assert known_failure(there, [known(job=pattern)], DAY)
+        assert idle_failures([there], [known(job=pattern)], DAY) == []
+    assert idle_failures([there], [known(job="scout in flat 4")], DAY) == [
+        "the known failure of clearance in scout in flat 4 (anna) is about no job of this run, as 'scout in flat 3' or "
+        "'world-3 scout' is"
+    ]
 
 
 def test_who_mends_it_until_when_and_why_is_told() -> None:
     assert str(known()) == "anna until 2027-01-15"
     assert str(known().model_copy(update={"why": "ticket 512"})) == "anna until 2027-01-15: ticket 512"
+
+
+@pytest.mark.parametrize("until", ["soon", "2027-13-01", 20270115, None, ["2027-01-15"]])
+def test_what_is_no_day_is_told_with_one_that_is(until: object) -> None:
+    with pytest.raises(ValueError, match="a day is written as in 2027-01-15"):
+        KnownFailure.model_validate({"match": {"requirement": "clearance"}, "owner": "anna", "until": until})

@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 from pydantic import Field, ValidationError
 from pydantic_core import PydanticSerializationError
 
-from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
+from ....schemas.runs.plan import ENVIRONMENT_VERDICT, Collision, Requirement, RoomVisit, RunResult, Verdict
 from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirement_kinds.kind import NOT_READ
 from ....schemas.runs.requirement_kinds.off import NOT_THERE
@@ -223,6 +223,8 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
             notes.append(defect.detail)
     is_canceled = episode.ended_by == RunStop.CANCELED
     parts = Parts(own=judged, requirements=[*own, *added], defects=defects, is_canceled=is_canceled)
+    if judged == "FAIL" and all(item.satisfied or not item.counts for item in own):
+        remarks[ENVIRONMENT_VERDICT] = judged
     if len(told) < len(added):
         remarks[OWN_VERDICT] = decide_verdict(replace(parts, requirements=[*own, *told]))
     for finding in findings:

@@ -6,6 +6,7 @@ import pytest
 from helpers.night_records import make_night
 
 from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch
+from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.reports.run_states import (
     counts_in_words,
     in_words,
@@ -49,3 +50,31 @@ def test_only_a_fail_can_be_known_and_it_makes_no_run_red(letters: str, about: s
     assert not any(job.known for job in with_known(night, not_judged)[0]), "it missed it, but not all was judged"
     later = make_night(letters, night=1).model_copy(update={"known": [known]})
     assert not any(job.known for job in with_known(later, later.jobs)[0])
+
+
+def test_what_fails_for_more_than_requirements_is_not_known() -> None:
+    known = KnownFailure(match=KnownMatch(requirement="*"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    more = [job.model_copy(update={"unnamed_failure": True}) for job in night.jobs]
+    (named,), _ = with_known(night, night.jobs)
+    (unnamed,), _ = with_known(night, more)
+    assert (bool(named.known), bool(unnamed.known)) == (True, False)
+
+
+def test_a_rerun_of_some_jobs_says_nothing_of_known_failures_of_the_others() -> None:
+    known = KnownFailure(match=KnownMatch(job="world-9 *", requirement="*"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    rerun = RerunOf(run_id="nightly-1", selection="failed", jobs_total=9, earlier={"drive": ["sim-1: FAIL"]})
+    assert with_known(night, night.jobs)[1]
+    assert not with_known(night.model_copy(update={"rerun_of": rerun}), night.jobs)[1]
+
+
+def test_a_rerun_calls_jobs_as_the_whole_run_did() -> None:
+    """Its only job is its first, however many there were before: that is not what an entry about the first means."""
+    known = KnownFailure(match=KnownMatch(job="world-1 *", requirement="*"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    jobs = [job.model_copy(update={"earlier": "sim-5: FAIL"}) for job in night.jobs]
+    for names, is_known in ((["world-1 scout"], True), (["world-5 scout"], False)):
+        rerun = RerunOf(run_id="1", selection="failed", jobs_total=9, earlier={}, names={"sim-5": names})
+        (marked,), _ = with_known(night.model_copy(update={"rerun_of": rerun}), jobs)
+        assert bool(marked.known) == is_known

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.specs.check import load_spec
@@ -221,3 +222,10 @@ def test_a_rerun_keeps_the_values_that_the_run_had(service: Service, batch: tupl
     rerun = plan_rerun(batch[0].model_copy(update={"parameters": values}), Selection(), service)
     assert rerun is not None
     assert load_spec(rerun.spec_text, "rerun").parameters == values
+
+
+def test_a_rerun_knows_the_failures_that_the_run_knew(service: Service, batch: tuple[RunRecord, list[str]]) -> None:
+    known = KnownFailure(match=KnownMatch(job="flat *", requirement="gentle"), owner="anna", until=MOMENT.date())
+    planned = plan_rerun(batch[0].model_copy(update={"known": [known]}), Selection(), service)
+    assert planned is not None
+    assert load_spec(planned.spec_text, "rerun.json").known == (known,)

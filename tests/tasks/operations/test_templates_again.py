@@ -80,3 +80,12 @@ def test_fail_refuses_a_name_that_is_taken(service: Service) -> None:
 def test_the_order_of_members_never_tells_two_bodies_apart(value: Any) -> None:
     assert same_body(json.dumps(value), json.dumps(turned(value), indent=1))
     assert not same_body(json.dumps({"a": 1, "b": value}), json.dumps({"a": True, "b": value}))
+
+
+def test_fail_takes_the_template_that_the_same_step_made_before_its_answer_was_lost(service: Service) -> None:
+    request = {**REQUEST, "clientRequestToken": "nightly-20260302-template"}
+    call("CreateWorldTemplate", request, service)
+    assert taken(service, request, ifExists="fail") is None
+    assert len(call("ListWorldTemplates", {}, service)["templateSummaries"]) == 1
+    with pytest.raises(ResourceAlreadyExistsException):
+        taken(service, {**request, "clientRequestToken": "nightly-20260303-template"}, ifExists="fail")

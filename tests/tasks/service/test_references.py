@@ -176,3 +176,14 @@ def name_of_first(service: Service, nights: list[list[str]]) -> str:
     """The name that the catalog has of the jobs."""
     [label] = service.catalog.get(service.arn("simulation-job", nights[0][0])).labels["called"]
     return label
+
+
+def test_another_world_of_the_name_is_not_hidden_by_many_newer_ones_that_are_the_same(
+    service: Service, keep: Callable[..., Resource]
+) -> None:
+    """A generation each night, with the template changed weeks ago."""
+    keep("generation-other0000000/world-1", "other")
+    for night in range(20):
+        keep(f"generation-same000000{night:02}/world-1", "same")
+    with pytest.raises(ConfigurationError, match="'flat 1' may be any of 2 worlds"):
+        find_world("flat 1", service)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RunResult
+from prefect_robomaker.schemas.runs.plan import ENVIRONMENT_VERDICT, Collision, Requirement, RunResult
 from prefect_robomaker.schemas.runs.requirement_kinds.off import OffRequirement, OffRule
 from prefect_robomaker.tasks.runtime.episode.run_results import (
     EnvironmentReport,
@@ -141,3 +141,12 @@ def test_a_run_that_was_cancelled_has_no_verdict() -> None:
     assert result.summary == "Canceled at 2.0 s, so that nothing was judged."
     assert [item.counts for item in result.requirements] == [False, False]
     assert result.reason is None
+
+
+@pytest.mark.parametrize(("satisfied", "told"), [(True, "FAIL"), (False, None)])
+def test_an_environments_own_fail_is_told_where_no_requirement_of_it_tells(satisfied: bool, told: str | None) -> None:
+    own = [Requirement(name="upright", satisfied=satisfied, detail="leaned 0.1 rad")]
+    missed = Requirement(name="gentle", satisfied=False, detail="9 N, at most 5 N asked")
+    report = EnvironmentReport(verdict="FAIL", requirements=own)
+    result = make_result(episode(report), 1, [Findings(requirements=[missed])])
+    assert (result.verdict, result.extra.get(ENVIRONMENT_VERDICT)) == ("FAIL", told)
