@@ -38,10 +38,11 @@ from ..schemas.wire.errors import (
     ServiceUnavailableException,
 )
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
+from ..tasks.execution.late_nights import skipped_night
 from ..tasks.execution.leases.catalog_outages import CatalogWait, Result
 from ..tasks.execution.orphans import wait_if_ending
 from ..tasks.execution.run_watch import beginning_run, watched_run
-from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
+from ..tasks.execution.schedule_overlaps import give_way_to_earlier
 from ..tasks.inspection.job_standings import why_not_completed
 from ..tasks.inspection.pipeline_parts import (
     Cut,

@@ -39,7 +39,7 @@ from ..endpoint.protocol_errors import AccessDeniedException, ProtocolError
 from ..endpoint.service_requests import ServiceRequest
 from ..foreign_pages import refusal
 from ..spec_runs.spec_runs import SpecRuns
-from . import batches, jobs, login, overview, pages, runs, worlds
+from . import batches, jobs, login, overview, pages, runs
 from .batch_caches import BatchBriefs, JobLines, Posters
 from .files import published
 from .orders import ordered_runs, run_starts, worlds_form
@@ -117,12 +117,7 @@ _PAGES: dict[str, Page] = {
     "/jobs/{id}": jobs.show,
     "/jobs/{id}/live": jobs.follow,
     "/jobs/{id}/files/{name:path}": jobs.send,
-    "/worlds": worlds.show_all,
     "/worlds/new": worlds_form.show,
-    "/worlds/{id:path}/view": worlds.show_in_3d,
-    "/worlds/{id:path}/preview.png": worlds.send_preview,
-    "/worlds/{id:path}": worlds.show,
-    "/generations/{id}": worlds.show_of_job,
     "/runs": ordered_runs.show_all,
     "/runs/new": run_starts.show,
     "/runs/{id}": ordered_runs.show,

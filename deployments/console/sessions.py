@@ -1,21 +1,18 @@
-"""Sessions of the console: of those who have logged in, how long they last, and how often a login may fail."""
+"""Sessions of the console: of those who have logged in, and how long they last."""
 
 import hmac
 import secrets
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from ...schemas.wire.errors import ThrottlingException
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.protocol_errors import UnrecognizedClientException
+from .failed_logins import FailedLogins
 
 LIFETIME_S = 12 * 3600
 """Lifetime of a login session, in seconds."""
 
-_MOST_FAILURES = 10
-_FAILURES_WITHIN_S = 60.0
 _MOST_SESSIONS = 10_000
 
 
@@ -49,8 +46,7 @@ class Sessions:
         self._clock = clock
         self._new_token = new_token
         self._sessions: dict[str, Session] = {}
-        self._failures: dict[str, deque[float]] = {}
-        """Times of the latest failed logins, by IP address."""
+        self._failed_logins = FailedLogins()
         self._lock = threading.Lock()
 
     def log_in(self, key_id: str, secret: str, client: str = "") -> str:
@@ -67,13 +63,11 @@ class Sessions:
         """
         now = self._clock()
         with self._lock:
-            failures = self._failures.get(client, ())
-            if len(failures) == _MOST_FAILURES and now - failures[0] < _FAILURES_WITHIN_S:
-                raise ThrottlingException(f"{_MOST_FAILURES} logins failed within a minute; try again in a minute")
+            self._failed_logins.check(client, now)
             key = self._access_keys.get(key_id)
             expected = key.secret if key else self._new_token()
             if not hmac.compare_digest(expected.encode(), secret.encode()) or key is None:
-                self._note_failure(client, now)
+                self._failed_logins.note(client, now)
                 raise UnrecognizedClientException("there is no access key with this id and this secret")
             self._forget_old(now)
             token = self._new_token()
@@ -90,13 +84,6 @@ class Sessions:
         """Ends a session."""
         with self._lock:
             self._sessions.pop(token or "", None)
-
-    def _note_failure(self, client: str, now: float) -> None:
-        times = self._failures.pop(client, None) or deque(maxlen=_MOST_FAILURES)
-        times.append(now)
-        self._failures[client] = times
-        while len(self._failures) > _MOST_SESSIONS:
-            del self._failures[next(iter(self._failures))]
 
     def _forget_old(self, now: float) -> None:
         for token in [token for token, session in self._sessions.items() if session.ends_at_s <= now]:

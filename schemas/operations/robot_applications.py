@@ -5,7 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version
+from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, Version
+from ..wire.tags import TagMap
 from .applications import (
     ApplicationContent,
     ApplicationListRequest,

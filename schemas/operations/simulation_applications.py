@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version, text
+from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, Version, text
+from ..wire.tags import TagMap
 from .applications import (
     ApplicationContent,
     ApplicationListRequest,

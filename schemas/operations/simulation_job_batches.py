@@ -15,10 +15,10 @@ from ..wire.common import (
     LastUpdatedAt,
     PageRequest,
     PaginationToken,
-    TagMap,
     Timestamp,
 )
 from ..wire.operation_shape import INTERNAL, INVALID, LIMIT, MISMATCH, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
+from ..wire.tags import TagMap
 from .simulation_jobs import SimulationJobErrorCode, SimulationJobRequest, SimulationJobRequests, SimulationJobSummaries
 
 SimulationJobBatchStatus = Annotated[

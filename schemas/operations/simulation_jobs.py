@@ -29,7 +29,6 @@ from ..wire.common import (
     PageRequest,
     PaginationToken,
     Seed,
-    TagMap,
     raise_all,
 )
 from ..wire.job_configs import (
@@ -47,6 +46,7 @@ from ..wire.job_configs import (
     VPCConfigResponse,
 )
 from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
+from ..wire.tags import TagMap
 
 FailureBehavior = Annotated[Literal["Fail", "Continue"], ShapeName("FailureBehavior")]
 SimulationJobStatus = Annotated[

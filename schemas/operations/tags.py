@@ -6,8 +6,9 @@ from typing import Annotated
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import Arn, TagKey, TagMap
+from ..wire.common import Arn
 from ..wire.operation_shape import READ_ERRORS, Location, OperationShape
+from ..wire.tags import TagKey, TagMap
 
 TagKeyList = Annotated[list[TagKey], ShapeName("TagKeyList")]
 

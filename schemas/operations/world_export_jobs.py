@@ -17,10 +17,10 @@ from ..wire.common import (
     OutputLocation,
     PageRequest,
     PaginationToken,
-    TagMap,
     Timestamp,
 )
 from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIST_ERRORS, READ_ERRORS, OperationShape
+from ..wire.tags import TagMap
 
 WorldExportJobStatus = Annotated[
     Literal["Pending", "Running", "Completed", "Failed", "Canceling", "Canceled"], ShapeName("WorldExportJobStatus")

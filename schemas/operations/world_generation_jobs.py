@@ -15,10 +15,10 @@ from ..wire.common import (
     PageRequest,
     PaginationToken,
     Seed,
-    TagMap,
     Timestamp,
 )
 from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIMIT, LIST_ERRORS, READ_ERRORS, OperationShape
+from ..wire.tags import TagMap
 
 WorldGenerationJobStatus = Annotated[
     Literal["Pending", "Running", "Completed", "Failed", "PartialFailed", "Canceling", "Canceled"],

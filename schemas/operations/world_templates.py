@@ -17,7 +17,6 @@ from ..wire.common import (
     PaginationToken,
     S3Bucket,
     S3Key,
-    TagMap,
     Timestamp,
     exactly_one,
     text,
@@ -33,6 +32,7 @@ from ..wire.operation_shape import (
     THROTTLED,
     OperationShape,
 )
+from ..wire.tags import TagMap
 
 
 def _as_text(body: object) -> object:

@@ -5,8 +5,9 @@ from typing import Annotated
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, PageRequest, PaginationToken, TagMap, Timestamp
+from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, PageRequest, PaginationToken, Timestamp
 from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
+from ..wire.tags import TagMap
 
 
 class DescribeWorldRequest(Shape):

@@ -1,4 +1,4 @@
-"""Simple shapes that several operations share: names, ARNs, tags, places in the object store, pages.
+"""Simple shapes that several operations share: names, ARNs, places in the object store, pages.
 
 Bounds, patterns and enumerations are those of AWS, with three intended differences:
 
@@ -11,7 +11,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Sequence
-from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
+from typing import Annotated, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
@@ -31,7 +31,6 @@ class Named(Protocol):
 
 
 _Named = TypeVar("_Named", bound=Named)
-_Text = TypeVar("_Text", bound=str)
 
 
 def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstraints:
@@ -76,12 +75,6 @@ def raise_all(problems: Iterable[str]) -> None:
     """
     if lines := dict.fromkeys(problems):
         raise ValueError("\n".join(lines))
-
-
-def _no_reserved_tags(tags: dict[_Text, Any]) -> dict[_Text, Any]:
-    if reserved := sorted(key for key in tags if key.lower().startswith("aws:")):
-        raise ValueError(f"tag keys that begin with 'aws:' are reserved; rename {', '.join(map(repr, reserved))}")
-    return tags
 
 
 _ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f]")
@@ -136,19 +129,6 @@ ApplicationReference = Annotated[str, ShapeName("ApplicationReference"), text(1,
 """ARN of an application or (an extension) its name alone."""
 
 IamRole = Annotated[str, ShapeName("IamRole"), text(1, 255, r"arn:aws:iam::\w+:role/.*")]
-
-# Tags
-
-TagKey = Annotated[str, ShapeName("TagKey"), text(1, 128, r"[a-zA-Z0-9 _.\-\/+=:]*")]
-TagValue = Annotated[str, ShapeName("TagValue"), text(0, 256, r"[a-zA-Z0-9 _.\-\/+=:]*")]
-MAX_TAGS = 50
-"""Maximum number of tags of a resource."""
-TagMap = Annotated[
-    dict[TagKey, TagValue],
-    ShapeName("TagMap"),
-    Field(max_length=MAX_TAGS),
-    AfterValidator(_no_reserved_tags),
-]
 
 # Object store
 

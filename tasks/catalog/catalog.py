@@ -12,8 +12,7 @@ from ...schemas.documents.kinds import upgraded
 from ...schemas.lifecycles import LIFECYCLES, is_terminal
 from ...schemas.state_machines import next_state
 from ...schemas.wire.arns import ResourceArn
-from ...schemas.wire.common import MAX_TAGS
-from ...schemas.wire.errors import InvalidParameterException, LimitExceededException, StateConflictError
+from ...schemas.wire.errors import LimitExceededException, StateConflictError
 from .client_tokens import ClientToken, find_resource, store_token
 from .leases import CatalogLeases
 from .queries import (
@@ -21,15 +20,14 @@ from .queries import (
     changed_one,
     check_free,
     insert_labels,
-    insert_tags,
     not_found,
     one_row,
     replace_labels,
-    replace_tags,
     resource_of,
 )
 from .records import FirstLease, NewResource, Resource
 from .tables import resources
+from .tags import insert_tags, merged_tags, replace_tags
 
 _MAX_ATTEMPTS = 100
 _CHUNK = 500  # of ARNs in one query
@@ -281,12 +279,7 @@ class Catalog(CatalogLeases):
         """
 
         def merged(row: RowMapping) -> dict[str, Any]:
-            after = {**row["tags"], **tags}
-            if len(after) > MAX_TAGS:
-                raise InvalidParameterException(
-                    f"tags: {arn} would have {len(after)} tags; a resource has at most {MAX_TAGS}"
-                )
-            return {"tags": after, "updated_at": row["updated_at"]}
+            return {"tags": merged_tags(arn, row["tags"], tags), "updated_at": row["updated_at"]}
 
         return self._change(arn, None, merged)
 

@@ -300,23 +300,3 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
         is_name = unique_name and found.unique_name == resource.name
         what = f"the name {resource.name!r}" if is_name else "that ARN"
         raise ResourceAlreadyExistsException(f"{found.arn} already has {what}; choose another")
-
-
-_ADDED = insert(resource_tags)
-_PLACE = select(resources.c.kind, resources.c.sequence).where(resources.c.arn == bindparam("of"))
-_OLD = delete(resource_tags).where(resource_tags.c.sequence == bindparam("of"))
-
-
-def insert_tags(connection: Connection, kind: str, sequence: int, tags: Mapping[str, str]) -> None:
-    """Adds tags to a resource's database row, so that lists can filter by them."""
-    rows = [{"kind": kind, "key": key, "value": value, "sequence": sequence} for key, value in tags.items()]
-    if rows:
-        connection.execute(_ADDED, rows)
-
-
-def replace_tags(connection: Connection, arn: str, tags: Mapping[str, str]) -> None:
-    """Replaces the tags of a resource's database row."""
-    place = connection.execute(_PLACE, {"of": arn}).one_or_none()
-    if place is not None:
-        connection.execute(_OLD, {"of": place.sequence})
-        insert_tags(connection, place.kind, place.sequence, tags)

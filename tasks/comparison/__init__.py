@@ -5,5 +5,5 @@ comparison = compare(before, after, alpha=0.05)
 print(comparison.answer, comparison.why)
 ```
 
-Only `statistics` imports scipy, for `difference_test`, which only `better_or_worse` imports; the rest is quick.
+`statistics`, `margins` and `difference_test` import scipy, and so do those that import them; the rest is quick.
 """

@@ -23,7 +23,6 @@ from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
 from .e_processes import fewest_worlds
 from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
-from .statistics import holm_adjusted
 
 ALPHA = 0.05
 """Error probability of all comparisons of a run together; the intervals have it each."""
@@ -285,3 +284,22 @@ def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def holm_adjusted(p_values: Sequence[float]) -> list[float]:
+    """Adjusts the p-values of several tests by Holm's method, so that all of them together have the error of one.
+
+    Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979).
+
+    Args:
+        p_values: p-value of each test.
+
+    Returns:
+        The adjusted ones in the same order, each at least the given one and at most 1.
+    """
+    adjusted = [1.0] * len(p_values)
+    largest = 0.0
+    for rank, place in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[place]))
+        adjusted[place] = largest
+    return adjusted

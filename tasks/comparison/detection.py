@@ -14,7 +14,7 @@ from .compared_runs import NightRun
 from .difference_test import POWER, JudgedTrials, pairs_for
 from .e_processes import fewest_worlds
 from .margins import margin_power
-from .statistics import mcnemar_power
+from .statistics.mcnemar import mcnemar_power
 
 ASSUMED_SHARE = 0.2
 """Assumed share of pairs that differ, without earlier runs: a fifth is much for a robot that mostly repeats its

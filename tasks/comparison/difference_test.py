@@ -11,16 +11,9 @@ from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
 from .e_processes import fewest_worlds
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
-from .statistics import (
-    Interval,
-    clustered_mean,
-    mcnemar_p_value,
-    mcnemar_pairs_needed,
-    mean_difference,
-    paired_rate_difference,
-    sign_flip_p_value,
-    worlds_needed,
-)
+from .statistics.intervals import Interval, clustered_mean, mean_difference, paired_rate_difference
+from .statistics.mcnemar import mcnemar_p_value, mcnemar_pairs_needed
+from .statistics.sign_flips import sign_flip_p_value, worlds_needed
 
 POWER = 0.8
 """Probability with which the computed number of pairs would show the difference (power of the test)."""

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr, ndtri, stdtrit, xlogy
 
-from .statistics import changes_of_worlds, first_that_holds
+from .statistics.bisection import first_that_holds
+from .statistics.sign_flips import changes_of_worlds
 
 _ENUMERATED_PAIRS = 3000
 """Number of pairs up to which power is summed over all tables (0.3 s); above, the normal approximation is accurate to a

@@ -1,9 +1,8 @@
-"""Policy for scheduled runs that overlap or are late: one run of a deployment at a time, the earliest first.
+"""Policy for scheduled runs that overlap: one run of a deployment at a time, the earliest first.
 
-A night that is due while the last one runs waits for it. A night that begins too late, since it waited so long or the
-machine slept, is skipped, so that several missed nights are made up for by one. Prefect's alternative, cancelling a run
-that is due while another runs, would lose nights that were missed together: the oldest would take the slot only to be
-skipped.
+A night that is due while the last one runs waits for it, and is skipped if it then begins too late (`late_nights`).
+Prefect's alternative, cancelling a run that is due while another runs, would lose nights that were missed together: the
+oldest would take the slot only to be skipped.
 
 Prefect gives a free slot to whichever waiting run asks first, so that a later night might begin before an earlier one.
 So a run that began before an earlier one gives its slot back and waits again.
@@ -27,9 +26,8 @@ from prefect.client.schemas.objects import ConcurrencyLimitStrategy, Concurrency
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.context import FlowRunContext
 from prefect.exceptions import Pause, PrefectException
-from prefect.states import AwaitingConcurrencySlot, Cancelled
+from prefect.states import AwaitingConcurrencySlot
 
-from ...schemas.settings import Settings
 from .prefect_settings import asking_once
 
 RUNS_AT_ONCE = 1
@@ -55,27 +53,6 @@ _WAITS = "AwaitingConcurrencySlot"
 """Name of the state of runs that wait for a slot; Prefect keeps such runs when a deployment is changed."""
 
 _logger = logging.getLogger(__name__)
-
-
-def skipped_night(settings: Settings) -> State[Any] | None:
-    """Returns the end state for a scheduled flow run that starts too late and is skipped; `None` if it may run.
-
-    Runs that somebody ordered are never too late.
-
-    Args:
-        settings: say how late is too late.
-    """
-    context = FlowRunContext.get()
-    run = context.flow_run if context is not None else None
-    if run is None or not run.auto_scheduled or run.expected_start_time is None:
-        return None
-    late = datetime.now(UTC) - run.expected_start_time
-    if late <= timedelta(hours=settings.max_late_hours):
-        return None
-    due, hours = f"{run.expected_start_time:%Y-%m-%d %H:%M} UTC", late.total_seconds() / 3600
-    allowed = f"at most {settings.max_late_hours} h are allowed (ROBOMAKER_MAX_LATE_HOURS)"
-    message = f"skipped: due at {due}, begun {hours:.1f} h later; {allowed}"
-    return Cancelled(name="Skipped", message=message)
 
 
 def give_way_to_earlier(continues: str | None = None) -> None:

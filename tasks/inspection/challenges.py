@@ -8,7 +8,7 @@ from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axis_kinds.kind import why_not_applicable
 from ...schemas.runs.plan import Verdict
 from ...schemas.specs.challenge_requests import JOB_TAG, SABOTAGE_TAG
-from ..results.challenges import Arm, table_of
+from ..results.challenge_verdicts import Arm, table_of
 from ..results.table import ResultTable
 
 _VERDICTS: dict[str, Verdict] = {"PASS": "PASS", "FAIL": "FAIL", "ERROR": "ERROR", "NONE": "NONE"}

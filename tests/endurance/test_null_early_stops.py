@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from prefect_robomaker.tasks.comparison.e_processes import margin_wealth, mixed, sign_wealth, threshold
-from prefect_robomaker.tasks.comparison.statistics import mcnemar_pairs_needed
+from prefect_robomaker.tasks.comparison.statistics.mcnemar import mcnemar_pairs_needed
 
 RUNS, AT_ONCE = 20_000, 1_000
 ALPHA = 0.05

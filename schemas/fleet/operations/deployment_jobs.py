@@ -21,7 +21,6 @@ from ...wire.common import (
     S3Bucket,
     S3Etag,
     S3Key,
-    TagMap,
     Timestamp,
     text,
 )
@@ -39,6 +38,7 @@ from ...wire.operation_shape import (
     OperationShape,
     deprecated,
 )
+from ...wire.tags import TagMap
 from .robots import FleetMaxResults, RobotStatus
 
 Weekday = Annotated[

@@ -5,8 +5,9 @@ from typing import Annotated
 from pydantic import Field
 
 from ...wire.base import Shape, ShapeName, optional
-from ...wire.common import Arn, Filters, Name, PageRequest, PaginationToken, TagMap, Timestamp
+from ...wire.common import Arn, Filters, Name, PageRequest, PaginationToken, Timestamp
 from ...wire.operation_shape import INTERNAL, INVALID, LIMIT, READ_ERRORS, THROTTLED, OperationShape, deprecated
+from ...wire.tags import TagMap
 from .deployment_jobs import DeploymentStatus
 from .robots import FleetMaxResults, Robots
 

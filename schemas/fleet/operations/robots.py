@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ...wire.base import Shape, ShapeName, optional
-from ...wire.common import Architecture, Arn, Filters, Name, PageRequest, PaginationToken, TagMap, Timestamp, text
+from ...wire.common import Architecture, Arn, Filters, Name, PageRequest, PaginationToken, Timestamp, text
 from ...wire.operation_shape import (
     EXISTS,
     INTERNAL,
@@ -17,6 +17,7 @@ from ...wire.operation_shape import (
     OperationShape,
     deprecated,
 )
+from ...wire.tags import TagMap
 
 Id = Annotated[str, ShapeName("Id"), text(1, 1224)]
 RobotStatus = Annotated[

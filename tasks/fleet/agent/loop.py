@@ -214,7 +214,7 @@ class Agent:
             self._effects.restart(version)
         except StepFailed as error:
             self._say(f"version {version.version if version else 'none'} cannot be started: {error.reason}")
-            self._application.fall_back()
+            self._application.delay_next_start()
             if self.state.phase in TRIED:
                 self._fail(f"the new version cannot be started: {error.reason}")
 

@@ -31,7 +31,8 @@ from ...service.service import Service
 from ..application_archives import fetch_source, place_of
 from ..catalog_rollouts import Rollouts
 from .envelopes import PublicKey, attestation_key, known_public_key, sign, verified
-from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
+from .passed_batch import PassedBatch, RunningBatch, StoredBatch, judge
+from .statements import Statement, statement_of
 
 LONGEST_WAIT = timedelta(days=14)
 """Longest time that a deployment waits for its batch, counted from its creation: as long as a batch may run."""

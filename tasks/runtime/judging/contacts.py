@@ -11,7 +11,7 @@ from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, Rule, is_m
 from ....schemas.wire.request_problems import nearest, some
 from ....schemas.worlds.world import World
 from .bags import Bag, Message
-from .sources import Source
+from .silences import Source
 
 
 class Contacts:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from ....schemas.runs.requirement_kinds.kind import PlanarPose, PosePair, Rule, yaw_rad
 from .bags import Message
 from .frames import bare
-from .sources import Pose, PoseTopic, TransformPoses
+from .poses import Pose, PoseTopic, TransformPoses
 
 _MAX_APART_S = 10.0
 """Maximum difference in seconds between the delays of two topics with the same clock; localization takes tenths of a

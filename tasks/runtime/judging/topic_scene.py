@@ -15,7 +15,9 @@ from .bags import Bag, Message, RecordingFault
 from .contacts import CONTACT_TYPES, MARKERS, Contacts, fits_floor, listed_names
 from .frames import FrameTree
 from .pose_pairs import PosePairs, Timed, poses_in, poses_on
-from .sources import POSE_TYPES, SCAN_TYPE, TRANSFORMS, Pose, PoseTopic, Scan, Source, TransformPoses
+from .poses import POSE_TYPES, TRANSFORMS, Pose, PoseTopic, TransformPoses
+from .scan_clearance import SCAN_TYPE, Scan
+from .silences import Source
 
 CLOCK = "/clock"
 _TF, _TF_STATIC, _ODOM, _SCAN, _CONTACTS = "/tf", "/tf_static", "/odom", "/scan", "/contacts"

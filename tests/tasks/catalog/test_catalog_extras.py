@@ -1,4 +1,4 @@
-"""Labels, tags, numbered children, and what is left to do."""
+"""Labels, numbered children, and what is left to do."""
 
 import threading
 from collections.abc import Callable
@@ -70,7 +70,7 @@ def test_several_kinds_are_listed_together(catalog: Catalog, make_resource: Make
     assert ids(catalog.list(("robot", "deployment-fleet"))) == ["2", "1", "0"]
 
 
-# Names, status, tags
+# Names, status
 
 
 def test_an_update_may_rename_and_set_a_status(catalog: Catalog, make_resource: MakeResource) -> None:
@@ -83,25 +83,6 @@ def test_an_update_may_rename_and_set_a_status(catalog: Catalog, make_resource: 
     assert catalog.get(arn) == changed
     with pytest.raises(StateConflictError, match="changes by events only"):
         catalog.update(job, lambda document: document, status="Running")
-
-
-def test_tags_are_merged_and_removed(catalog: Catalog, make_resource: MakeResource, clock: Any) -> None:
-    created = catalog.create(make_resource(1, tags={"a": "1", "b": "2"}), token=None)
-    arn = created.arn
-    clock.advance(60)
-
-    assert catalog.set_tags(arn, {"b": "3", "c": ""}).tags == {"a": "1", "b": "3", "c": ""}
-    assert catalog.remove_tags(arn, ["a", "unknown"]).tags == catalog.get(arn).tags == {"b": "3", "c": ""}
-    assert catalog.get(arn).updated_at == created.updated_at
-
-
-def test_a_resource_has_at_most_fifty_tags(catalog: Catalog, make_resource: MakeResource) -> None:
-    arn = catalog.create(make_resource(1, tags={f"k{n}": "" for n in range(50)}), token=None).arn
-
-    assert catalog.set_tags(arn, {"k0": "new"}).tags["k0"] == "new"
-    with pytest.raises(InvalidParameterException, match="would have 51 tags"):
-        catalog.set_tags(arn, {"one": "more"})
-    assert len(catalog.get(arn).tags) == 50
 
 
 # Children

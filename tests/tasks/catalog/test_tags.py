@@ -1,9 +1,11 @@
-"""Lists by tag: found by an index, also in catalogs that were made before there was one."""
+"""Tags of resources: merged up to a limit; lists find them by an index, also in catalogs from before there was one."""
 
 from typing import Any
 
+import pytest
 from sqlalchemy import create_engine
 
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.catalog.queries import list_query
 
@@ -62,3 +64,22 @@ def test_a_tag_that_few_have_is_looked_up(url: str, clock: Any) -> None:
         first = str(plan[0][-1] if is_sqlite else plan)
         assert "resource_tags" in first, plan
     engine.dispose()
+
+
+def test_tags_are_merged_and_removed(catalog: Catalog, make_resource: Any, clock: Any) -> None:
+    created = catalog.create(make_resource(1, tags={"a": "1", "b": "2"}), token=None)
+    arn = created.arn
+    clock.advance(60)
+
+    assert catalog.set_tags(arn, {"b": "3", "c": ""}).tags == {"a": "1", "b": "3", "c": ""}
+    assert catalog.remove_tags(arn, ["a", "unknown"]).tags == catalog.get(arn).tags == {"b": "3", "c": ""}
+    assert catalog.get(arn).updated_at == created.updated_at
+
+
+def test_a_resource_has_at_most_fifty_tags(catalog: Catalog, make_resource: Any) -> None:
+    arn = catalog.create(make_resource(1, tags={f"k{n}": "" for n in range(50)}), token=None).arn
+
+    assert catalog.set_tags(arn, {"k0": "new"}).tags["k0"] == "new"
+    with pytest.raises(InvalidParameterException, match="would have 51 tags"):
+        catalog.set_tags(arn, {"one": "more"})
+    assert len(catalog.get(arn).tags) == 50

@@ -7,9 +7,8 @@ from helpers.night_records import make_job, make_night
 
 from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult
 from prefect_robomaker.schemas.reports.run_record import JobRecord
-from prefect_robomaker.tasks.comparison.arms import axis_results
+from prefect_robomaker.tasks.comparison.arms import axis_results, holm_adjusted
 from prefect_robomaker.tasks.comparison.compared_runs import CellTable, NightRun
-from prefect_robomaker.tasks.comparison.statistics import holm_adjusted
 from prefect_robomaker.tasks.results.table import ResultTable
 
 

@@ -16,7 +16,7 @@ from prefect_robomaker.tasks.comparison.detection import (
     plan_pairs,
 )
 from prefect_robomaker.tasks.comparison.margins import margin_power, score
-from prefect_robomaker.tasks.comparison.statistics import mcnemar_power
+from prefect_robomaker.tasks.comparison.statistics.mcnemar import mcnemar_power
 
 
 def nights(*letters: str) -> list[NightRun]:

@@ -19,8 +19,7 @@ from prefect.client.schemas.objects import FlowRun
 from prefect.server.schemas.schedules import CronSchedule
 from prefect.states import Cancelled, Completed, Paused, Pending, Running, Scheduled
 
-from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE, skipped_night
+from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 
 SPEC = '{"version": 1, "name": "tiny", "steps": {"list": {"operation": "ListWorlds"}}}'
 BERLIN = ZoneInfo("Europe/Berlin")
@@ -156,10 +155,6 @@ def test_a_night_that_was_missed_is_skipped_or_made_up_for(
     if state == "Skipped":
         assert after.state.is_cancelled()
         assert "begun 7.0 h later; at most 6 h are allowed (ROBOMAKER_MAX_LATE_HOURS)" in (after.state.message or "")
-
-
-def test_what_nobody_scheduled_is_never_late(settings: Settings) -> None:
-    assert skipped_night(settings) is None
 
 
 async def dates(cron: str, timezone: str, year: int) -> list[datetime]:

@@ -22,8 +22,8 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet attest`: writes the signed attestation that a simulation batch passed."""
     from .....schemas.wire.arns import ResourceArn
     from .....schemas.wire.errors import DeploymentError
+    from .....tasks.fleet.attestations.passed_batch import BATCH, RunningBatch, StoredBatch, application_of, judge
     from .....tasks.fleet.attestations.required_batches import signed
-    from .....tasks.fleet.attestations.statements import BATCH, RunningBatch, StoredBatch, application_of, judge
     from .....tasks.simulations.planning.applications import find_application
 
     ResourceArn.parse(arguments.batch, BATCH)

@@ -89,7 +89,7 @@ class Application:
         up_s = self._monotonic() - self._since_s
         self._kill_rest()
         self.was_steady = up_s >= _STEADY_S
-        self.fall_back(was_steady=self.was_steady)
+        self.delay_next_start(was_steady=self.was_steady)
         how = self._how = f"signal {-code}" if code < 0 else f"exit code {code}"
         return f"the application ended with {how} after {up_s:.1f} s"
 
@@ -108,7 +108,7 @@ class Application:
             return ""
         return f"version {self._version.version} keeps restarting: {self._how or 'it cannot be started'}"
 
-    def fall_back(self, *, was_steady: bool = False) -> None:
+    def delay_next_start(self, *, was_steady: bool = False) -> None:
         """Delays the next start of the robot's application, longer after each failure."""
         self._failures = 0 if was_steady else self._failures + 1
         pause_s = 0.0 if was_steady else min(_LONGEST_PAUSE_S, 2.0 ** min(self._failures, 10) / 2)

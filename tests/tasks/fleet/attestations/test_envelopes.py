@@ -32,8 +32,8 @@ from prefect_robomaker.tasks.fleet.attestations.envelopes import (
     read_public_key,
     verified,
 )
+from prefect_robomaker.tasks.fleet.attestations.passed_batch import PassedBatch, StoredBatch, judge
 from prefect_robomaker.tasks.fleet.attestations.required_batches import signed
-from prefect_robomaker.tasks.fleet.attestations.statements import PassedBatch, StoredBatch, judge
 from prefect_robomaker.tasks.service.service import Service
 
 ARCHIVES = {"x86": "X86_64", "arm": "ARM64"}

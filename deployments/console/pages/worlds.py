@@ -8,19 +8,19 @@ from typing import Any
 
 from starlette.responses import HTMLResponse, Response
 
-from ...schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
-from ...schemas.reports.names import unique_world_names
-from ...schemas.wire.errors import ObjectNotFoundError
-from ...tasks.catalog import Resource
-from ...tasks.inspection.reports import report_of_world
-from ...tasks.reporting import view_report
-from ...tasks.service.references import names_of_worlds
-from ...tasks.simulations.inputs.bundles import world_bundle
-from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
-from ...tasks.worlds.previews import preview_of
-from ...tasks.worlds.reuse import same_body
-from .job_states import look_of_status
-from .visit import Visit
+from ....schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
+from ....schemas.reports.names import unique_world_names
+from ....schemas.wire.errors import ObjectNotFoundError
+from ....tasks.catalog import Resource
+from ....tasks.inspection.reports import report_of_world
+from ....tasks.reporting import view_report
+from ....tasks.service.references import names_of_worlds
+from ....tasks.simulations.inputs.bundles import world_bundle
+from ....tasks.worldforge.proofs.guarantees import proof_lines, violations
+from ....tasks.worlds.previews import preview_of
+from ....tasks.worlds.reuse import same_body
+from ..job_states import look_of_status
+from ..visit import Visit
 
 WORLD = "world"
 GENERATION = "world-generation-job"
@@ -127,7 +127,7 @@ def _made_from(world: Resource, visit: Visit) -> dict[str, Any]:
 def show_in_3d(visit: Visit) -> Response:
     """Web page with a 3D view of a world."""
     # Imports MuJoCo and what makes meshes, 25 MB that `serve` does not need otherwise.
-    from ...tasks.worldforge.viewer.viewer_page import viewer_page
+    from ....tasks.worldforge.viewer.viewer_page import viewer_page
 
     world = visit.find(WORLD, visit.request.path_params["id"])
     return HTMLResponse(viewer_page(world_bundle(world, visit.service), world.id), headers=_OPEN_PAGE)
@@ -150,3 +150,12 @@ def _names(worlds: Sequence[Resource], visit: Visit) -> dict[str, str]:
 def _listed(visit: Visit, filters: dict[str, list[str]]) -> tuple[Sequence[Resource], str | None]:
     page = visit.listed(WORLD, filters, _PAGE_LENGTH, ())
     return visit.seen(page.resources), page.next_token
+
+
+PAGES = {
+    "/worlds": show_all,
+    "/worlds/{id:path}/view": show_in_3d,
+    "/worlds/{id:path}/preview.png": send_preview,
+    "/worlds/{id:path}": show,
+    "/generations/{id}": show_of_job,
+}

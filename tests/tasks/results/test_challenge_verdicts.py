@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.challenge import Challenge, SabotageResult
 from prefect_robomaker.schemas.runs.plan import Requirement
-from prefect_robomaker.tasks.results.challenges import Arm, table_of
+from prefect_robomaker.tasks.results.challenge_verdicts import Arm, table_of
 
 LATE, BLIND = "late", "blind"
 ASKED = Challenge(sabotages=[SabotageResult(name=name, axes={"motor_delay_s": 0.5}) for name in (LATE, BLIND)])

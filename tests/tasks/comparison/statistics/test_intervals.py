@@ -1,52 +1,19 @@
-"""Statistics of pairs, against published numbers, other programs' functions and simulation."""
+"""Confidence intervals of pairs, against published numbers, other programs' functions and simulation."""
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.comparison.statistics import (
+from prefect_robomaker.tasks.comparison.statistics.intervals import (
     clustered_mean,
-    mcnemar_p_value,
     mean_difference,
     paired_rate_difference,
-    sign_flip_p_value,
 )
 
 COUNTS = st.integers(0, 60)
-
-
-@pytest.mark.parametrize(
-    ("worse", "better", "p_value"),
-    [
-        # Fagerland, Lydersen, Laake, "The McNemar test for binary matched-pairs data", BMC Medical Research
-        # Methodology 13:91 (2013): airway hyper-responsiveness (Bentur et al. 2009), 1 and 7 of 21 pairs.
-        (1, 7, 0.0703),
-        # Altman et al., Statistics with Confidence (2000), table 6.2: 5 and 0 of 41 pairs; 2 / 2^5.
-        (5, 0, 0.0625),
-        # Two-sided tables of the sign test (Dixon and Mood 1946; Conover): for 12 differences 2 is the most that is
-        # significant at 5 %, for 20 it is 5, for 25 it is 7.
-        (2, 10, 0.0386),
-        (3, 9, 0.1460),
-        (5, 15, 0.0414),
-        (6, 14, 0.1153),
-        (7, 18, 0.0433),
-    ],
-)
-def test_the_exact_mcnemar_test_gives_published_values(worse: int, better: int, p_value: float) -> None:
-    assert mcnemar_p_value(worse, better) == pytest.approx(p_value, abs=5e-5)
-
-
-@given(COUNTS, COUNTS)
-def test_the_exact_mcnemar_test_is_scipys_binomial_test(worse: int, better: int) -> None:
-    from scipy import stats  # takes each worker a second
-
-    expected = stats.binomtest(worse, worse + better).pvalue if worse + better else 1.0
-    assert mcnemar_p_value(worse, better) == pytest.approx(expected, abs=1e-12)
-    assert mcnemar_p_value(worse, better) == mcnemar_p_value(better, worse)
 
 
 @pytest.mark.parametrize(
@@ -90,31 +57,6 @@ def test_about_95_of_100_intervals_of_paired_rates_hold_the_truth() -> None:
         for found in (paired_rate_difference(*map(int, table)) for table in tables)
     )
     assert 0.935 <= held / len(tables) <= 0.97
-
-
-@given(st.lists(st.integers(-30, 30), max_size=9))
-def test_the_test_that_flips_worlds_counts_all_signs(differences: list[int]) -> None:
-    found = abs(sum(differences))
-    sums = [abs(sum(sign * each for sign, each in zip(signs, differences, strict=True)))
-            for signs in product((-1, 1), repeat=len(differences))]  # fmt: skip
-    expected = sum(each >= found for each in sums) / len(sums)
-    assert sign_flip_p_value(differences) == pytest.approx(expected, abs=1e-11)
-
-
-@given(COUNTS, COUNTS)
-def test_the_test_that_flips_worlds_of_one_trial_is_mcnemars(worse: int, better: int) -> None:
-    assert sign_flip_p_value([-1] * worse + [1] * better) == pytest.approx(mcnemar_p_value(worse, better), abs=1e-11)
-
-
-def test_the_test_that_flips_worlds_takes_many_large_ones() -> None:
-    from scipy import stats  # takes each worker a second
-
-    chance = np.random.default_rng(3)
-    sizes = chance.integers(-100, 101, 1000)
-    deviation = math.sqrt(float((sizes**2).sum()))
-    normal = 2 * stats.norm.sf(abs(int(sizes.sum())) / deviation)
-    assert sign_flip_p_value(sizes.tolist()) == pytest.approx(normal, abs=2e-3)
-    assert sign_flip_p_value([100] * 1000) == 0
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=20))

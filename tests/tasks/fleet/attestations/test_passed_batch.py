@@ -8,7 +8,7 @@ from helpers.tested_batches import Batches, courier, etag
 from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf
 from prefect_robomaker.schemas.wire.errors import DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.fleet.attestations.statements import (
+from prefect_robomaker.tasks.fleet.attestations.passed_batch import (
     PassedBatch,
     RunningBatch,
     StoredBatch,
