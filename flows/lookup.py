@@ -80,7 +80,16 @@ def without_heartbeat() -> Generator[None]:
 
 
 def _answer_without_prefect(operation: str, arn: str, error: Exception) -> tuple[dict[str, Any], FlowResult]:
-    """Returns the job's final description if it has completed without the Prefect server; else raises the error."""
+    """Returns a job's final description and how it ended, from the catalog, as the Prefect server does not answer.
+
+    Args:
+        operation: Operation that created the job.
+        arn: ARN of the job.
+        error: Exception that showed that the server does not answer; the cause of the one raised here.
+
+    Raises:
+        PrefectServerLostError: The job has not ended; the message says how to go on with it.
+    """
     service, url = Service.current(), PREFECT_API_URL.value()
     job = service.catalog.get(arn)
     if not is_terminal(job.kind, job.status):

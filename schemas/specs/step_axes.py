@@ -269,14 +269,14 @@ def cells_of(cells: Cells, seed: int) -> list[StepCell]:
 
 
 def job_of_cell(request: Mapping[str, Any], cell: StepCell, number: int) -> dict[str, Any]:
-    """Makes the request of one job of a cell (a value for each axis), with the job's seed, and the values as tags.
+    """Returns a cell's job request with the seed of one job, and with the cell's values added to its tags.
 
-    Jobs of a cell have seeds after each other, the same ones in every cell. Trials of a job have seeds of their own, so
-    the next job begins after those: no seed comes twice in a cell.
+    A cell is one combination of the axes' values. Its jobs differ in their seeds only, and all cells have the same
+    seeds. A job with trials takes as many seeds as these need, so the next job's seed comes after them.
 
     Args:
-        request: The request that `value` makes of the cell.
-        cell: The cell.
+        request: Request of the cell: what the specification has under `value`, with the cell's values filled in.
+        cell: Value of each axis, by the axis's name.
         number: Number of the job in its cell, from 0.
     """
     given = request.get("seed", 0)

@@ -30,7 +30,10 @@ def _say_nothing(text: str) -> None:
 
 @dataclass(frozen=True)
 class Patience:
-    """Retry policy for an unreachable object store: how long to wait, and what to call then."""
+    """Repeats calls to an object store that does not answer, for a limited time.
+
+    `note` is told once when a call begins to wait, and once when the store answers again.
+    """
 
     patience_s: float
     """Seconds after which a failing call is not repeated any more."""

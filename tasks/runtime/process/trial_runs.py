@@ -149,7 +149,10 @@ class TrialStage:
         return trials.trial(trial.number, self._plan.seed) if trials is not None else trial
 
     def close(self) -> None:
-        """Closes the environment."""
+        """Closes the environment that the trials run in, if there is one, and forgets it and its agent.
+
+        The next trial makes new ones.
+        """
         environment, self._environment, self._agent = self._environment, None, None
         if environment is not None:
             environment.close()

@@ -231,7 +231,10 @@ class McapFile:
         self._counts, self._chunk_indexes = dict(state["counts"]), list(state["chunk_indexes"])
 
     def contents(self) -> tuple[dict[int, int], int, int]:
-        """Returns the number of messages by channel, and the log times of the first and last one."""
+        """Returns what the file has so far: number of messages by channel number, first and last log time in ns.
+
+        Messages that wait for their chunk are not counted; both times are 0 if nothing was written.
+        """
         start_ns = min((index.message_start_time for index in self._chunk_indexes), default=0)
         end_ns = max((index.message_end_time for index in self._chunk_indexes), default=0)
         return dict(self._counts), start_ns, end_ns

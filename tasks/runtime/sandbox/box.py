@@ -278,10 +278,17 @@ def enter_network_of_keeper(network: BoxNetwork) -> None:
 
 
 def _orphan(enter: Callable[[], None], become: Callable[[], NoReturn]) -> int:
-    """Forks twice: the first process enters namespaces, and the second, which is in them, stays; returns its pid.
+    """Starts a process in other namespaces as a child of this process, and returns its pid.
+
+    It forks twice: a helper process enters the namespaces, forks the process, which is then in them, and exits. This
+    process adopts the orphan; so it has to be a child subreaper (see `adopt_orphans`).
+
+    Args:
+        enter: Function by which the helper makes or joins the namespaces.
+        become: Function that the new process runs; it must not return.
 
     Raises:
-        BoxError: The namespaces could not be entered.
+        BoxError: The namespaces could not be entered, or the process was killed as it began.
     """
     ours, theirs = socket.socketpair()
     with ours:

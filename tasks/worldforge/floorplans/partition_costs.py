@@ -382,7 +382,14 @@ class BatchEvaluator:
         return exposed(cuts).max(axis=(0, 1))
 
     def _neighbours(self, ways: Flags) -> Floats:
-        """Returns the cost of rooms that can be connected only to unsuitable neighbours."""
+        """Returns for each candidate floor plan the cost of badly placed rooms, judged by the rooms next to them.
+
+        A room costs if no room that it can be connected to suits its type, if it should be next to a hallway and is
+        not, and if it can be reached only through private rooms, such as bedrooms.
+
+        Args:
+            ways: Whether two rooms can be connected; shape (plan, room, room).
+        """
         best = (ways * self.affinities).max(axis=2)
         cost = STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
         if self.hallways.any():

@@ -154,9 +154,13 @@ def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
 
 
 def _bare_preferences(work: RoomFurnishing, kinds: Sequence[str]) -> list[Preference]:
-    """Lists essential furniture that did not fit (a bed in a bedroom, say) as missed preferences.
+    """Returns a missed preference if a room has none of the furniture that its type needs, such as a bed in a bedroom.
 
-    Kinds that the template lists are reported elsewhere.
+    The list is empty if it has one. For rooms whose furniture the template lists, callers report each kind instead.
+
+    Args:
+        work: The furnished room.
+        kinds: Kinds of furniture that were to be placed in it.
     """
     lacking = _lacking(work, kinds)
     if not lacking:

@@ -112,7 +112,7 @@ class RayCaster:
         return Hits(geoms, np.array(origin) + rays * np.where(geoms < 0, 1.0, distances)[:, None], normals)
 
     def through_glass(self, origin: Vector, rays: Array, hits: Hits) -> Array:
-        """Returns 1 for rays that go through glass before they hit something, 0 for others."""
+        """Returns 1 for rays that go through glass before they hit something, or hit nothing; 0 for others."""
         if not self.has_glass or len(rays) == 0:
             return np.zeros(len(rays))
         panes, near, _ = self.trace(origin, rays, self._glass)

@@ -60,7 +60,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker deploy`: creates Prefect deployments of specifications or operations; all or none."""
+    """Runs `robomaker deploy`: creates or updates Prefect deployments of specifications, operations or the job worker.
+
+    All specifications are checked before the first deployment is made. If the Prefect server fails later, those made
+    until then stay.
+    """
     from .....schemas.settings import Settings
     from ....deploying.deployables import job_worker_deployable, operation_deployables
     from ....deploying.job_variables import block_of_word, environment_of_words

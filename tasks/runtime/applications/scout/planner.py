@@ -151,15 +151,15 @@ class GridPlanner:
         return self._known_clearance[self._map.cells(points)]
 
     def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Way | None:
-        """Plans a path: a free one if possible, else a tight one, else one that pushes obstacles.
+        """Plans a path: with a margin if possible, else just fitting, else through obstacles that are not on the map.
 
         Args:
-            start: Position of the robot's centre; if the robot does not fit there, the path begins at the nearest
-                position where it does.
-            goal: Position to reach, moved likewise.
+            start: Position of the robot's centre, where the path begins. If the robot does not fit there, the path
+                continues from the nearest cell where it does, at most 0.5 m away.
+            goal: Position to reach; the path ends at the nearest cell where the robot fits, at most 0.5 m away.
 
         Returns:
-            The way, or nothing when there is none on the map alone.
+            The path and its kind; `None` if there is no path even without the obstacles that are not on the map.
         """
         for kind in _MARGIN_M:
             path = self._path(kind, start, goal)
