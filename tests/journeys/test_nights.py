@@ -107,7 +107,7 @@ def test_two_nights_with_a_robot_that_gets_worse(robomaker: Command, repository:
     opening = page[page.index("Since the last run") : page.index("Run it again")]
     assert first.run_id in opening
     assert 'Newly failing <span class="count">6</span>' in opening
-    assert '<a href="#job-1">balance: request 1 agent, seed=1</a>' in opening
+    assert '<a href="#job-1">balance: agent, seed=1</a>' in opening
     assert f"commit {first.source.commit[:8]} → {second.source.commit[:8]}" in opening
     assert f"application agent {digests[0]['robot', 'agent'][:8]} → " in opening
 

@@ -78,8 +78,7 @@ def test_a_verdict_that_fails_is_told_with_its_picture(run: Run, webhook: Webhoo
     (got,) = webhook.got
     assert got["title"] == "nightly: failed, 0 pass, 1 fail of 1 job"
     lines = got["message"].splitlines()
-    world = record.jobs[0].world
-    assert lines[2].startswith(f"1. {record.jobs[0].label} in {world}: be-quick: ")
+    assert lines[2].startswith(f"1. scout in flat 1 ({record.jobs[0].label}): be-quick: ")
     assert f"https://robots.example/console/jobs/{record.jobs[0].label}" in lines
     assert f"Run: https://robots.example/console/runs/{record.run_id}" in lines
     assert f"Report: {record.report_path} on {platform.node()}" in lines

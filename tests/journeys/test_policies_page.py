@@ -83,6 +83,7 @@ def test_the_example_trains_a_network_and_drives_by_both_policies(service: Servi
     steps = yaml.safe_load(text)["steps"]
     call("CreateRobotApplication", steps["mine"]["input"], service)
     requests = steps["drive"]["input"]["createSimulationJobRequests"]
-    results = [driven({**requests["value"], "policy": policy}, world, service) for policy in requests["forEach"]]
+    policies = requests["axes"]["policy"]["values"]
+    results = [driven({**requests["value"], "policy": policy}, world, service) for policy in policies]
     assert results[0].metrics["distance_m"] > 1.0
     assert all(result.metrics["distance_m"] > 0.0 for result in results)

@@ -23,7 +23,7 @@ def run_example(
 
     def run(page: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         text = (DOCS / f"{page}.md").read_text()
-        [spec] = [block for block in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL) if "\nsteps:" in block]
+        spec = next(block for block in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL) if "\nsteps:" in block)
         monkeypatch.chdir(tmp_path)
         (tmp_path / "spec.yaml").write_text(spec)
         ended = robomaker_at_server("run", "spec.yaml", "-o", "json")

@@ -92,7 +92,7 @@ def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
     assert (nothing.code, nothing.err) == (0, "")
     assert f"nothing to run again: no job of the run {mixed.run_id} is failed" in nothing.out
     for words, problem in [
-        (("--job", "sim-none"), f"has no job 'sim-none'; it has {mixed.jobs[0].label}"),
+        (("--job", "sim-none"), f"has no job 'sim-none'; it has {mixed.jobs[0].name} ({mixed.jobs[0].label})"),
         (("--world", "world-1"), "has no job in the world 'world-1'; its jobs have no worlds"),
     ]:
         refused = robomaker("rerun", "latest", *words)
