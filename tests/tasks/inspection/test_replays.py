@@ -65,7 +65,7 @@ MAP = {"packageName": "swinger", "launchFile": "make_map"}
 
 
 def map_of(**variables: str) -> dict[str, Any]:
-    """What is ordered of an environment that has no physics, and gives its state as bytes."""
+    """A job whose environment has no physics, and gives its state as bytes."""
     return {"simulation": {"launchConfig": {**MAP, "environmentVariables": variables}}}
 
 

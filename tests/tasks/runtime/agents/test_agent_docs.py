@@ -1,4 +1,4 @@
-"""What docs/robot-programs.md says of bytes is what goes over the socket."""
+"""The bytes that docs/robot-programs.md describes, and those that go over the socket."""
 
 import re
 import socket
