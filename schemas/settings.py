@@ -6,6 +6,7 @@
 import os
 import re
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from ipaddress import ip_network
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
@@ -24,6 +25,12 @@ from .wire.request_problems import problems_of
 
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
+
+_PREFIX = "ROBOMAKER_"
+_ALIKE = 0.89
+"""Similarity from which a variable counts as a misspelt setting: one letter of ROBOMAKER_REGION (0.94), an underscore
+of ROBOMAKER_OBJECT_STORE (0.98). No variable of jobs comes nearer to a setting than 0.87.
+"""
 
 _MOST = 9999
 """Maximum of a numeric setting without another limit."""
@@ -253,7 +260,7 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
 
 def _given(name: str, field: FieldInfo, environ: Mapping[str, str]) -> Any:
     """Reads a setting from its variable; `None` if the variable is not set or empty."""
-    variable = f"ROBOMAKER_{name.upper()}"
+    variable = f"{_PREFIX}{name.upper()}"
     if not (given := environ.get(variable)):
         return None
     if read := _READERS.get(name):
@@ -267,6 +274,22 @@ def _given(name: str, field: FieldInfo, environ: Mapping[str, str]) -> Any:
     if field.annotation is bool:
         return _switch(variable, given)
     return Path(given).expanduser() if field.annotation == Path | None else given
+
+
+def misspelt_settings(environ: Mapping[str, str]) -> Mapping[str, str]:
+    """Finds variables that look like misspelt settings: each such name with the name of the setting it resembles.
+
+    Args:
+        environ: Environment variables, usually `os.environ`.
+    """
+    models = (Settings, *(part.SETTINGS for part in parts_of_wings("schemas", "settings")))
+    known = {f"{_PREFIX}{field.upper()}" for model in models for field in model.model_fields}
+    near = {
+        variable: get_close_matches(variable, known, n=1, cutoff=_ALIKE)
+        for variable in environ
+        if variable.startswith(_PREFIX) and variable not in known
+    }
+    return {variable: names[0] for variable, names in near.items() if names}
 
 
 def _notify_when(name: str, given: str) -> frozenset[str]:

@@ -75,8 +75,19 @@ def _execute(words: Sequence[str]) -> int:
     if chosen.command is None:
         parser.print_help(sys.stderr)
         return 2
+    _warn_of_misspelt_settings()
     code: int = chosen.execute(chosen)
     return code
+
+
+def _warn_of_misspelt_settings() -> None:
+    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it."""
+    if not any(name.startswith("ROBOMAKER_") for name in os.environ):
+        return  # Reading the settings' names takes pydantic, which `robomaker --help` does without.
+    from ...schemas.settings import misspelt_settings
+
+    for name, setting in misspelt_settings(os.environ).items():
+        sys.stderr.write(f"robomaker: warning: {name} is not a setting, and is ignored; did you mean {setting}?\n")
 
 
 def _report(error: Exception, *, debug: bool) -> int:

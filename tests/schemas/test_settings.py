@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.settings import Settings, misspelt_settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 
@@ -53,3 +53,14 @@ def test_trusted_proxies_are_addresses_or_networks() -> None:
         ConfigurationError, match=r"^ROBOMAKER_TRUSTED_PROXIES has 'proxy'; it has to be an address such"
     ):
         Settings.from_environment({"ROBOMAKER_TRUSTED_PROXIES": "proxy"})
+
+
+def test_variables_that_resemble_a_setting_are_found() -> None:
+    misspelt = {
+        "ROBOMAKER_MAX_JOB": "ROBOMAKER_MAX_JOBS",
+        "ROBOMAKER_OBJECTSTORE": "ROBOMAKER_OBJECT_STORE",
+        "ROBOMAKER_REGON": "ROBOMAKER_REGION",
+    }
+    fine = ("ROBOMAKER_MAX_JOBS", "ROBOMAKER_ROBOT", "ROBOMAKER_SEED", "ROBOMAKER_ROS", "ROBOMAKER_JOB_ROOT", "REGON")
+
+    assert misspelt_settings(dict.fromkeys([*misspelt, *fine], "1")) == misspelt

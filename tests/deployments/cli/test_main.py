@@ -23,6 +23,15 @@ def test_help_names_every_command_and_exit_code(robomaker) -> None:
         assert f"\n  {code} " in EPILOGUE
 
 
+def test_a_misspelt_setting_is_told_and_the_command_runs(robomaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_MAX_JOB", "3")
+    ended = robomaker("schema")
+    assert ended.code == 0
+    assert ended.err == (
+        "robomaker: warning: ROBOMAKER_MAX_JOB is not a setting, and is ignored; did you mean ROBOMAKER_MAX_JOBS?\n"
+    )
+
+
 def test_wrong_usage_ends_with_2_and_a_suggestion(robomaker) -> None:
     for words, expected in [
         ((), "usage: robomaker"),
