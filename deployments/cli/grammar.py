@@ -139,7 +139,17 @@ class Parser(argparse.ArgumentParser):
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")
+        self._refuse_empty_words(chosen)
         return chosen, unknown
+
+    def _refuse_empty_words(self, chosen: argparse.Namespace) -> None:
+        """Ends the program if a positional argument is empty, as `"$RUN"` is where the shell has no such variable."""
+        for action in self._actions:
+            given = getattr(chosen, action.dest, None)
+            if not action.option_strings and "" in (given if isinstance(given, list) else [given]):
+                self.error(
+                    f"{action.metavar or action.dest.upper()} is empty; it may be a shell variable that is not set"
+                )
 
     def _advice(self, word: str) -> str:
         near = difflib.get_close_matches(word.partition("=")[0], self._option_string_actions, n=1)

@@ -18,7 +18,8 @@ commands, operations, runs and files.
 """
 _RESULT = """\
 The answer goes to standard output and everything else to standard error, so that `-o json` can be piped. `NO_COLOR`
-switches colors off, and `CI=true` animation. [Settings](settings.md) are environment variables; one that looks misspelt is told.
+switches colors off, and `CI=true` animation. [Settings](settings.md) are environment variables; one that
+looks misspelt is told.
 """
 _LINKS = {
     "agent": "fleet/robomaker-agent.md",

@@ -42,6 +42,11 @@ def test_wrong_usage_ends_with_2_and_a_suggestion(robomaker) -> None:
         (("run", "x", "--sed", "1"), "unrecognized arguments: --sed 1; did you mean '--seed'?"),
         (("validate", "x", "--qqq"), "robomaker validate: unrecognized arguments: --qqq\nusage: robomaker validate "),
         (("world",), "robomaker world: the following arguments are required: ACTION"),
+        (
+            ("verify", ""),
+            "robomaker verify: JOB is empty; it may be a shell variable that is not set\nusage: robomaker",
+        ),
+        (("world", "show", ""), "robomaker world show: WORLD is empty; "),
         (("world", "veiw", "x"), "there is no 'veiw'; did you mean 'view'?"),
     ]:
         ended = robomaker(*words)
