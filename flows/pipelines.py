@@ -19,10 +19,8 @@ from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
 
-from ..schemas.reports.against import Against
-from ..schemas.reports.challenge import Challenge
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
-from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
+from ..schemas.reports.run_record import Interruption, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
 from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
@@ -30,7 +28,6 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.checking.impossible_goals import check_world_counts
 from ..schemas.specs.parameter_values import param_options, set_options
 from ..schemas.specs.resolving import resolve_input
-from ..schemas.specs.specification import CheckedSpec
 from ..schemas.wire.errors import (
     ConfigurationError,
     ResourceNotFoundException,
@@ -45,8 +42,6 @@ from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier
 from ..tasks.inspection.job_standings import why_not_completed
 from ..tasks.inspection.pipeline_parts import (
-    Cut,
-    Permit,
     RunInterrupted,
     error_in_words,
     permit_all,
@@ -59,8 +54,9 @@ from ..tasks.nights.early_ends import EarlyEnd
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
-from ..tasks.nights.run_orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
+from ..tasks.nights.run_orders import keep_order, ordered_run, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
+from ..tasks.nights.wanted_runs import WantedRun
 from ..tasks.notifications.notices import LongWaits
 from ..tasks.operations.step_operations import existing_resource, step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
@@ -70,36 +66,13 @@ from .lookup import perform, without_heartbeat
 _NO_FILE = "specification"
 
 
-def run_spec(
-    checked: CheckedSpec,
-    settings: Settings,
-    listener: ProgressListener,
-    *,
-    spec_path: str,
-    command: Sequence[str] = (),
-    reuse: bool = False,
-    rerun_of: RerunOf | None = None,
-    cut: Cut | None = None,
-    against: Against | None = None,
-    open_run: OpenRun | None = None,
-    permit: Permit | None = None,
-    challenge: Challenge | None = None,
-) -> RunRecord:
+def run_spec(wanted: WantedRun, settings: Settings, listener: ProgressListener) -> RunRecord:
     """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
     Args:
-        checked: Specification.
+        wanted: Specification, and everything that is asked of the run besides.
         settings: Settings of the service.
         listener: Called with every progress event.
-        spec_path: Path of the specification's file.
-        command: Command line that repeats the run; absent: `robomaker run` with the file.
-        reuse: Whether existing worlds and results of the same inputs are reused.
-        rerun_of: Run that is repeated; `None`: none.
-        cut: Function that changes requests, for a probe or a challenge; `None`: they are unchanged.
-        against: Earlier run with which results are compared until the comparison is decided; `None`: all jobs run.
-        open_run: Run that is stored already; `None`: a new id and folder are created.
-        permit: Function that allows or refuses each request; `None`: all are allowed.
-        challenge: Sabotages of a challenge, whose jobs `cut` makes; `None`: the run is no challenge.
 
     Returns:
         Record of the run, whose `exit_code` says how it ended; its report is written.
@@ -107,20 +80,18 @@ def run_spec(
     Raises:
         RunInterrupted: Ctrl-C was pressed.
     """
+    checked = wanted.checked
     service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
-    run = PipelineRun(
-        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, against=against,
-        open_run=open_run, permit=permit, challenge=challenge,
-    )  # fmt: skip
+    run = PipelineRun(wanted, service, listener)
     check_preconditions(checked, run.service)
-    if not (reuse or rerun_of or cut or run.interruptions):
+    if not (wanted.reuse or wanted.rerun_of or wanted.is_probe or run.interruptions):
         check_disk(checked, run.service)
     token = _current.set(run)
     try:
         with without_heartbeat():
             continues = run.run_id if run.interruptions else None
-            state = RunPipeline(spec=spec_path, continues=continues, return_state=True)
+            state = RunPipeline(spec=wanted.spec_path, continues=continues, return_state=True)
         if isinstance(state.data, KeyboardInterrupt):
             raise state.data
     except KeyboardInterrupt as interruption:
@@ -192,60 +163,31 @@ class PipelineRun:
     """One run of a specification: runs its steps and writes its report.
 
     Args:
-        checked: Specification.
+        wanted: Specification, and everything that is asked of the run besides.
         service: Service that runs the operations.
         listener: Called with every progress event.
-        spec_path: Path of the specification's file.
-        command: Command line that repeats the run; absent: `robomaker run` with the file.
-        reuse: Whether existing worlds and results of the same inputs are reused.
-        rerun_of: Run that is repeated; `None`: none.
-        cut: Function that changes requests, for a probe or a challenge; `None`: they are unchanged.
-        against: Earlier run with which results are compared until the comparison is decided; `None`: all jobs run.
-        open_run: Run that is stored already; `None`: a new id and folder are created.
-        permit: Function that allows or refuses each request; `None`: all are allowed.
-        challenge: Sabotages of a challenge; `None`: the run is no challenge.
     """
 
-    def __init__(
-        self,
-        checked: CheckedSpec,
-        service: Service,
-        listener: ProgressListener,
-        spec_path: str,
-        command: Sequence[str] = (),
-        *,
-        reuse: bool = False,
-        rerun_of: RerunOf | None = None,
-        cut: Cut | None = None,
-        against: Against | None = None,
-        open_run: OpenRun | None = None,
-        permit: Permit | None = None,
-        challenge: Challenge | None = None,
-    ) -> None:
-        self._checked = checked
-        self._cut = cut
+    def __init__(self, wanted: WantedRun, service: Service, listener: ProgressListener) -> None:
+        self._wanted = wanted
+        self._checked = checked = wanted.checked
         self._listener = listener
+        self._open = open_run = wanted.open_run
         order = open_run.order if open_run is not None else None
         started_at = (order.started_at if order else None) or service.clock()
         self.run_id = order.run_id if order else new_run_id(checked.name, started_at)
-        self._service = service.ordered_by(self.run_id, reuse=reuse)
-        self._open = open_run
+        self._service = service.ordered_by(self.run_id, reuse=wanted.reuse)
         self._facts = RunFacts(
+            wanted=wanted,
             run_id=self.run_id,
-            checked=checked,
-            spec_path=spec_path,
-            command=list(command) or ["robomaker", "run", spec_path],
             started_at=started_at,
             # When it begins: later the folder may have moved on to another commit.
-            source=order.source if order and order.interruptions else commit_of(Path(spec_path)),
-            rerun_of=rerun_of,
-            is_probe=cut is not None,
+            source=order.source if order and order.interruptions else commit_of(Path(wanted.spec_path)),
             folder=service.folder("runs", self.run_id),
-            against=against,
-            challenge=challenge,
         )
+        against = wanted.against
         self._early = EarlyEnd(against, checked, service, listener, open_run) if against is not None else None
-        self._answers = KeptAnswers(self._facts.folder, permit or permit_all)
+        self._answers = KeptAnswers(self._facts.folder, wanted.permit or permit_all)
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
@@ -254,7 +196,7 @@ class PipelineRun:
     @classmethod
     def of_order(cls, run: OpenRun) -> "PipelineRun":
         """Creates the run that continues an interrupted run, whose process died."""
-        return cls(ordered_spec(run.order), once_catalog_answers(Service.current), _log, **as_ordered(run))
+        return cls(ordered_run(run), once_catalog_answers(Service.current), _log)
 
     @classmethod
     def of_parameters(
@@ -287,7 +229,7 @@ class PipelineRun:
         if name := deployment.name:
             command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]
             command += [*param_options(checked.parameters), *(["--param=reuse=true"] if reuse else [])]
-        return cls(checked, service, _log, origin, command, reuse=reuse)
+        return cls(WantedRun(checked, origin, command, reuse=reuse), service, _log)
 
     def run(self) -> RunRecord:
         """Runs all steps; a failed step prevents the later ones."""
@@ -323,7 +265,7 @@ class PipelineRun:
 
     def _keep_order(self) -> None:
         """Stores what another process needs to complete the run if this one dies; not done for a probe."""
-        if self._facts.is_probe:
+        if self._wanted.is_probe:
             return
         self._open = keep_order(
             self._facts,
@@ -384,7 +326,8 @@ class PipelineRun:
         self._listener(StepStarted(name, step.operation))
         try:
             request = resolve_input(step, self._outputs)
-            parts = parts_of(step.operation, self._cut(step.operation, request) if self._cut else request)
+            cut = self._wanted.cut
+            parts = parts_of(step.operation, cut(step.operation, request) if cut else request)
         except Exception as error:
             last = self._note_end(name, Part({}), began, "Failed", {}, error_in_words(error))
         else:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .deployments.in_python.runs import Run as Run
     from .deployments.in_python.worlds import World as World
     from .flows.pipelines import RunPipeline as RunPipeline
-    from .flows.pipelines import run_spec as run_spec
     from .operation_flows import *  # noqa: F403 - the flows of all operations
     from .schemas.settings import Settings as Settings
     from .schemas.specs.check import load_spec as load_spec
@@ -66,7 +65,6 @@ __all__ = [
     "results",
     "robot_env",
     "run",
-    "run_spec",
 ]
 __all__ += operation_flows.__all__
 
@@ -88,7 +86,6 @@ _MODULES = {
     "results": "deployments.in_python.earlier_runs",
     "robot_env": "tasks.worlds.training",
     "run": "deployments.in_python.running",
-    "run_spec": "flows.pipelines",
     **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
     **dict.fromkeys(operation_flows.__all__, "flows.operations"),
 }

@@ -40,7 +40,6 @@ NAMES = {
     "results",
     "robot_env",
     "run",
-    "run_spec",
 }
 
 

@@ -79,14 +79,13 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
     """Resumes an interrupted run, and reports the result on standard error."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
-    from ...tasks.nights.run_orders import as_ordered, ordered_spec
+    from ...tasks.nights.run_orders import ordered_run
 
     sys.stderr.write(f"robomaker: the run {run.order.run_id} had broken off, and is finished now\n")
     record = run_spec(
-        ordered_spec(run.order),
+        ordered_run(run),
         settings,
         lambda event: _logger.warning("%s", event.text) if isinstance(event, Note) else None,
-        **as_ordered(run),
     )
     sys.stderr.write(f"robomaker: the run {record.run_id}: {record.state}; report: {record.report_path}\n")
 

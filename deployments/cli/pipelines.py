@@ -11,49 +11,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.reports.against import Against
-from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.progress import Note, ProgressListener
-from ...schemas.reports.run_record import RerunOf, RunRecord
+from ...schemas.reports.run_record import RunRecord
 from ...schemas.settings import Settings
 from ...schemas.specs.specification import CheckedSpec
-from .output.answers import open_file, wanted
+from .output.answers import open_file, opens_files
 from .signals import interrupted_by_signals
 
 if TYPE_CHECKING:
-    from ...tasks.inspection.pipeline_parts import Cut
-    from ...tasks.nights.open_runs import OpenRun
+    from ...tasks.nights.wanted_runs import WantedRun
 
 
 def carry_out(
-    spec: CheckedSpec,
-    settings: Settings,
-    arguments: argparse.Namespace,
-    command: Sequence[str],
-    *,
-    report: Path | None,
-    spec_path: str,
-    reuse: bool = False,
-    rerun_of: RerunOf | None = None,
-    against: Against | None = None,
-    open_run: "OpenRun | None" = None,
-    cut: "Cut | None" = None,
-    challenge: Challenge | None = None,
+    wanted: "WantedRun", settings: Settings, arguments: argparse.Namespace, *, report: Path | None = None
 ) -> int:
     """Runs a specification, shows its progress, prints the results, and returns the exit code.
 
     Args:
-        spec: the specification.
+        wanted: the specification, and everything that is asked of the run besides.
         settings: settings of the run.
         arguments: parsed command line: `output` and `open`.
-        command: the command that does the same again.
         report: path of a copy of the report; None: no copy.
-        spec_path: the file that the specification is from.
-        reuse: whether worlds and results that are there already are taken over.
-        rerun_of: the run that it repeats; `None`: it is no rerun.
-        against: the earlier run beside which it is carried out; `None`: none.
-        open_run: the run, where another process began it.
-        cut: makes other requests, for a challenge, and has what only those needed deleted; `None`: it runs them whole.
-        challenge: the sabotages of a challenge; `None`: it is none.
 
     Returns:
         The exit code, which says how the run ended.
@@ -63,7 +41,8 @@ def carry_out(
 
     # A server that somebody else keeps is asked first: without it nothing is made here, not even the home.
     api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
-    check_before_start(spec, settings, checks_templates=not (reuse or rerun_of or open_run), against=against)
+    spec, is_new = wanted.checked, not (wanted.reuse or wanted.rerun_of or wanted.open_run)
+    check_before_start(spec, settings, checks_templates=is_new, against=wanted.against)
     api_url = api_url or use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
@@ -71,15 +50,12 @@ def carry_out(
         from ...tasks.inspection.pipeline_parts import RunInterrupted
 
         try:
-            record = run_beside_others(
-                spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-                against=against, open_run=open_run, cut=cut, challenge=challenge,
-            )  # fmt: skip
+            record = run_beside_others(wanted, settings, listener)
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record
         else:
             interrupted = None
-        if cut is not None:
+        if wanted.is_probe:
             from ...tasks.nights.cut_runs import delete_made
             from ...tasks.service.service import Service
 
@@ -89,10 +65,10 @@ def carry_out(
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         asked = None if outage.is_on else api_url
-        _tell(record, command, asked, settings, as_json=arguments.output == "json")
+        _tell(record, wanted.repeated_by, asked, settings, as_json=arguments.output == "json")
     if interrupted and record.state != "succeeded":  # else it came too late to stop anything
         raise interrupted
-    if record.report_path and wanted(arguments.open):
+    if record.report_path and opens_files(arguments.open):
         open_file(record.report_path)
     return record.exit_code
 
@@ -124,20 +100,7 @@ def check_before_start(
             check_templates(spec, service)
 
 
-def run_beside_others(
-    spec: CheckedSpec,
-    settings: Settings,
-    listener: ProgressListener,
-    *,
-    spec_path: str,
-    command: Sequence[str],
-    reuse: bool = False,
-    rerun_of: RerunOf | None = None,
-    against: Against | None = None,
-    open_run: "OpenRun | None" = None,
-    cut: "Cut | None" = None,
-    challenge: Challenge | None = None,
-) -> RunRecord:
+def run_beside_others(wanted: "WantedRun", settings: Settings, listener: ProgressListener) -> RunRecord:
     """Runs a specification, and resumes interrupted runs meanwhile; see `run_spec`."""
     from ...flows.pipelines import run_spec
     from ...tasks.nights.run_orders import tell_of_left
@@ -148,10 +111,7 @@ def run_beside_others(
     close_dead_runs_once(settings)
     look_for_missed = partial(look_for_missed_nights, settings)
     TakingUp(settings, tell=tell_of_left, look_for_missed=look_for_missed).start()
-    return run_spec(
-        spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-        against=against, open_run=open_run, cut=cut, challenge=challenge,
-    )  # fmt: skip
+    return run_spec(wanted, settings, listener)
 
 
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:

@@ -16,9 +16,10 @@ from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
-from ...tasks.inspection.pipeline_parts import RunInterrupted
+from ...tasks.inspection.pipeline_parts import Cut, RunInterrupted
 from ...tasks.inspection.probes import measured, probed_jobs, whole_steps
 from ...tasks.nights.cut_runs import delete_made
+from ...tasks.nights.wanted_runs import WantedRun
 from ...tasks.service.service import Service
 
 
@@ -111,15 +112,9 @@ def run_pass(
     began = service.clock()
     named = replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-probe")
     command = ["robomaker", "plan", spec_path, *set_options(spec.parameters), "--probe"]
+    smaller: Cut = lambda operation, request: cut(operation, request, size)  # noqa: E731
     try:
-        record = run_spec(
-            named,
-            quiet,
-            listener,
-            spec_path=spec_path,
-            command=command,
-            cut=lambda operation, request: cut(operation, request, size),
-        )
+        record = run_spec(WantedRun(named, spec_path, command, cut=smaller), quiet, listener)
     except RunInterrupted as interruption:
         delete_made(interruption.record, began, service)
         raise

@@ -11,6 +11,7 @@ from ...schemas.reports.progress import Note, ProgressEvent
 from ...schemas.specs.parameter_values import set_options
 from ...schemas.specs.specification import CheckedSpec, with_seed
 from ...tasks.nights.run_standings import stand_of
+from ...tasks.nights.wanted_runs import WantedRun
 from ...tasks.service.service import Service
 from ..cli.inputs.specifications import read_spec
 from ..cli.output.progress import watcher
@@ -53,9 +54,8 @@ def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **pa
         quiet_prefect(),
         waiting_for_server(api_url, settings, lambda text: listener(Note(text))) as outage,
     ):
-        record = run_beside_others(
-            checked, settings, listener, spec_path=file, command=_again(file, checked, options), reuse=options.reuse
-        )
+        wanted = WantedRun(checked, file, _again(file, checked, options), reuse=options.reuse)
+        record = run_beside_others(wanted, settings, listener)
         tell_after_outage(outage, settings)
     if options.report is not None and record.report_path is not None:
         shutil.copyfile(record.report_path, options.report)

@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 from uuid import UUID
 
-from ...schemas.reports.against import Against, AgainstAnswer
-from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.against import AgainstAnswer
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
 from ...schemas.reports.run_exit_codes import EXIT_CODES
-from ...schemas.reports.run_record import Interruption, JobRecord, RerunOf, RunRecord, SourceCommit, StepRecord
+from ...schemas.reports.run_record import Interruption, JobRecord, RunRecord, SourceCommit, StepRecord
 from ...schemas.reports.run_states import run_state
 from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.specification import CheckedSpec
 from ..notifications.notices import notify_of
 from ..service.service import Service
 from .pings import ping_end
+from .wanted_runs import WantedRun
 
 _logger = logging.getLogger(__name__)
 
@@ -37,20 +37,13 @@ class Outlasting(Protocol):
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts of a run that are known when it begins: id, specification, folder, start time."""
+    """Facts of a run that are known when it begins: the order, id, folder, start time."""
 
+    wanted: WantedRun
     run_id: str
-    checked: CheckedSpec
-    spec_path: str
-    command: Sequence[str]
     started_at: datetime
     source: SourceCommit | None
-    rerun_of: RerunOf | None
-    is_probe: bool
     folder: Path
-    against: Against | None = None
-    challenge: Challenge | None = None
-    """Sabotages of a challenge run; `None`: the run is no challenge."""
 
 
 def finish_run(
@@ -87,29 +80,29 @@ def finish_run(
     ended_early = against is not None and against.stopped_early and not is_canceled
 
     def state_of(jobs: list[JobRecord]) -> RunState:
-        return state_of_run(facts.checked, steps, jobs, is_canceled=is_canceled, ended_early=ended_early)
+        return state_of_run(facts.wanted.checked, steps, jobs, is_canceled=is_canceled, ended_early=ended_early)
 
     # A forecast is of a run that nothing interrupts.
     comparable = not (is_canceled or interruptions or ended_early)
     without_report = RunRecord(
         run_id=facts.run_id,
-        name=facts.checked.name,
-        spec_path=facts.spec_path,
-        parameters=dict(facts.checked.parameters),
-        command=list(facts.command),
+        name=facts.wanted.checked.name,
+        spec_path=facts.wanted.spec_path,
+        parameters=dict(facts.wanted.checked.parameters),
+        command=facts.wanted.repeated_by,
         state="broken",
         exit_code=EXIT_CODES["broken"],
         started_at=facts.started_at,
         ended_at=ended_at,
         steps=steps,
         versions=installed_versions(),
-        rerun_of=facts.rerun_of,
+        rerun_of=facts.wanted.rerun_of,
         reuse=service.reuses,
-        probe=facts.is_probe,
-        challenge=facts.challenge,
+        probe=facts.wanted.is_probe,
+        challenge=facts.wanted.challenge,
         forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
-        known=list(facts.checked.known),
+        known=list(facts.wanted.checked.known),
         against=against,
         run_dir=facts.folder,
         source=facts.source,
@@ -121,7 +114,7 @@ def finish_run(
         _logger.exception("the report could not be written")
         listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
         record = without_report
-    (facts.folder / "spec.yaml").write_text(facts.checked.text_for_others)
+    (facts.folder / "spec.yaml").write_text(facts.wanted.checked.text_for_others)
     write_record(record)
     notify_of(record, service, listener)
     if is_pinged(facts):
@@ -131,16 +124,16 @@ def finish_run(
 
 def is_pinged(facts: RunFacts) -> bool:
     """Whether a monitoring URL is called when this run ends: only for full nightly runs, not for reruns and probes."""
-    return facts.rerun_of is None and not facts.is_probe
+    return facts.wanted.rerun_of is None and not facts.wanted.is_probe
 
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
     """Compares the run with its forecast; `None` for a run that may run less than was forecast."""
     from ..inspection.forecasting import check_forecast
 
-    if facts.is_probe or facts.rerun_of or service.reuses:
+    if facts.wanted.is_probe or facts.wanted.rerun_of or service.reuses:
         return None
-    return check_forecast(facts.checked, service.settings, steps, facts.started_at, ended_at)
+    return check_forecast(facts.wanted.checked, service.settings, steps, facts.started_at, ended_at)
 
 
 def state_of_run(

@@ -1,16 +1,14 @@
 """Stores the order of a run, resumes an interrupted run from its order, and makes its specification from it again."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypedDict
 
-from ...schemas.reports.against import Against
 from ...schemas.reports.progress import Note, ProgressListener
-from ...schemas.reports.run_record import Order, RerunOf
+from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.specification import CheckedSpec, with_seed
 from ..execution.dead_flow_runs import tell_of_dead
+from ..inspection.pipeline_parts import Permit
 from ..service.service import Service
 from .broken_off import BrokenOff, broken_off
 from .ending import Outlasting, RunFacts, is_pinged
@@ -18,6 +16,7 @@ from .environments import environment_of_run
 from .missed_nights import note_schedule
 from .open_runs import OpenRun
 from .pings import ping_start
+from .wanted_runs import WantedRun
 
 
 def keep_order(
@@ -47,9 +46,9 @@ def keep_order(
     known = {"flow_run": flow_run and str(flow_run), "started_at": facts.started_at, "source": facts.source}
     deployment = deployment and str(deployment)
     if deployment is not None:
-        note_schedule(service.settings.home, deployment, facts.checked.name, service.clock())
+        note_schedule(service.settings.home, deployment, facts.wanted.checked.name, service.clock())
     if is_pinged(facts) and not (open_run is not None and open_run.order.interruptions):
-        ping_start(service.settings.ping_url, facts.checked.name, facts.run_id)
+        ping_start(service.settings.ping_url, facts.wanted.checked.name, facts.run_id)
     try:
         if open_run is not None:
             order = open_run.order
@@ -60,7 +59,7 @@ def keep_order(
             open_run.change(**known, deployment=deployment or order.deployment)
             open_run.live()
             return open_run
-        checked = facts.checked
+        checked = facts.wanted.checked
         order = Order(
             run_id=facts.run_id,
             text=checked.text,
@@ -68,13 +67,13 @@ def keep_order(
             name=checked.name,
             seed=checked.seed,
             parameters=dict(checked.parameters),
-            spec_path=facts.spec_path,
-            command=list(facts.command),
-            rerun_of=facts.rerun_of,
+            spec_path=facts.wanted.spec_path,
+            command=facts.wanted.repeated_by,
+            rerun_of=facts.wanted.rerun_of,
             reuse=service.reuses,
             needed=outlasting(lambda: environment_of_run(checked, service)),
             deployment=deployment,
-            against=facts.against,
+            against=facts.wanted.against,
         )
         begun = OpenRun.begin(facts.folder, order.model_copy(update=known))
         begun.live()
@@ -84,23 +83,20 @@ def keep_order(
         return open_run
 
 
-class OrderedRun(TypedDict):
-    """Arguments with which an interrupted run is resumed as it was ordered."""
+def ordered_run(run: OpenRun, permit: Permit | None = None) -> WantedRun:
+    """Returns a run as its stored order wants it.
 
-    spec_path: str
-    command: Sequence[str]
-    reuse: bool
-    rerun_of: RerunOf | None
-    against: Against | None
-    open_run: OpenRun
+    Args:
+        run: the run.
+        permit: allows or refuses each request; `None`: all are allowed.
 
-
-def as_ordered(run: OpenRun) -> OrderedRun:
-    """Returns the run arguments in a stored order, except its specification."""
+    Raises:
+        SpecError: this release finds problems in its specification.
+    """
     order = run.order
-    return OrderedRun(
-        spec_path=order.spec_path, command=order.command, reuse=order.reuse, rerun_of=order.rerun_of,
-        against=order.against, open_run=run,
+    return WantedRun(
+        ordered_spec(order), order.spec_path, order.command, reuse=order.reuse, rerun_of=order.rerun_of,
+        against=order.against, open_run=run, permit=permit,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.inspection.reuse_plans import plan_reuse
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -91,7 +92,7 @@ def test_a_run_that_finds_everything(
     def spent(each: dict[str, Any], *, reuse: bool) -> tuple[float, float, RunRecord]:
         checked = load_spec(json.dumps({"version": 1, "name": "bench", "steps": each}), "bench.yaml")
         started, began = time.process_time(), time.perf_counter()
-        record = run_spec(checked, settings, ignore, spec_path="bench.yaml", reuse=reuse)
+        record = run_spec(WantedRun(checked, "bench.yaml", reuse=reuse), settings, ignore)
         return time.process_time() - started, time.perf_counter() - began, record
 
     _, ran_s, first = spent(steps, reuse=False)

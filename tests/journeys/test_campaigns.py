@@ -14,6 +14,7 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs import batch_splitting
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.service.service import Service
 
 NOBODY = "arn:aws:robomaker:us-east-1:000000000000:robot-application/no-such-robot/1542931200000"
@@ -24,7 +25,7 @@ def run(requests: list[dict[str, Any]], settings: Settings) -> RunRecord:
     asked = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": 2}}
     steps = {"drive": {"operation": "StartSimulationJobBatch", "input": asked}}
     checked = load_spec(json.dumps({"version": 1, "name": "many", "steps": steps}), "many.yaml")
-    return run_spec(checked, settings, lambda _: None, spec_path="many.yaml")
+    return run_spec(WantedRun(checked, "many.yaml"), settings, lambda _: None)
 
 
 @pytest.mark.deep

@@ -20,6 +20,7 @@ from prefect_robomaker.schemas.reports.progress import ProgressEvent, StepEnded
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.operations.registry import Operation, call, registry
 from prefect_robomaker.tasks.service.service import Service, Timing
 
@@ -132,7 +133,7 @@ def test_a_run_goes_on_when_its_catalog_was_away_after_a_step(
             starts[0].start()
 
     checked = load_spec(json.dumps({"version": 1, "name": "Night", "steps": steps}), "night.yaml")
-    record = run_spec(checked, service.settings, take_catalog_away, spec_path="night.yaml")
+    record = run_spec(WantedRun(checked, "night.yaml"), service.settings, take_catalog_away)
     starts[0].join()
 
     assert {ended.name: (ended.status, ended.error) for ended in record.steps} == dict.fromkeys(
@@ -158,7 +159,7 @@ def test_a_step_that_is_repeated_after_an_outage_is_done_once(
     monkeypatch.setattr(Operation, "answer", lost_at_first)
     steps = {"drive": {"operation": "CreateSimulationJob", "input": order({"DURATION_S": "0.2"})}}
     checked = load_spec(json.dumps({"version": 1, "name": "Night", "steps": steps}), "night.yaml")
-    record = run_spec(checked, service.settings, lambda _: None, spec_path="night.yaml")
+    record = run_spec(WantedRun(checked, "night.yaml"), service.settings, lambda _: None)
 
     assert [job.status for job in record.jobs] == ["Completed"]
     assert [job.arn for job in service.catalog.list(KIND).resources] == [record.jobs[0].arn]

@@ -19,6 +19,7 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.machine import machine_slots
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.notifications import notices
 from prefect_robomaker.tasks.service.service import Service
 
@@ -65,7 +66,7 @@ def run(settings: Settings, webhook: Webhook, prefect_server: str, events: list[
     def start(steps: dict[str, Any], name: str = "nightly", **chosen: Any) -> RunRecord:
         checked = load_spec(json.dumps({"version": 1, "name": name, "steps": steps}), "nightly.yaml")
         told = settings.model_copy(update={"notify": (f"json://{webhook.address}/hook",), **chosen})
-        return run_spec(checked, told, events.append, spec_path="nightly.yaml")
+        return run_spec(WantedRun(checked, "nightly.yaml"), told, events.append)
 
     return start
 

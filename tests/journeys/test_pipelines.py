@@ -21,6 +21,7 @@ from prefect_robomaker.tasks.inspection import reports
 from prefect_robomaker.tasks.inspection.pipeline_parts import RunInterrupted
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
 from prefect_robomaker.tasks.nights.ending import state_of_run
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.operations.registry import Operation
 from prefect_robomaker.tasks.operations.step_operations import step_registry
 from prefect_robomaker.tasks.service.service import Service
@@ -107,7 +108,7 @@ def run(settings: Settings, prefect_server: str, events: list[ProgressEvent]) ->
 
     def start(steps: dict[str, Any], name: str = "Tiny_Run", listener: Any = events.append) -> RunRecord:
         checked = load_spec(json.dumps({"version": 1, "name": name, "steps": steps}), "tiny.yaml")
-        return run_spec(checked, settings, listener, spec_path="a folder/tiny.yaml")
+        return run_spec(WantedRun(checked, "a folder/tiny.yaml"), settings, listener)
 
     return start
 
@@ -281,7 +282,7 @@ def test_a_process_that_ends_as_an_orphan_writes_down_no_end_of_its_run(
             raise interruption
 
     checked = load_spec(json.dumps({"version": 1, "name": "quick", "steps": QUICK}), "quick.yaml")
-    pipeline = PipelineRun(checked, service, interrupt, "quick.yaml")
+    pipeline = PipelineRun(WantedRun(checked, "quick.yaml"), service, interrupt)
     with pytest.raises(Held):
         pipeline.run()
 
@@ -303,7 +304,7 @@ def test_a_run_that_is_cancelled_just_before_its_step_makes_a_job_cancels_that_j
         if event == StepStarted("drive", "CreateSimulationJob"):
             pipeline.cancel()
 
-    pipeline = PipelineRun(checked, service, cancel, "cancelled.yaml")
+    pipeline = PipelineRun(WantedRun(checked, "cancelled.yaml"), service, cancel)
     record = pipeline.run()
 
     assert statuses(record) == {"drive": "Canceled", "later": "Skipped"}
@@ -315,7 +316,7 @@ def test_a_cancellation_that_the_catalog_does_not_take_is_not_taken_for_done(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checked = load_spec(json.dumps({"version": 1, "name": "one", "steps": {"template": TEMPLATE}}), "one.yaml")
-    pipeline = PipelineRun(checked, service, lambda _: None, "one.yaml")
+    pipeline = PipelineRun(WantedRun(checked, "one.yaml"), service, lambda _: None)
     pipeline._outputs.update({"gone": {"arn": NOBODY}})
     pipeline.cancel()
 

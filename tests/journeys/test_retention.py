@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.retention.collection import collect, plan_collection
 from prefect_robomaker.tasks.service.service import Service
 
@@ -53,7 +54,7 @@ def night(seed: int) -> dict[str, Any]:
 def run(settings: Settings, prefect_server: str) -> Callable[[int], RunRecord]:
     def start(seed: int) -> RunRecord:
         checked = load_spec(json.dumps({"version": 1, "name": "nightly", "steps": night(seed)}), "nightly.yaml")
-        return run_spec(checked, settings, lambda _: None, spec_path="nightly.yaml")
+        return run_spec(WantedRun(checked, "nightly.yaml"), settings, lambda _: None)
 
     return start
 

@@ -12,6 +12,7 @@ from prefect_robomaker.flows.pipelines import run_spec
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
@@ -64,12 +65,12 @@ def test_the_example_of_a_urdf_robot_runs_as_its_readme_says(
     service.store.ensure_bucket("robomaker")
     service.store.put_file("robomaker", "applications/rover.tar.gz", tmp_path / "rover.tar.gz")
     spec = EXAMPLE / "rover.yaml"
-    record = run_spec(load_spec(spec.read_text(), spec.name), settings, lambda _: None, spec_path=str(spec))
+    record = run_spec(WantedRun(load_spec(spec.read_text(), spec.name), str(spec)), settings, lambda _: None)
     assert verdicts(record) == ["PASS", "PASS"]
 
 
 @pytest.mark.deep
 @pytest.mark.usefixtures("prefect_server", "known_worlds")
 def test_the_walker_is_a_robot_application_by_its_name(settings: Settings) -> None:
-    record = run_spec(load_spec(json.dumps(WALK), "walk.yaml"), settings, lambda _: None, spec_path="walk.yaml")
+    record = run_spec(WantedRun(load_spec(json.dumps(WALK), "walk.yaml"), "walk.yaml"), settings, lambda _: None)
     assert verdicts(record) == ["PASS"]

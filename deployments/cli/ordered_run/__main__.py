@@ -73,7 +73,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
     api_url = use_server(settings, for_runs=True)
     # Imported when it is known which server of Prefect's is used.
     from ....flows.pipelines import run_spec
-    from ....tasks.nights.run_orders import as_ordered, ordered_spec
+    from ....tasks.nights.run_orders import ordered_run
     from ....tasks.service.service import Service
     from ...spec_runs.rights import Permits
 
@@ -82,7 +82,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
     service = Service.open(settings)
     audit_log = AuditLog(order.audit_log, service.clock) if order.audit_log else None
     permit = Permits(_key(order, settings), order.address, audit_log, service)
-    run_spec(ordered_spec(order), settings, listener, permit=permit, **as_ordered(run))
+    run_spec(ordered_run(run, permit), settings, listener)
 
 
 def _log(event: ProgressEvent) -> None:

@@ -116,7 +116,7 @@ def annotation(problem: Problem) -> str:
     return f"::error file={place.file},line={place.line},col={place.column}::{escaped}"
 
 
-def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> bool:
+def opens_files(choice: bool | None, environ: Mapping[str, str] | None = None) -> bool:
     """Whether to open a browser: as the user chose, otherwise only at a desktop's terminal."""
     if choice is not None:
         return choice

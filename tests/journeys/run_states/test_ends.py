@@ -18,6 +18,7 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.flow_ends import RunNotSucceeded, answer_of
 from prefect_robomaker.tasks.execution.prefect_settings import on_same_server
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -167,7 +168,7 @@ def test_a_specification_returns_verdicts_counts_and_report(
     checked = load_spec(json.dumps({"version": 1, "name": "states", "steps": steps}), "states.yaml")
     name = f"{service.settings.home.parent.name}/states.yaml"
 
-    record = run_spec(checked, service.settings, lambda event: None, spec_path=name)
+    record = run_spec(WantedRun(checked, name), service.settings, lambda event: None)
 
     seen = state_of(flow_run(name).id)
     assert (record.state, seen.type.value) == ("failed", "FAILED")

@@ -9,7 +9,8 @@ from prefect_robomaker.schemas.specs.specification import with_seed
 from prefect_robomaker.schemas.specs.yaml_nodes import plain
 from prefect_robomaker.tasks.nights.ending import RunFacts
 from prefect_robomaker.tasks.nights.open_runs import ORDER
-from prefect_robomaker.tasks.nights.run_orders import as_ordered, keep_order, ordered_spec
+from prefect_robomaker.tasks.nights.run_orders import keep_order, ordered_run, ordered_spec
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.service.service import Service
 
 SPEC = """\
@@ -31,18 +32,13 @@ steps:
 def test_the_kept_order_makes_the_specification_that_was_ordered(service: Service) -> None:
     spec = with_seed(load_spec(SPEC, "flats.yaml", {"worlds": 20, "arm": "b"}), 7)
     folder = service.folder("runs", "flats-1")
-    facts = RunFacts(
-        run_id="flats-1",
-        checked=spec,
-        spec_path="flats.yaml",
-        command=["robomaker", "run", "flats.yaml"],
-        started_at=service.clock(),
-        source=None,
-        rerun_of=None,
-        is_probe=False,
-        folder=folder,
+    wanted = WantedRun(
+        spec,
+        "flats.yaml",
+        ["robomaker", "run", "flats.yaml"],
         against=Against(run_id="flats-0", alpha=0.01, margin=0.1),
     )
+    facts = RunFacts(wanted=wanted, run_id="flats-1", started_at=service.clock(), source=None, folder=folder)
 
     begun = keep_order(
         facts,
@@ -55,7 +51,7 @@ def test_the_kept_order_makes_the_specification_that_was_ordered(service: Servic
     )
     assert begun is not None
     kept = Order.model_validate_json((folder / ORDER).read_bytes())
-    assert as_ordered(begun)["against"] == kept.against == facts.against
+    assert ordered_run(begun).against == kept.against == wanted.against
     begun.end()
 
     again = ordered_spec(kept)

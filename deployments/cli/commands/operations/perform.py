@@ -68,7 +68,7 @@ def _finish(arguments: argparse.Namespace) -> int:
             f"{arguments.arn!r} is no ARN, and no run of this name in {folder.parent} has broken off: it has ended, "
             "goes on, or never was; `robomaker doctor` names those that did"
         )
-    from .....tasks.nights.run_orders import as_ordered, ordered_spec
+    from .....tasks.nights.run_orders import ordered_run
 
     shown = argparse.Namespace(output=arguments.output, open=False)
-    return carry_out(ordered_spec(run.order), settings, shown, report=None, **as_ordered(run))
+    return carry_out(ordered_run(run), settings, shown)

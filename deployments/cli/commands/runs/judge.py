@@ -42,6 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
         judging_spec,
         store_recording,
     )
+    from .....tasks.nights.wanted_runs import WantedRun
     from .....tasks.service.references import find_world
     from .....tasks.service.service import Service
     from ...inputs.specifications import read_text
@@ -61,7 +62,7 @@ def execute(arguments: argparse.Namespace) -> int:
         keys = store_recording(recording, service)
     text = judging_spec(name, keys, requirements, sources, bucket=settings.bucket, world=world)
     spec = load_spec(text, arguments.requirements)
-    return carry_out(spec, settings, arguments, again(arguments), report=report, spec_path=arguments.requirements)
+    return carry_out(WantedRun(spec, arguments.requirements, again(arguments)), settings, arguments, report=report)
 
 
 def again(arguments: argparse.Namespace) -> list[str]:

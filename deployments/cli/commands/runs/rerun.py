@@ -48,6 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     record = read_record(settings.home / "runs", arguments.run)
 
     from .....tasks.inspection.reruns import Selection, plan_rerun
+    from .....tasks.nights.wanted_runs import WantedRun
     from .....tasks.service.service import Service
 
     selection = Selection(arguments.failed, tuple(arguments.job), tuple(arguments.world))
@@ -57,15 +58,9 @@ def execute(arguments: argparse.Namespace) -> int:
         return 0
     # The run keeps the text; no file of the user's has it.
     spec = load_spec(rerun.spec_text, f"rerun of {record.run_id}")
-    return carry_out(
-        spec,
-        settings,
-        arguments,
-        again(arguments, record.run_id),
-        report=report,
-        spec_path=record.spec_path,
-        rerun_of=rerun.rerun_of,
-    )
+    command = again(arguments, record.run_id)
+    wanted = WantedRun(spec, record.spec_path, command, rerun_of=rerun.rerun_of)
+    return carry_out(wanted, settings, arguments, report=report)
 
 
 def again(arguments: argparse.Namespace, run_id: str) -> list[str]:

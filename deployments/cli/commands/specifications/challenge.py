@@ -52,6 +52,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.reports.challenge import Challenge, SabotageResult
     from .....schemas.specs.challenge_requests import ChallengeCut, challenged_spec
     from .....schemas.specs.sabotages import BUILT_IN, distinct
+    from .....tasks.nights.wanted_runs import WantedRun
     from ...inputs.specifications import given_parameters, read_spec
     from ...pipelines import carry_out, settings_of
 
@@ -62,16 +63,14 @@ def execute(arguments: argparse.Namespace) -> int:
     spec = challenged_spec(given, arguments.jobs)
     settings = settings_of(arguments).model_copy(update={"notify": ()})
     report = output_file(arguments.report, "--report")
-    return carry_out(
+    wanted = WantedRun(
         dataclasses.replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-challenge"),
-        settings,
-        arguments,
+        arguments.spec,
         again(arguments, spec.parameters),
-        report=report,
-        spec_path=arguments.spec,
         cut=ChallengeCut.of(spec, sabotages, arguments.jobs),
         challenge=Challenge(sabotages=[SabotageResult(name=each.name, axes=each.axes) for each in sabotages]),
     )
+    return carry_out(wanted, settings, arguments, report=report)
 
 
 def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValue]") -> list[str]:

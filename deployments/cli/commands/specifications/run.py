@@ -59,6 +59,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker run`: runs a specification; the exit code says how it ended."""
+    from .....tasks.nights.wanted_runs import WantedRun
     from ...pipelines import carry_out, settings_of
 
     spec = _chosen(arguments)
@@ -67,16 +68,9 @@ def execute(arguments: argparse.Namespace) -> int:
     report = output_file(arguments.report, "--report")
     if arguments.reuse:
         _say_why_nothing_is_reused(spec, settings)
-    return carry_out(
-        spec,
-        settings,
-        arguments,
-        again(arguments, spec.parameters),
-        report=report,
-        spec_path=arguments.spec,
-        reuse=arguments.reuse,
-        against=against,
-    )
+    command = again(arguments, spec.parameters)
+    wanted = WantedRun(spec, arguments.spec, command, reuse=arguments.reuse, against=against)
+    return carry_out(wanted, settings, arguments, report=report)
 
 
 def _question(arguments: argparse.Namespace, settings: "Settings") -> "Against | None":

@@ -19,6 +19,7 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.tasks.inspection.forecasting import find_forecast
+from prefect_robomaker.tasks.nights.wanted_runs import WantedRun
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
@@ -41,7 +42,7 @@ def forecast_of(spec: CheckedSpec, settings: Settings, **options: Any) -> Foreca
 
 
 def run(spec: CheckedSpec, settings: Settings, **options: Any) -> RunRecord:
-    return run_spec(spec, settings, lambda event: None, spec_path="night.yaml", **options)
+    return run_spec(WantedRun(spec, "night.yaml", **options), settings, lambda event: None)
 
 
 @pytest.mark.deep

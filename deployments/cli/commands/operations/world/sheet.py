@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     png = folder / "sheet.png"
     png.write_bytes(sheet_png(sheet))
     _print(sheet, job, {"png": str(png), "html": str(html)}, arguments.output)
-    if answers.wanted(arguments.open):
+    if answers.opens_files(arguments.open):
         answers.open_file(html)
     return 0
 

@@ -39,7 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
     path = Path(arguments.html) if arguments.html else output_file(found.id or found.name, "views", ".html")
     write_whole(viewer_page(found.folder, _title(found)), path)
     sys.stdout.write(f"{path}\n")
-    if answers.wanted(arguments.open):
+    if answers.opens_files(arguments.open):
         answers.open_file(path)
     return 0
 
