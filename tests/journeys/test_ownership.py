@@ -143,7 +143,7 @@ def killed_run(service: Service, spec: Path, environ: dict[str, str]) -> str:
     return batch
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # test_serve.py has it by jobs, and test_dead_nights.py by a night
 def test_serve_goes_on_with_what_a_dead_run_left_if_it_has_what_that_needs(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve
 ) -> None:
