@@ -4,7 +4,6 @@ Prefect's settings must be set before this module is imported.
 """
 
 import asyncio
-import faulthandler
 import json
 import logging
 import queue
@@ -29,6 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..foreign_pages import Guard
 from .login_page import LoginPage
+from .stuck_loop import tell_when_stuck
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -66,25 +66,6 @@ async def _run(job: "Job", api_url: str, auth_string: str) -> None:
             await job(client)
     except Exception:
         _logger.exception("%s beside the Prefect server failed", getattr(job, "__qualname__", job))
-
-
-_SILENT_S = 15.0
-"""Time without a sign of life after which the stacks of all threads are logged, in seconds.
-
-It is three times the timeout of clients.
-"""
-
-_TICK_S = 3.0
-
-
-async def tell_when_stuck(_: "PrefectClient") -> None:
-    """Background job that logs stack traces when the server hangs."""
-    try:
-        while True:
-            faulthandler.dump_traceback_later(_SILENT_S)
-            await asyncio.sleep(_TICK_S)
-    finally:
-        faulthandler.cancel_dump_traceback_later()
 
 
 _PATH = "/events/in"

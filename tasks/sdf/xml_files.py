@@ -36,7 +36,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
     """
     try:
         if not path.exists():
-            raise SdfError(f"{path}: it does not exist{_similar_to(path)}")
+            raise SdfError(f"{path}: it does not exist{similar_to(path)}")
         if not path.is_file():
             what = "a folder" if path.is_dir() else "no regular file"
             raise SdfError(f"{path}: it is {what}; a file would be right")
@@ -47,7 +47,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
         raise SdfError(f"{path}: it cannot be read: {error.strerror}") from error
 
 
-def _similar_to(path: Path) -> str:
+def similar_to(path: Path) -> str:
     """Returns the end of an error message about a missing file: similarly named files in its folder."""
     try:
         if not path.parent.is_dir():

@@ -6,12 +6,17 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.worlds.gazebo_notes import GazeboNotes
+from ..sdf.xml_files import similar_to
+
+SUFFIXES = (".world", ".sdf")
+"""File name suffixes of Gazebo worlds."""
 
 _PROGRAM = "prefect_robomaker.tasks.worldforge.gazebo.worker"
 _MOST_S = 3600.0
@@ -44,6 +49,7 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
     Raises:
         ConfigurationError: the world cannot be imported; the message says why.
     """
+    _check_existence(wanted.path)
     request = {
         "path": str(wanted.path),
         "model_paths": [str(path) for path in wanted.model_paths],
@@ -80,6 +86,13 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
     answer: dict[str, str] = json.loads(line)
     if "error" in answer:
         raise ConfigurationError(answer["error"])
+
+
+def _check_existence(path: Path) -> None:
+    """Refuses a file that is not there, before a child process imports modules for a second."""
+    with suppress(OSError):  # which the child process tells
+        if not path.exists():
+            raise ConfigurationError(f"{path}: it does not exist{similar_to(path)}")
 
 
 def _reason(code: int) -> str:

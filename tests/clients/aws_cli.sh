@@ -15,7 +15,7 @@ arn_of() { member_of "$1" arn; }
 member_of() { sed -n "s/^    \"$2\": \"\(.*\)\".*/\1/p" "$OUT/$1.json"; }
 tell_when() {
   local statuses=$1 step=$2; shift 2
-  until tell "$step" "$@" && [[ " $statuses " == *" $(member_of "$step" status) "* ]]; do sleep 0.3; done
+  until tell "$step" "$@" && [[ " $statuses " == *" $(member_of "$step" status) "* ]]; do sleep 2; done
 }
 ended="Completed Failed Canceled PartialFailed TimedOut"
 

@@ -168,7 +168,7 @@ def kill_a_night(client: Any, pool: str, service: Service, environ: dict[str, st
     return deployment, batch
 
 
-@pytest.mark.parametrize("place", ["a process", "a container"])
+@pytest.mark.parametrize("place", [pytest.param("a process", marks=pytest.mark.endurance), "a container"])
 def test_the_next_night_finishes_the_dead_one(
     place: str, service: Service, environ: dict[str, str], tmp_path: Path
 ) -> None:
@@ -224,7 +224,9 @@ def test_a_job_worker_finishes_the_dead_night_whose_batch_it_works_for(
     assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
 
 
-@pytest.mark.parametrize("finisher", ["another Prefect worker", "robomaker serve"])
+@pytest.mark.parametrize(
+    "finisher", [pytest.param("another Prefect worker", marks=pytest.mark.endurance), "robomaker serve"]
+)
 def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
     finisher: str, service: Service, environ: dict[str, str], serve: Serve, tmp_path: Path
 ) -> None:
@@ -288,6 +290,7 @@ def test_a_night_at_a_plain_prefect_server_is_named_and_then_finished_by_the_nex
             with process_worker(pool, theirs, tmp_path / "other.log"):
                 record = check_finished(service, before)
                 [first, continued] = runs_of(client, deployment)
+                assert continued.name == f"{record.run_id}, continued"
                 wait_for(lambda: state_of(client, continued.id).is_final(), "Prefect to know of its end")
                 assert state_of(client, continued.id).is_completed()
             wait_for(lambda: state_of(client, first.id).is_crashed(), "the dead run to be closed")

@@ -75,6 +75,7 @@ def standing(service: Service, arn: str) -> JobStanding:
     return found
 
 
+@pytest.mark.deep
 def test_serve_leaves_a_run_to_who_started_it(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve
 ) -> None:
@@ -93,7 +94,7 @@ def test_serve_leaves_a_run_to_who_started_it(
     assert f"robomaker run on {socket.gethostname()}: 3 jobs" in report
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # the same rule as above, by another program
 def test_serve_leaves_a_night_to_its_prefect_worker(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve, tmp_path: Path
 ) -> None:
@@ -143,7 +144,7 @@ def killed_run(service: Service, spec: Path, environ: dict[str, str]) -> str:
     return batch
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # test_serve.py has it by jobs, and test_dead_nights.py by a night
 def test_serve_goes_on_with_what_a_dead_run_left_if_it_has_what_that_needs(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve
 ) -> None:

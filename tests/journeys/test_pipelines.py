@@ -128,7 +128,7 @@ def statuses(record: RunRecord) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    "again", [("watcher", "sleeper"), pytest.param(tuple(FULL), marks=pytest.mark.deep)], ids=["a part", "all"]
+    "again", [("watcher", "sleeper"), pytest.param(tuple(FULL), marks=pytest.mark.endurance)], ids=["a part", "all"]
 )
 def test_a_specification_runs_to_its_report_and_runs_again(
     run: Run, service: Service, archive: None, again: tuple[str, ...]

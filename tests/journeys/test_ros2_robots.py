@@ -221,7 +221,13 @@ ENDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", ENDS)
+OF_JUDGES = ("a number that is none", "another type")
+"""What tests/tasks/runtime/ros/test_ros_robot.py has said by nodes that are a script."""
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(each, marks=pytest.mark.endurance if each in OF_JUDGES else ()) for each in ENDS]
+)
 def test_nodes_that_fail_end_their_job_with_the_reason(driven: Callable[..., Ending], case: str) -> None:
     code, options, failure, said = ENDS[case]
     job, _ = driven(code, **options)
@@ -245,6 +251,7 @@ while True:
     assert 100 <= result.extra["ros"]["commands"] <= 200  # one a step
 
 
+@pytest.mark.endurance  # test_boto3.py is its client, and the first test above its node
 def test_an_unchanged_client_has_its_node_driven_over_http(
     service: Service, serve: Serve, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

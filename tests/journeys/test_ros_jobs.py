@@ -279,8 +279,18 @@ def test_nodes_tag_and_cancel_their_job_and_its_topics_are_recorded(
     assert "hello 19" in [getattr(message, "data", None) for message in spoken]
 
 
-@pytest.mark.parametrize("failing", FAILING)
-@pytest.mark.parametrize("roles", [("robot",), ("simulation",), ("robot", "simulation"), ("simulation", "robot")])
+WHOSE = [("robot",), ("simulation",), ("robot", "simulation"), ("simulation", "robot")]
+
+
+@pytest.mark.parametrize(
+    ("failing", "roles"),
+    [
+        # Each failure and each place once; all pairs of them by hand.
+        pytest.param(failing, roles, marks=() if number == place else pytest.mark.endurance)
+        for number, failing in enumerate(FAILING)
+        for place, roles in enumerate(WHOSE)
+    ],
+)
 def test_a_launch_that_does_not_launch_all_fails_its_job_with_the_line_that_says_so(
     service: Service, launch_config: Callable[..., dict[str, Any]], failing: str, roles: tuple[str, ...]
 ) -> None:

@@ -471,7 +471,7 @@ def test_runs_that_are_typed_while_the_store_is_away_say_so_at_once_and_wait(
     assert json.loads((gone_on / "out").read_text())["state"] == "succeeded"
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # what jobs tell is above, and that the command prints it, too
 def test_people_who_watch_a_run_are_told_what_it_waits_for(
     mortal_s3: MortalS3Server, proxy: FaultProxy, prefect_server: str, tmp_path: Path
 ) -> None:

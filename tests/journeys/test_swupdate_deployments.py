@@ -55,7 +55,8 @@ def confirm(robot: SwupdateRobot, site: PollingRobot, *, is_healthy: bool) -> No
     robot.confirm(int(number), is_healthy=is_healthy)
 
 
-@pytest.mark.parametrize("is_healthy", [True, pytest.param(False, marks=pytest.mark.endurance)])
+@pytest.mark.endurance
+@pytest.mark.parametrize("is_healthy", [True, False])
 def test_a_deployment_installs_and_a_health_check_decides(
     serve: Serve, service: Service, prefect_server: str, tmp_path: Path, is_healthy: bool
 ) -> None:

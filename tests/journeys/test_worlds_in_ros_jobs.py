@@ -153,7 +153,10 @@ def digest(package: Path) -> str:
     return hashlib.sha256(world.read_bytes()).hexdigest()
 
 
-@pytest.mark.parametrize(("sandbox", "pack"), [("require", as_it_is), ("off", as_it_is), ("off", built_alone)])
+@pytest.mark.parametrize(
+    ("sandbox", "pack"),
+    [("require", as_it_is), pytest.param("off", as_it_is, marks=pytest.mark.endurance), ("off", built_alone)],
+)
 def test_a_launch_file_finds_the_world_of_its_job(
     sandbox: str,
     pack: Bundle,
@@ -178,7 +181,12 @@ def test_a_launch_file_finds_the_world_of_its_job(
 
 @pytest.mark.parametrize(
     ("launch", "pack"),
-    [(LAUNCHED, as_it_is), (LAUNCHED, built), (SOURCED, built), (LAUNCHED, of_colcon)],
+    [
+        pytest.param(LAUNCHED, as_it_is, marks=pytest.mark.endurance),
+        (LAUNCHED, built),
+        (SOURCED, built),
+        (LAUNCHED, of_colcon),
+    ],
     ids=["packages", "workspace", "sourced by the command", "colcon bundle"],
 )
 def test_the_world_of_the_job_wins_over_one_that_the_bundle_carries(

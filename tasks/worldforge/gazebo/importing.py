@@ -40,9 +40,6 @@ from .visuals import Heightmaps, SeenGeom, Visuals
 
 Loose = Literal["hold", "free"]
 
-SUFFIXES = (".world", ".sdf")
-"""File name suffixes of Gazebo worlds."""
-
 
 class Start(NamedTuple):
     """Start position of robots in a Gazebo world file's frame."""

@@ -60,14 +60,3 @@ def test_nothing_heavy_is_imported() -> None:
         assert not set(HEAVY).intersection(about["imported"]), line
         if line.split() in LIGHT:
             assert not {"pydantic", "ruamel", "rich", "jmespath"}.intersection(about["imported"]), line
-
-
-def test_what_starts_and_judges_runs_imports_no_simulator() -> None:
-    """It takes seconds in each command and job worker, and without a display dm_control warns on standard error."""
-    program = (
-        "import sys\n"
-        "import prefect_robomaker.tasks.jobs.job_runs, prefect_robomaker.flows.pipelines\n"
-        "print(*{'mujoco', 'dm_control', 'dm_env', 'glfw', 'scipy'}.intersection(sys.modules))\n"
-    )
-    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert ran.stdout == "\n"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 STUCK = """
 import asyncio, os, time
-from prefect_robomaker.deployments.prefect_server import server_process
+from prefect_robomaker.deployments.prefect_server import stuck_loop
 
 def where_it_is_stuck():
     end = time.monotonic() + 120
@@ -14,8 +14,8 @@ def where_it_is_stuck():
         time.sleep(0.05)
 
 async def watched(silent_s, stuck):
-    server_process._SILENT_S, server_process._TICK_S = silent_s, 0.05
-    told = asyncio.create_task(server_process.tell_when_stuck(None))
+    stuck_loop._SILENT_S, stuck_loop._TICK_S = silent_s, 0.05
+    told = asyncio.create_task(stuck_loop.tell_when_stuck(None))
     await asyncio.sleep(0.2)
     if stuck:
         where_it_is_stuck()

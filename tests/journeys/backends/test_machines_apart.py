@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.service.service import Service
 from .conftest import ONE_OF_THEM, BatchOnCluster
 
 Order = Callable[..., dict[str, Any]]
-pytestmark = [NEEDS_NAMESPACES, NEEDS_POSTGRESQL, pytest.mark.deep, pytest.mark.timeout(900)]
+pytestmark = [NEEDS_NAMESPACES, NEEDS_POSTGRESQL, pytest.mark.deep, pytest.mark.endurance, pytest.mark.timeout(900)]
 JOBS = 4
 SHORT = {"DURATION_S": "20"}
 

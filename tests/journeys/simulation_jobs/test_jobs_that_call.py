@@ -43,15 +43,19 @@ def nosy(service: Service, order_command: Order) -> Callable[[str], dict[str, An
 
 
 @pytest.mark.parametrize(
-    ("sandbox", "network"),
+    ("sandbox", "network", "creates", "by"),
     [
-        ("require", "full"),
-        pytest.param("require", "local", marks=pytest.mark.deep),
-        pytest.param("off", "full", marks=pytest.mark.deep),
+        ("require", "full", "0", "process"),
+        ("require", "full", "1", "process"),
+        pytest.param("require", "local", "1", "key", marks=pytest.mark.deep),
+        pytest.param("off", "full", "0", "process", marks=pytest.mark.deep),
+        # Other pairs of these.
+        pytest.param("require", "full", "1", "key", marks=pytest.mark.endurance),
+        pytest.param("require", "local", "0", "process", marks=pytest.mark.endurance),
+        pytest.param("require", "local", "1", "process", marks=pytest.mark.endurance),
+        pytest.param("off", "full", "1", "process", marks=pytest.mark.endurance),
+        pytest.param("off", "full", "1", "key", marks=pytest.mark.endurance),
     ],
-)
-@pytest.mark.parametrize(
-    ("creates", "by"), [("0", "process"), ("1", "process"), pytest.param("1", "key", marks=pytest.mark.deep)]
 )
 def test_a_job_acts_for_itself_only(
     service: Service,

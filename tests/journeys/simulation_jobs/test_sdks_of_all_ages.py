@@ -55,6 +55,16 @@ client("robomaker").cancel_simulation_job(job=job)
 VERSIONS = ["1.29.27", "1.40.60"]
 
 
+def once_each(first: Any, second: Any) -> list[Any]:
+    """Pairs of a version and a value, in which each of them is once; the other pairs are for endurance runs."""
+    old, young = VERSIONS
+    others = [
+        pytest.param(old, second, marks=pytest.mark.endurance),
+        pytest.param(young, first, marks=pytest.mark.endurance),
+    ]
+    return [(old, first), (young, second), *others]
+
+
 @pytest.fixture
 def own_launcher(monkeypatch: pytest.MonkeyPatch) -> Launcher:
     """A launcher of this test's own, whose jobs see the programs that tests have installed."""
@@ -102,8 +112,7 @@ def test_a_job_calls_the_service_and_nothing_of_aws(
     assert {name: text for name, (_, text) in said.items() if f"set {SETTING}=1" not in text} == {}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("with_endpoint", [True, False])
+@pytest.mark.parametrize(("version", "with_endpoint"), once_each(True, False))
 def test_keys_of_a_role_reach_the_object_store_and_the_service_only(
     version: str,
     with_endpoint: bool,
@@ -148,8 +157,7 @@ def test_keys_of_a_role_reach_the_object_store_and_the_service_only(
         assert SETTING in str(of_roles.catalog.get(arn).document)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("by", ["setting", "keys of the job"])
+@pytest.mark.parametrize(("version", "by"), once_each("setting", "keys of the job"))
 def test_jobs_call_aws_where_they_may(
     version: str,
     by: str,

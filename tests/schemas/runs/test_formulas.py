@@ -92,7 +92,7 @@ def assert_same(formula: Formula, samples: Mapping[str, Sequence[float]]) -> Non
         assert found.most == math.copysign(1e300, most), in_words(formula)
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(400, marks=pytest.mark.deep)])
+@pytest.mark.parametrize("count", [60, pytest.param(400, marks=pytest.mark.endurance)])
 def test_random_formulas_have_the_robustness_of_the_definition(count: int) -> None:
     decided = 0
     for seed in range(count):
@@ -104,7 +104,7 @@ def test_random_formulas_have_the_robustness_of_the_definition(count: int) -> No
     assert count / 3 < decided < count, "runs that are too short for their formulas have to occur, and others too"
 
 
-@pytest.mark.parametrize("every", [20, pytest.param(1, marks=pytest.mark.deep)])
+@pytest.mark.parametrize("every", [20, pytest.param(4, marks=pytest.mark.deep)])
 def test_another_library_has_found_the_same(every: int) -> None:
     """It continues a run by its last sample: one of the ways in which it could go on.
 

@@ -109,6 +109,6 @@ def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplat
 
 @examples(60, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
-@pytest.mark.deep
+@pytest.mark.endurance
 def test_many_templates_give_worlds_that_keep_their_promises(body: WorldTemplateBody, seed: int) -> None:
     generated(body, seed)

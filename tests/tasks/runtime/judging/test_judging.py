@@ -242,7 +242,9 @@ def bumper(time_s: float) -> Said:
     return Said(time_s, "/bumper", STATES, {"states": []})
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(each, marks=() if each == "ros1" else pytest.mark.deep) for each in FORMATS]
+)
 def test_contacts_of_gazebo_count_by_name(judge: Judge, tmp_path: Path, kind: str) -> None:
     wall, floor = "wall_3::link::collision", "ground_plane::link::collision"
     robot = "turtlebot3::base_link::bumper"

@@ -80,7 +80,7 @@ def best(number: int) -> int:
     return PlanSeed(number, 0, diverse=False).number
 
 
-@pytest.fixture(scope="module", params=[16, pytest.param(60, marks=pytest.mark.deep)])
+@pytest.fixture(scope="module", params=[16, pytest.param(60, marks=pytest.mark.endurance)])
 def plans(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Floorplan]:
     """The best plans of templates whose wishes are compatible."""
     count: int = request.param
@@ -108,7 +108,6 @@ def test_compatible_wishes_are_mostly_granted(plans: list[Floorplan]) -> None:
     assert np.mean([wish.outcome == "satisfied" for wish in footprints]) > 0.95
 
 
-@pytest.mark.deep
 def test_bedrooms_and_baths_are_reached_from_the_hallway_or_the_living_room(plans: list[Floorplan]) -> None:
     types = {(number, room.name): room.type for number, plan in enumerate(plans) for room in plan.rooms}
     reached: list[bool] = []

@@ -115,7 +115,7 @@ def test_no_solid_parts_of_generated_worlds_overlap(make_body: MakeBody) -> None
     assert {name: pairs for name, pairs in found.items() if pairs} == {}
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 def test_no_solid_parts_of_many_generated_worlds_overlap(make_body: MakeBody) -> None:
     found = overlaps_of_worlds(make_body, MANY_SEEDS)
     assert len(found) >= 25

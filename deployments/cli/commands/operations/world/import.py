@@ -71,7 +71,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world import`: makes a world of a drawing, map or Gazebo world, and prints facts about it."""
     from ......schemas.wire.errors import ConfigurationError
-    from ......tasks.worldforge.gazebo.importing import SUFFIXES
+    from ......tasks.worlds.gazebo_imports import SUFFIXES
     from ......tasks.worlds.workspaces import is_workspace
     from ....output.world_facts import print_kept
 

@@ -34,10 +34,11 @@ def test_trouble_is_told_by_doctor(robomaker, rover) -> None:
         return {each["subject"]: each for each in found}["robots"]
 
     robomaker("robots", "enroll", "rover", "--agent")
-    assert (finding()["health"], finding()["found"]) == ("ok", "none of 1 says that its application keeps restarting")
+    fine = finding()
+    assert (fine["health"], fine["found"]) == ("ok", "none of 1 says that its application keeps restarting")
     say_trouble()
-    assert finding()["health"] == "warning"
-    assert finding()["found"] == "rover: version 2 kept restarting"
+    told = finding()
+    assert (told["health"], told["found"]) == ("warning", "rover: version 2 kept restarting")
 
 
 def test_a_robot_is_told_all_that_its_updater_needs(robomaker, rover, monkeypatch) -> None:
