@@ -7,7 +7,7 @@ from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall
 from ..floorplans.brief import EXTERIOR_WALL, length_over_width
 from ..floorplans.floorplan import LINTEL_M
 from ..floorplans.partition import UNITS_PER_M
-from .sites import RAILING_WALL, Site, hides, line_of
+from .sites import RAILING_WALL, Site, is_lost, line_of
 
 RAILING_M = 1.0
 """Height of railings in metres: what building codes ask for up to the fourth floor or so."""
@@ -38,7 +38,7 @@ def with_balcony(plan: Floorplan, site: Site, wished: TemplateRoom, *, requested
     windows = [
         window
         for window in plan.windows
-        if line_of(window)[:2] != (site.horizontal, site.at) or not hides(site.door, line_of(window)[2])
+        if line_of(window)[:2] != (site.horizontal, site.at) or not is_lost(line_of(window)[2], site.span, site.door)
     ]
     return plan.model_copy(
         update={

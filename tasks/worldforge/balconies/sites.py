@@ -33,7 +33,7 @@ _ODD_HOST = 5.0
 _SECOND_BALCONY = 0.5
 """Cost of a balcony at a room that has one already."""
 _LOST_WINDOW = 0.3
-"""Cost of a window that the glazed door replaces."""
+"""Cost of a window that the glazed door replaces, or that a railing would cut in two."""
 _CHANCE = 0.3
 """Largest random cost: what is nearly as good falls either way, so that worlds differ."""
 _AREA_WEIGHT = 4.0
@@ -98,7 +98,7 @@ def sites(plan: Floorplan, area_m2: float, ratio: float, hosts: Sequence[str], d
 
 
 def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float, dice: Random) -> Iterator[Site]:
-    """Yields places at one wall: at its ends and in its middle."""
+    """Yields places at one wall: at its ends, and where the fewest windows are lost."""
     wall = plan.walls[number]
     horizontal, at, (start, end) = line_of(wall)
     edge = _edge_of(host, horizontal, at, (start, end))
@@ -118,14 +118,15 @@ def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float
     )
     usual = _HOST_COSTS.get(host.type, _ODD_HOST) + size.cost + _SECOND_BALCONY * has_one
     slack = high - low - RAILING_WALL - size.long
-    for shift in sorted({0, slack // 2, slack, dice.randint(0, slack)}):
-        span = (low + shift, low + shift + size.long + RAILING_WALL)
-        deep = size.deep + (EXTERIOR_WALL + RAILING_WALL) // 2
+    deep = size.deep + (EXTERIOR_WALL + RAILING_WALL) // 2
+    spans = [(low + shift, low + shift + size.long + RAILING_WALL) for shift in range(slack + 1)]
+    crossed = {span: sum(is_lost(window, span) for window in windows) for span in spans}
+    best = [span for span in spans if crossed[span] == min(crossed.values())]
+    for span in sorted({best[0], best[len(best) // 2], best[-1], dice.choice(best), spans[0], spans[-1]}):
         door, lost = _door(span, (edge[0] + EXTERIOR_WALL // 2, edge[1] - EXTERIOR_WALL // 2), windows, dice)
         site = Site(host.name, number, horizontal, at, out, span, deep, door, 0.0)
-        crossed = any(_overlap((side - _FRAME, side + _FRAME), window) for side in span for window in windows)
-        if door != (0, 0) and not crossed and _is_free(plan, site):
-            yield site._replace(cost=usual + _LOST_WINDOW * lost + _CHANCE * dice.random())
+        if door != (0, 0) and _is_free(plan, site):
+            yield site._replace(cost=usual + _LOST_WINDOW * (lost + crossed[span]) + _CHANCE * dice.random())
 
 
 def line_of(wall: Wall | Window) -> tuple[bool, int, Span]:
@@ -190,9 +191,17 @@ def _framed(door: Span) -> Span:
     return door[0] - _FRAME, door[1] + _FRAME
 
 
-def hides(door: Span, window: Span) -> bool:
-    """Whether a door in the same wall leaves no place for a window; both in grid units along the wall."""
-    return _overlap(_framed(door), window)
+def is_lost(window: Span, span: Span, door: Span | None = None) -> bool:
+    """Whether a window has no place in a wall with a balcony, all in grid units along the wall.
+
+    Args:
+        window: its ends.
+        span: centre lines of the railings, which must not end at the window.
+        door: the balcony's door, if it is known.
+    """
+    return any(_overlap((side - _FRAME, side + _FRAME), window) for side in span) or (
+        door is not None and _overlap(_framed(door), window)
+    )
 
 
 def _is_free(plan: Floorplan, site: Site) -> bool:
