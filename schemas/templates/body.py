@@ -26,6 +26,9 @@ OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 MOST_ROOMS = 12
 """Maximum number of rooms of a template: twice that of AWS; the search for plans of 12 rooms takes seconds."""
 
+MOST_BALCONIES = 2
+"""Maximum number of balconies of a template: flats have one or two."""
+
 MOST_CONNECTIONS = 24
 """Maximum number of connections in a template, two per room; a room can have four."""
 
@@ -122,6 +125,7 @@ SERVICE_LEAST_AREA_M2 = 10.0
 """Smallest area in m² that AWS allowed for a room; smaller rooms are an extension."""
 
 LEAST_AREAS_M2: dict[FurnishedRoomType, float] = {
+    "Balcony": 2.0,
     "Bathroom": 3.0,
     "Bedroom": 5.0,
     "Closet": 2.0,

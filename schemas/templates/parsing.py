@@ -17,13 +17,16 @@ from pydantic_core import ErrorDetails
 from ..wire.errors import InvalidParameterException
 from ..wire.json_values import is_list, is_object, load_strict, show
 from ..wire.request_problems import RequestProblem, misspelt_members, pattern_in_words
+from ..worlds.world import OUTDOOR_ROOM_TYPE
 from .body import (
     CONSTANT_TAG,
     FLOORPLAN_PATH,
     INTERIOR_PATH,
     LEAST_AREAS_M2,
+    MOST_BALCONIES,
     OBJECT_TAG,
     DesiredConnection,
+    TemplateFloorplan,
     TemplateTargetSet,
     WorldTemplateBody,
     nearest_of,
@@ -49,6 +52,7 @@ def rule_problems(body: WorldTemplateBody) -> Iterator[str]:
     if len(set(names)) < len(names):
         return  # which room a name means is open
     yield from _connection_problems(body.floorplan.DesiredConnections, names)
+    yield from _balcony_problems(body.floorplan)
     for path, target in _room_targets(body):
         yield from _target_problems(target, names, path)
 
@@ -129,6 +133,27 @@ def _connection_problems(connections: list[DesiredConnection], names: tuple[str,
             rule = "one Opening alone, or several Doorways, would be right for one pair of rooms"
             yield f"{path}: {show(connection.Location)} {connection.ConnectionType}: connected before; {rule}"
         before.add(connection.ConnectionType)
+
+
+def _balcony_problems(plan: TemplateFloorplan) -> Iterator[str]:
+    """Yields problems of balconies: too many of them, no room that they belong to, or a connection that is no door."""
+    kinds = [room.Type == OUTDOOR_ROOM_TYPE for room in plan.Rooms]
+    if all(kinds):
+        yield f"{FLOORPLAN_PATH}.Rooms: only of type {OUTDOOR_ROOM_TYPE}; a room inside besides would be right"
+    if sum(kinds) > MOST_BALCONIES:
+        count = f"{sum(kinds)} of type {OUTDOOR_ROOM_TYPE}"
+        yield f"{FLOORPLAN_PATH}.Rooms: {count}; {MOST_BALCONIES} at most would be right"
+    outside = {room.Name for room, is_outside in zip(plan.Rooms, kinds, strict=True) if is_outside}
+    joined: set[str] = set()
+    for index, connection in enumerate(plan.DesiredConnections):
+        path, ends = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]", outside & connection.pair
+        if len(ends) > 1:
+            yield f"{path}.Location: {show(connection.Location)}: two balconies; one room inside would be right"
+        elif ends and connection.ConnectionType == "Opening":
+            yield f'{path}.ConnectionType: "Opening": "Doorway" would be right for a {OUTDOOR_ROOM_TYPE}'
+        elif ends & joined:
+            yield f"{path}.Location: {show(connection.Location)}: a {OUTDOOR_ROOM_TYPE} has one door; leave one out"
+        joined |= ends
 
 
 MAX_BODY_CHARACTERS = 262_144

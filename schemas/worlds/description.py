@@ -130,7 +130,9 @@ class WorldDescription(Model):
     seeds: Seeds | None = optional("Seeds that give the same world again.")
     units: Units = Field(default=Units(), description="Units of all numbers.")
     ceilingHeight: float = Field(description="Floor to ceiling.")
-    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
+    footprint: list[Point] = Field(
+        description="Corners of the building with its balconies, counter-clockwise, on centre lines of walls."
+    )
     plan: str | None = optional(
         "Key of the plan: the same for worlds whose rooms touch on the same sides, have the same doors and an outline "
         "with as many corners, however they are turned and mirrored; absent before generator 3.3.0."

@@ -163,11 +163,11 @@ class WorldChecks(Model):
 
 Point = tuple[float, float]
 FurnishedRoomType = Literal[
-    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage"
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage", "Balcony"
 ]
 """Types of rooms in templates and drawings."""
 RoomType = Literal[
-    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage", "Area"
+    "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Office", "Storage", "Balcony", "Area"
 ]
 """Types of rooms of any world; `Area` is a room of an imported world whose type is unknown."""
 PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
@@ -176,7 +176,11 @@ SERVICE_ROOM_TYPES: tuple[FurnishedRoomType, ...] = (
     "Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet",
 )  # fmt: skip
 """Types of rooms in AWS's templates; the others are extensions."""
-ROOM_TYPES: tuple[FurnishedRoomType, ...] = (*SERVICE_ROOM_TYPES, "Office", "Storage")
+INDOOR_ROOM_TYPES: tuple[FurnishedRoomType, ...] = (*SERVICE_ROOM_TYPES, "Office", "Storage")
+"""Types of rooms inside the building, which its plan is divided into."""
+OUTDOOR_ROOM_TYPE: FurnishedRoomType = "Balcony"
+"""Type of rooms outside the building: a railing in place of outer walls, and no ceiling."""
+ROOM_TYPES: tuple[FurnishedRoomType, ...] = (*INDOOR_ROOM_TYPES, OUTDOOR_ROOM_TYPE)
 
 FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
 WALL_MATERIALS = ("Brick", "Concrete", "Stone", "Tiles", "WoodPanels", "WallPaint", "Wallpaper")
@@ -226,6 +230,11 @@ class Room(Model):
         """Floor area in m²; for worlds of older generators, the area inside the walls' centre lines."""
         return self.area_m2 if self.floor_area_m2 is None else self.floor_area_m2
 
+    @property
+    def is_outdoor(self) -> bool:
+        """Whether the room is a balcony: it has a railing in place of outer walls, and no ceiling."""
+        return self.type == OUTDOOR_ROOM_TYPE
+
 
 class Wall(Model):
     """A straight wall segment of a floor plan, already cut at doors and openings."""
@@ -239,6 +248,7 @@ class Wall(Model):
         default=False, description="Whether this part is only above a doorway: from `bottom_m` to the ceiling."
     )
     bottom_m: float = Field(default=0.0, description="Height of the lower edge in metres.")
+    top_m: float | None = optional("Height of the upper edge of a balcony's railing in metres; absent: the ceiling.")
 
 
 class Door(Model):
@@ -333,13 +343,19 @@ class Preference(Model):
 class Floorplan(Model):
     """Floor plan of a world: rooms, walls and passages; all interiors made for it share it."""
 
-    footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
+    footprint: list[Point] = Field(
+        description="Corners of the building with its balconies, counter-clockwise, on centre lines of walls."
+    )
     ceiling_height_m: float = Field(description="Ceiling height in metres.")
     rooms: list[Room] = Field(description="Rooms, in the template's order; materials are set with the interior.")
     walls: list[Wall] = Field(description="All walls, cut at passages, including lintels.")
     passages: list[Passage] = Field(description="All connections between rooms.")
     windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
     wishes: list[Preference] = Field(description="Preferences about the floor plan, with whether they are satisfied.")
+
+    def top_of(self, wall: Wall) -> float:
+        """Returns the height of a wall's upper edge in metres: the ceiling, or less for a railing."""
+        return self.ceiling_height_m if wall.top_m is None else wall.top_m
 
 
 Light = Literal["day", "evening", "night"]
@@ -457,6 +473,8 @@ class World(Model):
             absent["appearance"] = True
         if self.checks is not None:
             absent["checks"] = self.checks.absent()
+        if low := {number: {"top_m"} for number, wall in enumerate(self.floorplan.walls) if wall.top_m is None}:
+            absent["floorplan"] = {"walls": low}
         if isinstance(self.source, GazeboSource) and self.source.start_from is None:
             absent["source"] = {"start_from"}
         return self.model_dump_json(indent=1, exclude=absent) + "\n"

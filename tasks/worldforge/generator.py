@@ -27,9 +27,9 @@ from ...schemas.worlds.world import (
     World,
     contains,
 )
+from .balconies.balconies import whole_floorplan
 from .doors.bath_windows import with_bath_windows
 from .doors.initial_states import dress_doors
-from .floorplans.floorplan import generate_floorplan
 from .furniture.catalogue import parts_of
 from .furniture.placed_parts import height_at, turn
 from .interiors.interior import furnish
@@ -72,7 +72,7 @@ def generate_world(
             what the last one broke.
     """
     begun = clock()
-    plan = with_bath_windows(generate_floorplan(body, floorplan_seed))
+    plan = with_bath_windows(whole_floorplan(body, floorplan_seed))
     return furnish_and_prove(body, plan, (floorplan_seed, interior_seed), settle=settle, clock=clock, begun=begun)
 
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from prefect_robomaker.schemas.templates.body import LEAST_AREAS_M2, WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
-from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, Furniture, World, contains
+from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, FurnishedRoomType, Furniture, World, contains
 
 ROBOT_M = 0.2
 """Radius of the robot that has to enter each room, in metres."""
@@ -29,7 +29,7 @@ def extended_template(
     seed: int,
     *,
     rooms: tuple[int, int] = (1, 6),
-    types: Sequence[FurnishedRoomType] = ROOM_TYPES,
+    types: Sequence[FurnishedRoomType] = INDOOR_ROOM_TYPES,
     most_ways: int = 8,
 ) -> WorldTemplateBody:
     """One of the bodies: rooms from the least area of their type to 14 m2, any shapes and connections."""

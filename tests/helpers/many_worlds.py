@@ -42,8 +42,8 @@ OUTCOMES = ("satisfied", "missed", "contradictory")
 SLICE = 5
 """Worlds that a process makes before it takes the next ones: of one template, whose plans are searched for once."""
 
-Slice = tuple[int, range, int, int]
-"""A template, the worlds of it, how many of its first ones are pushed, and the seed."""
+Slice = tuple[int, range, int, int, bool]
+"""A template, the worlds of it, how many of its first ones are pushed, the seed, and whether it has balconies."""
 
 
 @dataclass
@@ -101,9 +101,9 @@ class Tally:
 
 def worlds_of(work: Slice) -> Tally:
     """Makes and proves the worlds of a slice."""
-    template, indices, pushed, seed = work
+    template, indices, pushed, seed, balconies = work
     tally, begun = Tally(), time.process_time()
-    body = random_template(seed + template)
+    body = random_template(seed + template, balconies=balconies)
     for index in indices:
         name = f"template {seed + template}, world {index}"
         tally.worlds += 1
@@ -152,10 +152,10 @@ def take_in(tally: Tally, name: str, world: World, *, pushed: bool) -> None:
 
 def slices(args: argparse.Namespace) -> Iterator[Slice]:
     """All work, first worlds first, so that a run that is cut short has seen every template."""
-    for start in range(0, args.worlds, SLICE):
+    for start in range(args.first, args.first + args.worlds, SLICE):
         for template in range(args.templates):
             share = args.pushed // args.templates + (template < args.pushed % args.templates)
-            yield template, range(start, min(start + SLICE, args.worlds)), share, args.seed
+            yield template, range(start, min(start + SLICE, args.first + args.worlds)), share, args.seed, args.balconies
 
 
 def summary(tally: Tally, args: argparse.Namespace, wall_s: float) -> dict[str, Any]:
@@ -201,6 +201,8 @@ def summary(tally: Tally, args: argparse.Namespace, wall_s: float) -> dict[str, 
         "furthest_pushed_mm": round(1e3 * tally.furthest_pushed_m, 3),
         "share_of_wishes_satisfied": wishes,
         "seed": args.seed,
+        "first": args.first,
+        "balconies": args.balconies,
         "commit": args.commit,
         "generator": GENERATOR_VERSION,
         "versions": {"python": platform.python_version(), "mujoco": mujoco.__version__, "numpy": np.__version__},
@@ -228,6 +230,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--pushed", type=int, default=100, help="worlds in all that are pushed 8 times for 30 s (100)")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
     parser.add_argument("--seed", type=int, default=0, help="number of the first template (0)")
+    parser.add_argument("--first", type=int, default=0, help="number of each template's first world (0)")
+    parser.add_argument("--balconies", action="store_true", help="gives each template one or two balconies")
     parser.add_argument("--limit-s", type=float, default=float("inf"), help="seconds after which no more is begun")
     parser.add_argument("--commit", default="", help="the commit to name in the summary")
     args = parser.parse_args()

@@ -15,8 +15,11 @@ MOST_CONNECTIONS = 12
 DENSITIES = ("Sparse", "Moderate", "Dense")
 
 
-def random_template(seed: int) -> WorldTemplateBody:
-    """One of the bodies: any number, size, shape and type of rooms, any connections, doors in any state."""
+def random_template(seed: int, *, balconies: bool = False) -> WorldTemplateBody:
+    """One of the bodies: any number, size, shape and type of rooms, any connections, doors in any state.
+
+    With balconies it is the same body with one or two of them besides, some with a wished door.
+    """
     dice = Random(seed)
     version = dice.choice("12")
     rooms = [_room(dice, number) for number in range(dice.randint(1, MOST_ROOMS))]
@@ -31,6 +34,8 @@ def random_template(seed: int) -> WorldTemplateBody:
     interior: dict[str, Any] = {"Furniture": {"FurnitureArrangements": furniture}}
     if version == "2":
         interior["Doorways"] = {"DoorwaySets": [_doors(dice)]}
+    if balconies:
+        _add_balconies(floorplan, Random(f"balconies of {seed}"))
     floor = {"Floorplan": floorplan, "Interior": interior}
     return parse_template_body(json.dumps({"Version": version, "Buildings": [{"Floors": [floor]}]}))
 
@@ -40,6 +45,22 @@ def _room(dice: Random, number: int) -> dict[str, Any]:
     # Small rooms are as frequent as large ones: each doubling of the area is as likely as the next.
     area = round(exp(dice.uniform(log(10), log(300))), 1)
     return {"Name": f"{kind} {number}", "Type": kind, "DesiredShape": {"Area": area, "AspectRatio": _ratio(dice)}}
+
+
+def _add_balconies(floorplan: dict[str, Any], dice: Random) -> None:
+    """Adds one or two balconies from 2 to 12 m2, anywhere among the rooms."""
+    inside = [room["Name"] for room in floorplan["Rooms"]]
+    busy = Counter(name for way in floorplan["DesiredConnections"] for name in way["Location"])
+    for number in range(dice.randint(1, 2)):
+        area = round(exp(dice.uniform(log(2), log(12))), 1)
+        room = {
+            "Name": f"Balcony {number}", "Type": "Balcony", "DesiredShape": {"Area": area, "AspectRatio": _ratio(dice)},
+        }  # fmt: skip
+        floorplan["Rooms"].insert(dice.randint(0, len(floorplan["Rooms"])), room)
+        host = dice.choice(inside)
+        if dice.random() < 0.5 and busy[host] < MAX_CONNECTIONS_PER_ROOM:
+            floorplan["DesiredConnections"].append({"Location": [room["Name"], host], "ConnectionType": "Doorway"})
+            busy[host] += 1
 
 
 def _ratio(dice: Random) -> dict[str, float]:

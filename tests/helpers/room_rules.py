@@ -42,6 +42,7 @@ DENSE_SHARES = {
     "Living": (0.31, 24.0),
     "Office": (0.28, 14.0),
     "Storage": (0.29, 12.0),
+    "Balcony": (0.18, 8.0),
 }
 """Share of the floor under furniture in dense rooms of up to so many square metres; larger ones have less."""
 TOUCHING_M = 0.02

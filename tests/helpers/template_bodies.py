@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
-from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, MODEL_TYPES, ROOM_TYPES, WALL_MATERIALS
+from prefect_robomaker.schemas.worlds.world import (
+    FLOOR_MATERIALS,
+    INDOOR_ROOM_TYPES,
+    MODEL_TYPES,
+    ROOM_TYPES,
+    WALL_MATERIALS,
+)
 
 AREAS = st.sampled_from([10.0, 12.5, 20.0, 35.0, 80.0]) | st.floats(10, 300)
 SIDES = st.sampled_from([1.0, 4.0]) | st.floats(1, 4)
@@ -59,7 +65,7 @@ def body_texts(draw: st.DrawFn, version: str | None = None, most_rooms: int = 6)
 
 def _rooms() -> st.SearchStrategy[dict[str, Any]]:
     shape = st.fixed_dictionaries({"Area": AREAS, "AspectRatio": RATIOS})
-    return st.fixed_dictionaries({"Type": st.sampled_from(ROOM_TYPES), "Name": NAMES, "DesiredShape": shape})
+    return st.fixed_dictionaries({"Type": st.sampled_from(INDOOR_ROOM_TYPES), "Name": NAMES, "DesiredShape": shape})
 
 
 def _targets(names: list[str]) -> st.SearchStrategy[Any]:

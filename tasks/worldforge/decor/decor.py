@@ -15,6 +15,7 @@ from .lights import ceilings, lamp_shades, skirting
 from .on_tops import things_on_tops
 from .on_walls import things_on_walls
 from .openings import curtains, pierced_wall, window_frames
+from .planters import planters
 
 _COUNTERS = ("DishWashers", "Storage", "WashingMachinesAndDryers")
 _COUNTER_MOST_M = 0.95
@@ -187,3 +188,4 @@ def ornaments(world: World, shapes: Shapes) -> Iterator[Ornament]:
     yield from curtains(world, walls, shapes, dice)
     yield from furnishings(world, walls, shapes, dice)
     yield from things_on_tops(world, shapes, dice)
+    yield from planters(world, shapes, dice)

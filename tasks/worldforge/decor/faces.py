@@ -79,15 +79,15 @@ def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
 
 
 def faces(world: World) -> Iterator[Face]:
-    """Lists the sides of all walls that reach the floor."""
-    rooms = {room.name: room for room in world.floorplan.rooms}
+    """Lists the sides that all walls that reach the floor turn to rooms inside the building."""
+    rooms = {room.name: room for room in world.floorplan.rooms if not room.is_outdoor}
     for number, wall in enumerate(world.floorplan.walls):
         if wall.lintel:
             continue
         along_x, at, span = wall_span(wall)
         middle = (span[0] + span[1]) / 2
         windows = windows_in(wall, world)
-        for name in wall.rooms:
+        for name in filter(rooms.__contains__, wall.rooms):
             for side in (1.0, -1.0):
                 across = at + side * wall.thickness_m
                 if contains(rooms[name].polygon, *((middle, across) if along_x else (across, middle))):

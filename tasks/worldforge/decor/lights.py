@@ -73,7 +73,8 @@ def lamp_spots(world: World) -> list[Vector]:
 
     One lamp in each room, the largest room first, and a second one in wide rooms while lights are left.
     """
-    rooms = sorted(world.floorplan.rooms, key=lambda room: -room.area_m2)[:MOST_LAMPS]
+    inside = [room for room in world.floorplan.rooms if not room.is_outdoor]
+    rooms = sorted(inside, key=lambda room: -room.area_m2)[:MOST_LAMPS]
     left = MOST_LAMPS - len(rooms)
     spots: list[Vector] = []
     for room in rooms:
@@ -119,8 +120,10 @@ _BELOW_M = 0.004
 
 
 def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
-    """Yields a ceiling for each rectangle of a room, invisible from above."""
+    """Yields a ceiling for each rectangle of a room inside, invisible from above."""
     for index, room in enumerate(world.floorplan.rooms):
+        if room.is_outdoor:
+            continue
         for number, (x0, y0, x1, y1) in enumerate(room_rects(room).tolist()):
             name = f"ceiling_{index}_{number}"
             wide, deep = x1 - x0, y1 - y0

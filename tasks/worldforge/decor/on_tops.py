@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 from random import Random
 
-from ....schemas.worlds.world import Furniture, World
+from ....schemas.worlds.world import OUTDOOR_ROOM_TYPE, Furniture, World
 from ..furniture.catalogue import parts_of
 from ..furniture.placed_parts import turn
 from ..geometry.boxes import Box, box_of, hits
@@ -40,6 +40,9 @@ ON_TOP: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Small things by the kind of furniture that carries them, the most important first."""
 
+_OUTSIDE: dict[str, tuple[str, ...]] = {"EndAndSideTables": ("plant_bushy", "glass"), "StorageBenches": ("herb",)}
+"""The same on balconies, where nothing lies that rain would spoil."""
+
 _ON_BOARDS: dict[str, tuple[str, ...]] = {
     "Bathroom": ("folded", "bottles_small", "bottles_small", "soap", "box"),
     "Kitchen": ("jar", "bowl", "plates", "jar_small", "herb"),
@@ -60,7 +63,8 @@ def things_on_tops(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornam
     for item in world.furniture:
         if item.movable:
             continue
-        wanted = ON_TOP.get(item.model_type, ())
+        tops = _OUTSIDE if types[item.room] == OUTDOOR_ROOM_TYPE else ON_TOP
+        wanted = tops.get(item.model_type, ())
         if item.model_type == "Storage" and item.style.startswith("counter"):
             # Counters stand side by side: each begins elsewhere in the list.
             first = dice.randrange(len(_KITCHEN))

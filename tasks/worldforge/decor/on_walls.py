@@ -164,6 +164,7 @@ _HANGINGS: dict[str, tuple[Hang, float, float]] = {
 """Builder of each decoration, its width and the largest height of furniture below it, in metres."""
 
 _IN_ROOMS: dict[RoomType, tuple[str, ...]] = {
+    "Balcony": (),
     "Bathroom": ("towels", "shelf", "towels", "shelf"),
     "Bedroom": ("picture", "shelf", "mirror", "picture"),
     "Closet": ("mirror", "coats", "shelf"),

@@ -37,7 +37,7 @@ _MIN_CELLS = 20
 _ARC_STEPS = 6
 _TOUCHING_M = 1e-6
 
-_ROOM_COSTS: dict[RoomType, float] = {"Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
+_ROOM_COSTS: dict[RoomType, float] = {"Balcony": 6.0, "Hallway": 4.0, "Closet": 2.5, "Storage": 2.5}
 """Cost of a door that opens into a room of this type."""
 _INTO_LARGER = 1.0
 _CORNER_SPAN_M = 2.0

@@ -16,6 +16,8 @@ from .door_parts import FINISHES, FORMS, FULLY_OPEN_PERCENT
 from .doors import hang_doors
 
 _RANKS = 4
+_OUTER_FORM = "glazed"
+"""Form of doors to balconies: they light the room in place of a window."""
 
 
 def dress_doors(
@@ -36,6 +38,7 @@ def dress_doors(
     sets = body.interior.Doorways.DoorwaySets if body.interior.Doorways else []
     chosen = choose_doorway_sets(sets, plan)
     finish = FINISHES[int(rng.integers(len(FINISHES)))]
+    outside = {room.name for room in plan.rooms if room.is_outdoor}
     passages: list[Passage] = []
     for index, passage in enumerate(plan.passages):
         # Drawn for every way, so that a set for one door leaves the others as they were.
@@ -46,6 +49,8 @@ def dress_doors(
         preferred = (
             sets[chosen[index]].Door.InitialState.OpenPosition.Percent if index in chosen else FULLY_OPEN_PERCENT
         )
+        if any(name in outside for name in passage.rooms):
+            form = _OUTER_FORM
         percent = chance if preferred == "Random" else float(preferred)
         door = passage.door.model_copy(update={"style": f"{form} {finish}", "open_percent": percent})
         passages.append(passage.model_copy(update={"door": door}))

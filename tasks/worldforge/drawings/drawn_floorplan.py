@@ -10,7 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import Floorplan, FurnishedRoomType, Point, Preference, Room, bounds
+from ....schemas.worlds.world import (
+    OUTDOOR_ROOM_TYPE,
+    Floorplan,
+    FurnishedRoomType,
+    Point,
+    Preference,
+    Room,
+    Wall,
+    bounds,
+)
+from ..balconies.building import RAILING_M
 from ..doors.bath_windows import with_bath_windows
 from ..doors.doors import hang_doors
 from ..floorplans.connections import AREA_TOLERANCE
@@ -109,7 +119,7 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
         footprint=placed_points(outline_of(walls.around), origin),
         ceiling_height_m=ceiling_m,
         rooms=rooms,
-        walls=[placed_wall(piece, names, origin) for piece in pieces],
+        walls=[_wall(piece, drawn.rooms, panes, origin) for piece in pieces],
         passages=[placed_passage(way, names, origin) for way in ways],
         windows=[placed_window(pane, names, origin) for pane in panes],
         wishes=[],
@@ -122,6 +132,17 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     x, y = (lines.start_m + at / UNITS_PER_M for lines, at in zip(squared.moved, origin, strict=True))
     placed = round(x, 3), round(y, 3)
     return MadePlan(hung.model_copy(update={"wishes": wishes}), percents, squared.on_faces, placed)
+
+
+def _wall(piece: Piece, rooms: Sequence[DrawnRoom], panes: Sequence[Pane], origin: Spot) -> Wall:
+    """Returns a wall in metres; around a balcony it is a railing, unless it has windows."""
+    wall = placed_wall(piece, [room.name for room in rooms], origin)
+    is_glazed = any(
+        (pane.horizontal, pane.at) == (piece.horizontal, piece.at) and piece.start < pane.end and pane.start < piece.end
+        for pane in panes
+    )
+    is_railing = wall.exterior and rooms[piece.rooms[0]].type == OUTDOOR_ROOM_TYPE and not is_glazed
+    return wall.model_copy(update={"top_m": RAILING_M}) if is_railing else wall
 
 
 def _room(

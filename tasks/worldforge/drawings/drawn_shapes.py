@@ -41,6 +41,7 @@ _ROOM_WORDS: tuple[tuple[FurnishedRoomType, tuple[str, ...]], ...] = (
     ("Bedroom", ("bed", "bedroom", "schlaf", "kinder", "nursery", "guest", "chambre", "dormitor", "camera")),
     ("Hallway", ("hall", "corridor", "entr", "foyer", "lobby", "landing", "flur", "diele", "couloir", "pasillo")),
     ("Living", ("living", "lounge", "wohn", "salon", "sala", "sitting", "family", "office", "study", "arbeit", "buro")),
+    ("Balcony", ("balcon", "balkon", "loggia", "terrace", "terrasse", "terraza")),
 )
 """First letters of words in room names (kitchen, Küche, ...), by the room type they mean."""
 

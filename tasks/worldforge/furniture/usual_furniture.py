@@ -15,6 +15,9 @@ Density = Literal["Sparse", "Moderate", "Dense"]
 HALLWAY_WAY_M = 0.9
 """Free space before every piece in a hallway, in metres."""
 
+BALCONY_SET = ("EndAndSideTables", "DiningChairs")
+"""Kinds of furniture of a balcony: a small table between two chairs, which look alike inside and outside."""
+
 _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Beds", "Nightstands", "Storage"),
     "Bathroom": ("Toilets", "VanityCounters", "Showers"),
@@ -25,6 +28,7 @@ _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Storage",),
     "Office": ("Desks", "DeskChairs", "Bookcases"),
     "Storage": ("Storage", "Bookcases"),
+    "Balcony": BALCONY_SET,
 }
 _USUAL: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Dressers", "Desks", "DeskChairs"),
@@ -36,6 +40,7 @@ _USUAL: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Dressers", "StorageBenches"),
     "Office": ("SideboardsAndBuffets", "FloorLamps"),
     "Storage": ("WashingMachinesAndDryers",),
+    "Balcony": ("StorageBenches",),
 }
 _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("LivingRoomChairs", "Bookcases", "StorageBenches", "Ottomans", "FloorLamps"),
@@ -47,6 +52,7 @@ _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Bookcases", "Ottomans"),
     "Office": ("LivingRoomChairs", "EndAndSideTables", "Storage"),
     "Storage": ("Dressers", "StorageBenches"),
+    "Balcony": ("Ottomans",),
 }
 
 _DINING = ("DiningTables", "DiningChairs")
@@ -89,6 +95,7 @@ SMALL_ROOM_NEEDS: dict[RoomType, tuple[tuple[str, ...], ...]] = {
     "Living": (SEATS,),
     "Office": (("Desks",), ("DeskChairs",), ("Bookcases", "Storage")),
     "Storage": (("Storage", "Bookcases"),),
+    "Balcony": (("EndAndSideTables",), ("DiningChairs",)),
 }
 """Essential furniture of small rooms by room type; a room needs one kind of each group."""
 

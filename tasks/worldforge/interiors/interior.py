@@ -11,12 +11,20 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.brief import choose_sets, why_unused
-from ..furniture.usual_furniture import INDISPENSABLE, KITCHEN_RUN, SPARE, Density, dining_room, usual_types
+from ..furniture.usual_furniture import (
+    BALCONY_SET,
+    INDISPENSABLE,
+    KITCHEN_RUN,
+    SPARE,
+    Density,
+    dining_room,
+    usual_types,
+)
 from ..materials.materials import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
-from .seating import GROUP, arrange_groups, arrange_seating, is_watched
+from .seating import GROUP, arrange_balcony, arrange_groups, arrange_seating, is_watched
 from .small_rooms import furnish_small, put_back, small_room_preferences, small_rooms
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
@@ -137,6 +145,8 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) 
     """
     if work.room.type == "Kitchen":
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
+    elif work.room.is_outdoor and set(BALCONY_SET) <= set(kinds):
+        arrange_balcony(work)
     elif {"MediaStorage", "Sofas"} <= set(kinds):
         arrange_seating(work, table="CoffeeTables" in kinds)
     work.place_each(kinds)

@@ -51,6 +51,7 @@ _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Carton", "Shoe", "Clothes"),
     "Office": ("Book", "Carton"),
     "Storage": ("Carton", "Carton", "Ball"),
+    "Balcony": ("Shoe", "Ball"),
 }
 _MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Clothes", "ToyBlock", "Shoe"),

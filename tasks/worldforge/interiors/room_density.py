@@ -4,6 +4,7 @@ from ....schemas.worlds.world import RoomType
 from ..furniture.usual_furniture import Density
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
+    "Balcony": (0.12, 0.18, 8.0),
     "Bathroom": (0.19, 0.30, 14.0),
     "Bedroom": (0.20, 0.34, 30.0),
     "Closet": (0.20, 0.27, 12.0),

@@ -1,5 +1,6 @@
-"""Seating of living rooms: a television with a sofa opposite it, and further groups in large rooms."""
+"""Seating: a television with a sofa opposite it, further groups in large rooms, and two chairs on a balcony."""
 
+from dataclasses import replace
 from math import hypot, inf
 
 from ..furniture.usual_furniture import RULES, Density
@@ -82,6 +83,29 @@ def _place_group(work: RoomFurnishing) -> bool:
                 work.stand(kind, style, pose)
             return True
     return False
+
+
+_FROM_SMALL_TABLE_M = 0.05
+"""Gap between a small table and the chairs at it, in metres: knees are beside it."""
+
+
+def arrange_balcony(work: RoomFurnishing) -> None:
+    """Places two chairs that face each other across a small table, along a wall or railing; nothing if they do not fit.
+
+    Args:
+        work: the balcony.
+    """
+    chair, table = work.style_of("DiningChairs", "ladder"), work.styles("EndAndSideTables")[0]
+    aside = table.width_m / 2 + _FROM_SMALL_TABLE_M + chair.depth_m / 2
+    row = replace(table, width_m=2 * aside + chair.depth_m, depth_m=max(table.depth_m, chair.width_m))
+    for pose in sorted(against_walls(work.space, row, 0.0, "corner", work.dice), key=lambda pose: -pose.score):
+        chairs = [("DiningChairs", chair, pose.moved(0.0, side * aside, -side)) for side in (1, -1)]
+        group = [("EndAndSideTables", table, pose), *chairs]
+        boxes = [footprint(each, style.width_m, style.depth_m) for _, style, each in group]
+        if all(map(work.space.admits, boxes)) and work.space.stays_open(*boxes):
+            for kind, style, each in group:
+                work.stand(kind, style, each)
+            return
 
 
 def _away(spot: Pose, work: RoomFurnishing) -> float:

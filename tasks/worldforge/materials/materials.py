@@ -162,6 +162,7 @@ USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Carpet", "Linoleum", "Concrete"),
     "Office": ("Parquetry", "Carpet", "Floorboards"),
     "Storage": ("Concrete", "Linoleum", "Tiles"),
+    "Balcony": ("Concrete", "Tiles", "Floorboards"),
 }
 USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("WallPaint", "Wallpaper", "WoodPanels"),
@@ -173,6 +174,7 @@ USUAL_WALLS: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("WallPaint", "WoodPanels"),
     "Office": ("WallPaint", "WoodPanels", "Wallpaper"),
     "Storage": ("WallPaint", "Concrete", "Brick"),
+    "Balcony": ("Concrete", "Stone", "Brick"),
 }
 
 assert set(FLOORS) == set(FLOOR_MATERIALS)

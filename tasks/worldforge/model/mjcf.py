@@ -5,7 +5,7 @@
 | `floor_<room>_<n>` | slabs that everything stands on, each with the friction of its material |
 | `ground` | the plane below them, not drawn (group 3) |
 | `ceiling_<room>_<n>` | drawn only: seen from below if decorated, else in group 4, which cameras leave out |
-| `wall_<n>`, `wall_<n>_left`, `wall_<n>_right` | walls and lintels; two halves where the two faces differ |
+| `wall_<n>`, `wall_<n>_left`, `wall_<n>_right` | walls, lintels, railings; two halves where the two faces differ |
 | `window_<n>_…` | drawn only |
 | `wall_<n>_…_seen` | decorated: drawn around windows in place of the wall that collides, then in group 3 |
 | `lamp_<n>`, `skirting_<n>`, `curtain_<n>_…`, `blind_<n>_…` | drawn only, in decorated models |
@@ -207,7 +207,7 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
         slab = f'type="box" pos="{_numbers(*middle, -SLAB_M / 2)}" size="{_numbers(*half, SLAB_M / 2)}"'
         material = surface_name("floor", room)
         yield f'    <geom name="floor_{index}_{number}" {slab} material="{material}" friction="{grip}"/>'
-        if ceiling_m is None:
+        if ceiling_m is None or room.is_outdoor:
             continue
         ceiling = f'type="box" pos="{_numbers(*middle, ceiling_m + 0.05)}" size="{_numbers(*half, 0.05)}"'
         hidden = VISUAL.replace('group="2"', 'group="4"')
@@ -232,7 +232,7 @@ def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
 
 
 def _wall(index: int, wall: Wall, world: World, *, hidden: bool) -> Iterator[str]:
-    height = world.floorplan.ceiling_height_m - wall.bottom_m
+    height = world.floorplan.top_of(wall) - wall.bottom_m
     (x0, y0), (x1, y1) = wall.start, wall.end
     along_x = abs(x1 - x0) >= abs(y1 - y0)
     x, y, z = (x0 + x1) / 2, (y0 + y1) / 2, wall.bottom_m + height / 2

@@ -156,7 +156,11 @@ stroke:#ffffff;stroke-opacity:.8;stroke-width:3px;stroke-linejoin:round}
 """
 
 
-_MORE_FLOORS = {"Office": ("#e3efdc", "#28352a"), "Storage": ("#ece4da", "#35302a")}
+_MORE_FLOORS = {
+    "Office": ("#e3efdc", "#28352a"),
+    "Storage": ("#ece4da", "#35302a"),
+    "Balcony": ("#dde3d6", "#2a3029"),
+}
 """Colours of further room types for light and dark mode; only plans with such rooms contain them."""
 
 

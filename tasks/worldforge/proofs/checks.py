@@ -219,7 +219,8 @@ def _measures(room: Room, reach: _Reach, inside: NDArray[np.bool_]) -> RoomMeasu
 
 
 def _aspect(plan: Floorplan) -> float:
-    x0, y0, x1, y1 = bounds(plan.footprint)
+    """Returns the aspect ratio of the building, balconies left out."""
+    x0, y0, x1, y1 = bounds(corner for room in plan.rooms if not room.is_outdoor for corner in room.polygon)
     return round((x1 - x0) / (y1 - y0), 4)
 
 

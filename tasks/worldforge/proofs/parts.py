@@ -154,7 +154,7 @@ class _Comparison:
 
     def _wall(self, name: str, wall: Wall) -> Iterator[Fault]:
         x0, y0, x1, y1 = bounds(wall_corners(wall))
-        wanted = Extent((x0, y0, wall.bottom_m), (x1, y1, self._world.floorplan.ceiling_height_m))
+        wanted = Extent((x0, y0, wall.bottom_m), (x1, y1, self._world.floorplan.top_of(wall)))
         geoms = self._solid.get(name, [])
         if not geoms:
             yield self._placed("parts", wanted.middle, f"the wall {name} is missing or does not collide")

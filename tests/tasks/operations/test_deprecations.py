@@ -74,7 +74,7 @@ def test_templates_with_more_rooms_than_the_service_took_are_refused(strict: Ser
 
 @pytest.mark.parametrize("kind", [kind for kind in ROOM_TYPES if kind not in SERVICE_ROOM_TYPES])
 def test_templates_with_types_of_rooms_that_the_service_did_not_have_are_refused(kind: str, strict: Service) -> None:
-    floors = [{"Floorplan": {"Rooms": [{"Name": "It", "Type": kind}]}}]
+    floors = [{"Floorplan": {"Rooms": [{"Name": "It", "Type": kind}, {"Name": "Living", "Type": "Living"}]}}]
 
     with pytest.raises(InvalidParameterException, match=rf"Rooms\[0\]\.Type: {kind}; the service had Bedroom, "):
         call("CreateWorldTemplate", {"templateBody": json.dumps({"Buildings": [{"Floors": floors}]})}, strict)

@@ -8,7 +8,7 @@ from helpers.extended_templates import extended_template, not_entered
 
 from prefect_robomaker.schemas.templates.body import LEAST_AREAS_M2, WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
-from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, Furniture, World
+from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, FurnishedRoomType, Furniture, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at
 from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg
@@ -138,7 +138,7 @@ def test_a_plan_says_colours_of_further_types_only_where_it_has_them() -> None:
     assert "fp-Office" not in has_not
 
 
-@pytest.mark.parametrize("kind", ROOM_TYPES)
+@pytest.mark.parametrize("kind", INDOOR_ROOM_TYPES)
 def test_each_type_can_have_its_least_area(kind: FurnishedRoomType) -> None:
     least = LEAST_AREAS_M2[kind]
     alone = generate_world(template([("Only", kind, least, 1.0)], []), *seeds_for(1, 0, 0), settle=False)

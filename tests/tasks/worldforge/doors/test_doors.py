@@ -11,7 +11,7 @@ from hypothesis import Phase, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Door, Floorplan, World
+from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, Door, Floorplan, World
 from prefect_robomaker.tasks.worldforge.doors.door_parts import leaf_corners, swept_box
 from prefect_robomaker.tasks.worldforge.doors.doors import hang_doors
 from prefect_robomaker.tasks.worldforge.doors.initial_states import dress_doors
@@ -52,7 +52,7 @@ def doorway_set(name: str, target: Any, percent: Any) -> dict[str, Any]:
 
 
 def between(one: list[str], other: list[str]) -> dict[str, Any]:
-    ends = [{"RoomTypes" if set(end) <= set(ROOM_TYPES) else "RoomNames": end} for end in (one, other)]
+    ends = [{"RoomTypes" if set(end) <= set(INDOOR_ROOM_TYPES) else "RoomNames": end} for end in (one, other)]
     return {"From": ends[0], "To": ends[1]}
 
 
@@ -63,7 +63,7 @@ def doors(plan: Floorplan) -> list[Door]:
 @st.composite
 def bodies(draw: st.DrawFn) -> WorldTemplateBody:
     areas = st.sampled_from([10.0, 12.0, 20.0, 45.0])
-    kinds = draw(st.lists(st.tuples(st.sampled_from(ROOM_TYPES), areas), min_size=2, max_size=6))
+    kinds = draw(st.lists(st.tuples(st.sampled_from(INDOOR_ROOM_TYPES), areas), min_size=2, max_size=6))
     rooms = tuple((f"room {number}", kind, area) for number, (kind, area) in enumerate(kinds))
     pairs = st.tuples(st.integers(0, len(rooms) - 1), st.integers(0, len(rooms) - 1)).filter(lambda p: p[0] < p[1])
     asked = draw(st.lists(pairs, max_size=4, unique=True))

@@ -146,3 +146,14 @@ def test_a_bedroom_without_place_for_a_bed_says_so(tmp_path: Path) -> None:
     assert (bare.outcome, bare.path.endswith("Interior.Furniture")) == ("missed", True)
     # The smallest bed is the one that would be needed.
     assert bare.reason.startswith("no wall of Bedroom has 0.98 m free with")
+
+
+def test_outer_walls_of_a_drawn_balcony_are_railings(tmp_path: Path) -> None:
+    world = of(TOUCHING.replace("Schlafzimmer", "Balkon"), tmp_path)
+    assert world.checks is not None
+    assert violations(world.checks) == []
+    plan = world.floorplan
+    assert [room.name for room in plan.rooms if room.is_outdoor] == ["Balkon"]
+    tops = {(wall.top_m, wall.exterior and wall.rooms == ["Balkon"]) for wall in plan.walls}
+    assert tops == {(1.0, True), (None, False)}
+    assert all(wall.top_m is None for wall in of(TOUCHING, tmp_path).floorplan.walls)

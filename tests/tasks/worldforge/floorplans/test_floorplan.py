@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.specs.checking.impossible_goals import start_room
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
-from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point, contains
+from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, Floorplan, Point, contains
 from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
 from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
@@ -65,7 +65,7 @@ def templates(draw: st.DrawFn) -> WorldTemplateBody:
     """Any body that the parser accepts."""
     count = draw(st.integers(1, 6))
     rooms = [
-        room(str(index), draw(st.sampled_from(ROOM_TYPES)), draw(st.floats(10, 300)), (draw(sides), draw(sides)))
+        room(str(index), draw(st.sampled_from(INDOOR_ROOM_TYPES)), draw(st.floats(10, 300)), (draw(sides), draw(sides)))
         for index in range(count)
     ]
     connections: list[tuple[str, str, str]] = []
