@@ -183,7 +183,7 @@ def _corner(evidence: Evidence, number: int, group: Group, axes: tuple[AxisColum
 
 
 def _products(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns which units lie in each of the first regions and each of the second ones, those of the first region first."""
+    """Returns which units lie in a region of the first and in one of the second, those of the first region first."""
     return (first[:, :, None] & second[:, None, :]).reshape(len(first), -1)
 
 
