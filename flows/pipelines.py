@@ -55,6 +55,7 @@ from ..tasks.inspection.pipeline_parts import (
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.run_records import commit_of
 from ..tasks.jobs.job_owners import OwnOrder
+from ..tasks.nights.cut_runs import remove_left
 from ..tasks.nights.early_ends import EarlyEnd
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
@@ -109,6 +110,7 @@ def run_spec(
     """
     service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
+    remove_left(service)
     run = PipelineRun(
         checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, against=against,
         open_run=open_run, permit=permit, challenge=challenge,

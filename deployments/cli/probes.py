@@ -16,9 +16,8 @@ from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
-from ...tasks.inspection.pipeline_parts import RunInterrupted
 from ...tasks.inspection.probes import measured, probed_jobs, whole_steps
-from ...tasks.nights.cut_runs import delete_made
+from ...tasks.nights.cut_runs import removing_made
 from ...tasks.service.service import Service
 
 
@@ -108,22 +107,17 @@ def run_pass(
     """
     quiet = settings.model_copy(update={"notify": ()})
     service = Service.open(quiet)
-    began = service.clock()
     named = replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-probe")
     command = ["robomaker", "plan", spec_path, *set_options(spec.parameters), "--probe"]
-    try:
+    with removing_made(service, listener) as heard:
         record = run_spec(
             named,
             quiet,
-            listener,
+            heard,
             spec_path=spec_path,
             command=command,
             cut=lambda operation, request: cut(operation, request, size),
         )
-    except RunInterrupted as interruption:
-        delete_made(interruption.record, began, service)
-        raise
-    delete_made(record, began, service)
     if record.state not in ("succeeded", "failed"):  # a job whose verdict is FAIL took as long as any
         raise ProbeFailedError(record)
     return record
