@@ -50,6 +50,7 @@ from ..tasks.inspection.pipeline_parts import (
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.run_records import commit_of
 from ..tasks.jobs.job_owners import OwnOrder
+from ..tasks.nights.cut_runs import remove_left
 from ..tasks.nights.early_ends import EarlyEnd
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
@@ -83,6 +84,7 @@ def run_spec(wanted: WantedRun, settings: Settings, listener: ProgressListener) 
     checked = wanted.checked
     service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
+    remove_left(service)
     run = PipelineRun(wanted, service, listener)
     check_preconditions(checked, run.service)
     if not (wanted.reuse or wanted.rerun_of or wanted.is_probe or run.interruptions):

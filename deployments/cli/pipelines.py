@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,19 +48,22 @@ def carry_out(
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         outage = wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
         from ...tasks.inspection.pipeline_parts import RunInterrupted
+        from ...tasks.nights.cut_runs import removing_made
+        from ...tasks.service.service import Service
 
-        try:
-            record = run_beside_others(wanted, settings, listener)
-        except RunInterrupted as interruption:
-            interrupted, record = interruption, interruption.record
-        else:
-            interrupted = None
-        if wanted.is_probe:
-            from ...tasks.nights.cut_runs import delete_made
-            from ...tasks.service.service import Service
-
-            with Service.opened(settings) as service:
-                delete_made(record, record.started_at, service)
+        with ExitStack() as stack:
+            heard = listener
+            if cut is not None:
+                heard = stack.enter_context(removing_made(stack.enter_context(Service.opened(settings)), listener))
+            try:
+                record = run_beside_others(
+                    spec, settings, heard, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
+                    against=against, open_run=open_run, cut=cut, challenge=challenge,
+                )  # fmt: skip
+            except RunInterrupted as interruption:
+                interrupted, record = interruption, interruption.record
+            else:
+                interrupted = None
         tell_after_outage(outage, settings)
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone

@@ -16,9 +16,8 @@ from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
-from ...tasks.inspection.pipeline_parts import Cut, RunInterrupted
 from ...tasks.inspection.probes import measured, probed_jobs, whole_steps
-from ...tasks.nights.cut_runs import delete_made
+from ...tasks.nights.cut_runs import removing_made
 from ...tasks.nights.wanted_runs import WantedRun
 from ...tasks.service.service import Service
 
@@ -109,16 +108,18 @@ def run_pass(
     """
     quiet = settings.model_copy(update={"notify": ()})
     service = Service.open(quiet)
-    began = service.clock()
     named = replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-probe")
     command = ["robomaker", "plan", spec_path, *set_options(spec.parameters), "--probe"]
     smaller: Cut = lambda operation, request: cut(operation, request, size)  # noqa: E731
-    try:
-        record = run_spec(WantedRun(named, spec_path, command, cut=smaller), quiet, listener)
-    except RunInterrupted as interruption:
-        delete_made(interruption.record, began, service)
-        raise
-    delete_made(record, began, service)
+    with removing_made(service, listener) as heard:
+        record = run_spec(
+            named,
+            quiet,
+            heard,
+            spec_path=spec_path,
+            command=command,
+            cut=lambda operation, request: cut(operation, request, size),
+        )
     if record.state not in ("succeeded", "failed"):  # a job whose verdict is FAIL took as long as any
         raise ProbeFailedError(record)
     return record

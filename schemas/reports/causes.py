@@ -6,11 +6,11 @@ from pydantic import Field
 
 from ..wire.base import Model, optional
 
-ClaimKind = Literal["axis", "pair", "world"]
+ClaimKind = Literal["axis", "pair", "triple", "world"]
 
 
 class Claim(Model):
-    """A region of an axis or of a pair of axes, or a world, in which a group's failures gather by more than chance."""
+    """A region of an axis, of two or three together, or a world, in which failures gather by more than chance."""
 
     kind: ClaimKind = Field(description="Kind of what is claimed.")
     axes: list[str] = Field(default=[], description="Names of the axes; empty for a world.")
@@ -83,7 +83,7 @@ class FailureGroup(Model):
 
 
 class TestedLift(Model):
-    """Lift of the best region of an axis or a pair of axes in a group, claimed or not."""
+    """Lift of the best region of an axis, or of two or three together, in a group, claimed or not."""
 
     group: str = Field(description="Group of failures.")
     axes: list[str] = Field(description="Names of the axes.")
@@ -139,7 +139,7 @@ class PlotCell(Model):
 class CellPlot(Model):
     """Failure rates of a group over an axis, or over two, for a drawing."""
 
-    group: str = Field(description="Group of failures.")
+    group: str = Field(description="Group of failures, with the region of a third axis that the trials are in.")
     axes: list[str] = Field(description="One axis, or two.")
     cells: list[PlotCell] = Field(description="Its cells, those of the first axis' first part first.")
 
@@ -152,7 +152,7 @@ class Why(Model):
     groups: list[FailureGroup] = Field(
         default=[], description="Groups, the largest first; a failure is in one of them."
     )
-    lifts: list[TestedLift] = Field(default=[], description="All axes and pairs of axes that were tested.")
+    lifts: list[TestedLift] = Field(default=[], description="All axes that were tested, alone, in pairs and by three.")
     sensitivities: list[Sensitivity] = Field(default=[], description="Changes of margins along axes.")
     margin_plots: list[MarginPlot] = Field(default=[], description="Margins over axes, at most six.")
     cell_plots: list[CellPlot] = Field(default=[], description="Failure rates over claimed axes, at most six.")

@@ -209,7 +209,9 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
 
 
 def wrong_trials(request: JobRequest) -> Iterator[str]:
-    """Yields problems of a request's launch variable for trials, and of programs, which cannot have trials.
+    """Yields problems of a request's launch variable for trials, and of programs, which cannot have several.
+
+    A simulation that is a program has none at all, as no axis reaches it.
 
     Args:
         request: Request whose member `trials` is valid.
@@ -219,9 +221,11 @@ def wrong_trials(request: JobRequest) -> Iterator[str]:
     except InvalidParameterException as error:
         yield from str(error).splitlines()
         return
-    for place, launch in launches(request) if trials else ():
+    if trials is None:
+        return
+    for place, launch in launches(request):
         member = "command" if launch.command else "launchFile"
-        if is_program(launch):
+        if is_program(launch) and not (trials.count == 1 and place.startswith("robotApplications")):
             yield (
                 f"trials: {place}.{member} launches a program, which cannot be begun anew for each trial; trials need "
                 "applications that are factories (make_environment, make_agent), or a job for each seed"

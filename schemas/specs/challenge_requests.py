@@ -39,15 +39,15 @@ def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
         jobs: Maximum number of challenged jobs; if there are more steps, the first ones are used.
 
     Raises:
-        SpecError: It runs no simulation jobs, or programs in them, changes what is there already, or uses what
-            simulation steps give.
+        SpecError: It runs no simulation jobs, or some that no axis reaches, changes what is there already, or uses
+            what simulation steps give.
     """
     check_probed(spec, "a challenge")
     simulating = [name for name in spec.order if spec.steps[name].operation in (JOB, BATCH)][:jobs]
     if not simulating:
         words = f"no step runs simulation jobs, so that there is no robot to sabotage; add one of {JOB} or {BATCH}"
         raise SpecError([Problem(Place(spec.filename, 1, 1), "steps", words)])
-    _check_factories(spec.steps[name] for name in simulating)
+    _check_reached(spec.steps[name] for name in simulating)
     kept = _with_needed(spec, simulating)
     _check_unused(spec, kept, simulating)
     steps = {name: _as_batch(step) for name, step in spec.steps.items() if name in kept}
@@ -150,33 +150,53 @@ def _check_unused(spec: CheckedSpec, kept: set[str], simulating: Sequence[str]) 
         raise SpecError(problems)
 
 
-def _check_factories(steps: Iterable[CheckedStep]) -> None:
-    """Raises an error for steps whose jobs launch programs, as far as the specification shows it."""
+def _check_reached(steps: Iterable[CheckedStep]) -> None:
+    """Raises an error for steps with jobs whose simulation no axis reaches, as far as the specification shows it."""
     problems = [
         Problem(
             step.place,
             path_text(step.location),
-            "a job launches a program, whose robot no axis reaches; challenges need applications that are factories",
+            "a job's simulation is a program, or its robot program has none to drive, so that no axis reaches the "
+            "robot; challenges need a simulation application that is a factory",
         )
         for step in steps
-        if any(is_program(each) for each in _launches_in(plain(step.input)))
+        if any(not _is_reached(each) for each in _jobs_in(plain(step.input)))
     ]
     if problems:
         raise SpecError(problems)
 
 
-def _launches_in(value: object) -> Iterator[LaunchConfig]:
-    """Yields launch configurations anywhere in an input, reduced to the members that decide about programs."""
+def _is_reached(job: Mapping[str, Any]) -> bool:
+    """Returns whether a job steps an environment: its simulation is a factory, or built in for a robot's factory."""
+    simulations, robots = (_programs_of(job.get(role)) for role in _APPLICATIONS)
+    return not any(simulations) and (bool(simulations) or not any(robots))
+
+
+def _programs_of(configs: object) -> list[bool]:
+    """Returns for each application of a job whether its launch configuration starts a program."""
+    found: list[bool] = []
+    for each in configs if is_list(configs) else ():
+        launch = each.get("launchConfig") if is_mapping(each) else None
+        if is_mapping(launch):
+            command, file = launch.get("command"), launch.get("launchFile")
+            given = LaunchConfig.model_construct(command=command, launchFile=file if isinstance(file, str) else None)
+            found.append(is_program(given))
+        else:
+            found.append(False)
+    return found
+
+
+def _jobs_in(value: object) -> Iterator[Mapping[str, Any]]:
+    """Yields the requests of jobs anywhere in an input."""
     if is_list(value):
         for item in value:
-            yield from _launches_in(item)
+            yield from _jobs_in(item)
     elif is_mapping(value):
-        for key, item in value.items():
-            if key == "launchConfig" and is_mapping(item):
-                command, file = item.get("command"), item.get("launchFile")
-                yield LaunchConfig.model_construct(command=command, launchFile=file if isinstance(file, str) else None)
-            else:
-                yield from _launches_in(item)
+        if any(role in value for role in _APPLICATIONS):
+            yield value
+        else:
+            for item in value.values():
+                yield from _jobs_in(item)
 
 
 def _names_in(node: Node) -> set[str]:

@@ -1,4 +1,4 @@
-"""Regions of axes: values above or below a cut, and single values; and products of those of two axes."""
+"""Regions of axes: values above or below a cut, and single values; and products of those of several axes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,6 +14,8 @@ CUTS = 9
 """Cuts of an axis by itself: tenths of its trials."""
 CUTS_OF_PAIRS = 4
 """Cuts of an axis in a pair: fifths, so that a corner of both has a twenty-fifth of the trials."""
+CUTS_OF_TRIPLES = 2
+"""Cuts of one of three axes: thirds, so that a corner of all has a twenty-seventh."""
 
 
 _SMALL = 0.1
@@ -87,9 +89,14 @@ def directions_of(axis: AxisColumn) -> int:
     return 2 + built if axis.is_number else len(axis.values)
 
 
-def pairs_of_regions(first: AxisColumn, second: AxisColumn) -> list[tuple[Region, Region]]:
-    """Lists the regions of a pair of axes: a region of one and a region of the other."""
-    return list(product(regions_of(first, CUTS_OF_PAIRS), regions_of(second, CUTS_OF_PAIRS)))
+def corners_of(axes: Sequence[AxisColumn], cuts: int) -> list[tuple[Region, ...]]:
+    """Lists the corners of two axes or more: a region of each.
+
+    Args:
+        axes: The axes.
+        cuts: Number of cuts of an axis that has more values.
+    """
+    return list(product(*(regions_of(axis, cuts) for axis in axes)))
 
 
 def parts_of(axis: AxisColumn, most: int = 5) -> list[tuple[str, NDArray[np.bool_]]]:

@@ -1,6 +1,7 @@
 """The reasons of a run's failures: groups, claims about them, sensitivities, drawings, and what cannot be told."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -162,7 +163,16 @@ def _cell_plots(
         for _, hypothesis in claimed.get(id(group), [])
         if hypothesis.kind != "world"
     ]
-    return [
-        cell_plot(evidence, group, _name(group), [by_name[name] for name in hypothesis.axes])
-        for group, hypothesis in wanted[:_MOST_PLOTS]
-    ]
+    return [_cell_plot(evidence, group, hypothesis, by_name) for group, hypothesis in wanted[:_MOST_PLOTS]]
+
+
+def _cell_plot(evidence: Evidence, group: Group, hypothesis: Hypothesis, axes: Mapping[str, AxisColumn]) -> CellPlot:
+    """Plots the first two axes of a claim; of three axes only for trials in the third's region."""
+    shown = [axes[name] for name in hypothesis.axes[:2]]
+    name = _name(group)
+    for third, words in zip(hypothesis.axes[2:], hypothesis.parts[2:], strict=True):
+        column = axes[third]
+        inside = np.isin(column.codes, column.codes[hypothesis.mask])
+        group = replace(group, failed=group.failed & inside, at_risk=group.at_risk & inside)
+        name = f"{name}, where {words},"
+    return cell_plot(evidence, group, name, shown)

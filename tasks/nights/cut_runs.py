@@ -1,13 +1,24 @@
-"""Cleanup after probes and challenges, runs with reduced or changed requests: deletes what only they created."""
+"""Cleanup after probes and challenges, runs with reduced or changed requests: deletes what only they created.
 
-from contextlib import suppress
+What they create is noted in a file that is locked while their process lives. The next run finds the files of processes
+that were killed, and does what these could not: else a night would take over applications that no one made for it.
+"""
+
+import fcntl
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import datetime
+from pathlib import Path
+from typing import TextIO
+from uuid import uuid4
 
-from ...schemas.reports.run_record import RunRecord
+from ...schemas.reports.progress import ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ...schemas.wire.errors import ResourceNotFoundException
 from ..operations.registry import call
 from ..service.service import Service
 
+_FOLDER = "cut-runs"
 _DELETED_AFTERWARDS = {
     "CreateRobotApplication": ("DeleteRobotApplication", "application"),
     "CreateSimulationApplication": ("DeleteSimulationApplication", "application"),
@@ -15,19 +26,73 @@ _DELETED_AFTERWARDS = {
 }
 
 
-def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
-    """Deletes the applications and templates that a probe or a challenge has created.
+@contextmanager
+def removing_made(service: Service, listener: ProgressListener) -> Iterator[ProgressListener]:
+    """Deletes at the end of the `with` block the applications and templates that a run in it has created.
 
     Args:
-        record: record of the probe's or challenge's run.
-        since: time before which resources were not created by it.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
+        listener: Listener of the run's progress.
+
+    Yields:
+        The listener that the run has to be given.
     """
-    for step in reversed(record.steps):
-        arn = step.arn or step.output.get("arn")
-        if arn is None or step.operation not in _DELETED_AFTERWARDS:
+    began = service.clock()
+    folder = service.settings.home / _FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{uuid4().hex}.jsonl"
+    part = path.with_suffix(".part")
+    with part.open("x+") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        part.rename(path)  # only now do others find it: it is locked
+        try:
+            yield _Notes(file, began, listener)
+        finally:
+            _remove(path, file, service)
+
+
+def remove_left(service: Service) -> None:
+    """Deletes what probes and challenges have created whose processes were killed.
+
+    Args:
+        service: The service, with its catalog and object store.
+    """
+    for path in sorted((service.settings.home / _FOLDER).glob("*.jsonl")):
+        with suppress(FileNotFoundError, BlockingIOError), path.open("r+") as file:  # another process was quicker
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _remove(path, file, service)
+
+
+class _Notes:
+    """Listener that notes what a run creates, and passes its events on."""
+
+    def __init__(self, file: TextIO, began: datetime, listener: ProgressListener) -> None:
+        self._file, self._began, self._listener = file, began, listener
+        self._operations: dict[str, str] = {}
+
+    def __call__(self, event: ProgressEvent, /) -> None:
+        if isinstance(event, StepStarted):
+            self._operations[event.step] = event.operation
+        elif isinstance(event, StepEnded) and event.detail.startswith("arn:"):
+            operation = self._operations.get(event.step, "")
+            if operation in _DELETED_AFTERWARDS:
+                note = {"operation": operation, "arn": event.detail, "began": self._began.isoformat()}
+                self._file.write(json.dumps(note) + "\n")
+                self._file.flush()
+        self._listener(event)
+
+
+def _remove(path: Path, file: TextIO, service: Service) -> None:
+    """Deletes what a file has notes of, the latest first, and the file."""
+    file.seek(0)
+    for line in reversed(file.read().splitlines()):
+        try:
+            note = json.loads(line)
+            delete, member = _DELETED_AFTERWARDS[note["operation"]]
+            arn, began = str(note["arn"]), datetime.fromisoformat(note["began"])
+        except (ValueError, KeyError, TypeError):  # its process was killed while it wrote the line
             continue
-        delete, member = _DELETED_AFTERWARDS[step.operation]
         with suppress(ResourceNotFoundException):
-            if service.catalog.get(arn).created_at >= since:
+            if service.catalog.get(arn).created_at >= began:  # else the run took over what was there
                 call(delete, {member: arn}, service)
+    path.unlink(missing_ok=True)

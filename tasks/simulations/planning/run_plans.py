@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of, unknown_room
+from ....schemas.runs.trial_rows import plan_of_trial
 from ....schemas.runs.trials import Trials
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError, StorageUnavailableError
@@ -205,6 +206,7 @@ def run_plan(
             "ros": applications.bridge,
         }
     )
+    planned = _with_begun_once(planned)
     _check_trials(planned)
     if request.get("loggingConfig", {}).get("recordAllRosTopics"):
         launched_by = applications.ros and applications.ros.launch.ros
@@ -218,6 +220,16 @@ def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Servi
     request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
     usual = process_variables(sandbox, service.settings, os.environ, caller)
     return access_variables(usual, request, sandbox, service, os.environ)
+
+
+def _with_begun_once(plan: RunPlan) -> RunPlan:
+    """Makes the only trial of a robot program an ordinary run with the values of its axes.
+
+    The axes act in the simulation that the program drives; nothing has to be begun anew.
+    """
+    if plan.trials is None or plan.trials.count > 1 or not plan.has_robot_program:
+        return plan
+    return plan_of_trial(plan, plan.trials.trial(0, plan.seed)).model_copy(update={"trial": None})
 
 
 def _check_trials(plan: RunPlan) -> None:

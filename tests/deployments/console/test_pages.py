@@ -13,7 +13,7 @@ from helpers.planted_causes import draw, planted
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.schemas.reports.challenge import Challenge
+from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
@@ -474,6 +474,32 @@ def test_jobs_of_a_challenge_are_not_offered_to_run_again(browser: Any, service:
     assert challenge.run_id in page
     assert "rerun" not in page
     assert "Run it again" not in page
+
+
+def test_the_page_of_a_challenge_has_its_table(browser: Any, service: Service) -> None:
+    challenge = Challenge(
+        sabotages=[
+            SabotageResult(name="idle", axes={"command_gain": 0}, caught=1, missed=1, first="to-bed", first_s=31.9),
+            SabotageResult(name="<b>late</b>", axes={"motor_delay_s": 0.5}, missed=2),
+            SabotageResult(name="blind", axes={"lidar_dropout": 1}, not_applicable=2, reason="it has no lidar"),
+        ],
+        jobs=[ChallengedJob(name="job 1", control="passes"), ChallengedJob(name="job 2", control="passes"),
+              ChallengedJob(name="job 3", control="fails", reason="gentle")],
+    )  # fmt: skip
+    night = make_night("PPF", name="flats-challenge", runs=service.settings.home / "runs")
+    store_night(night.model_copy(update={"probe": True, "challenge": challenge}))
+
+    page = browser.get(f"/console/runs/{night.run_id}").text
+    table = page[page.index('id="challenge"') :]
+
+    assert "1 of 2 sabotages caught; 1 not applicable" in table
+    cells = re.findall(r'<th scope="row">([^<]+)</th><td class="n">([^<]*)</td><td>([^<]+)</td>', table)
+    assert cells == [
+        ("idle", "1 of 2", "caught by 1 of 2 jobs, first by to-bed at 31.9 s, missed by 1"),
+        ("&lt;b&gt;late&lt;/b&gt;", "0 of 2", "missed by both jobs; nothing here would notice it"),
+        ("blind", "", "not applicable: it has no lidar"),
+    ]
+    assert "job 3: the robot fails here without a sabotage (gentle), so this job shows nothing" in table
 
 
 def test_the_page_of_a_run_says_why_its_trials_failed(browser: Any, service: Service) -> None:

@@ -234,3 +234,7 @@ def test_trials_of_what_is_launched_as_a_program_are_refused_before_anything_run
         parse_request("CreateSimulationJob", {**request, "trials": {"seeds": 2}})
 
     assert parse_request("CreateSimulationJob", request)
+    assert parse_request("CreateSimulationJob", {**request, "trials": {"seeds": 1}}), "nothing is begun anew"
+    simulation = {"simulationApplications": request.pop("robotApplications"), "trials": {"seeds": 1}}
+    with pytest.raises(InvalidParameterException, match=r"trials: simulationApplications\[0\].*factories"):
+        parse_request("CreateSimulationJob", {**request, **simulation})

@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.wire.errors import SpecError
 
 ROLE = "arn:aws:iam::000000000000:role/test"
 SABOTAGES = BUILT_IN[:2]
+ROBOT = {"robotApplications": [{"application": "robot", "launchConfig": {"command": ["./drive"]}}]}
 ARMS = 1 + len(SABOTAGES)
 
 
@@ -143,16 +144,30 @@ def test_only_steps_that_simulation_needs_run() -> None:
             {"drive": single(), "again": single(tags={"after": "${{ drive.arn }}"})},
             "steps.again.input: uses what drive gives; a challenge runs other jobs there",
         ),
-        ({"drive": batch(job(), job(launch={"command": ["./drive"]}))}, "steps.drive.input: a job launches a program"),
+        (
+            {"drive": batch(job(), job(launch={"command": ["./drive"]}))},
+            "steps.drive.input: a job's simulation is a program",
+        ),
         (
             {"drive": single(launch={"packageName": "p", "launchFile": "run.py"})},
-            "a job launches a program, whose robot",
+            "challenges need a simulation application that is a factory",
+        ),
+        (
+            {"drive": {**single(), "input": {"maxJobDurationInSeconds": 60, "iamRole": ROLE, **ROBOT}}},
+            "or its robot program has none to drive",
         ),
     ],
 )
 def test_specifications_that_cannot_be_challenged_are_refused(steps: Any, said: str) -> None:
     with pytest.raises(SpecError, match=said):
         challenged_spec(loaded(**steps), 3)
+
+
+def test_a_robot_program_that_drives_a_factorys_simulation_is_challenged() -> None:
+    [made] = requests_of(loaded(drive=batch(job(seed=4, **ROBOT))), 3)
+    arms = made["createSimulationJobRequests"]
+    assert [arm["robotApplications"] for arm in arms] == [ROBOT["robotApplications"]] * ARMS
+    assert [(arm.get("trials") or {}).get("axes") is not None for arm in arms] == [False, True, True]
 
 
 def test_a_step_that_only_waits_for_another_is_challenged_too() -> None:

@@ -1,6 +1,7 @@
 """A run says why its trials failed, and claims no more than its trials show."""
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,56 @@ def test_a_planted_cause_heads_its_group(name: str) -> None:
     assert claim.failed_inside + claim.failed_outside == group.failed
     assert group.command == f"robomaker repro {group.job} --trial {group.trial}"
     assert sum(each.failed for each in why.groups) == why.failed
+
+
+def three_axes(fails: Callable[[int, int, int], bool]) -> Why | None:
+    """Says why a grid of three axes and an innocent one fails, of which 2 % fail by chance, in 30 jobs."""
+    chance = np.random.default_rng(5)
+    cells = product((0, 1), repeat=4)
+    rows: list[Row] = [
+        {
+            "job": f"sim-{job}",
+            "seed": job,
+            "trial": number,
+            "axes": {"FLOOR": "ab"[floor], "light": float(light), "DOOR": "ab"[door], "noise": float(noise)},
+            "outcome": "failed" if chance.random() < (0.8 if fails(floor, light, door) else 0.02) else "passed",
+        }
+        for number, (floor, light, door, noise) in enumerate(cells)
+        for job in range(30)
+    ]
+    return explain(table_of(rows))
+
+
+def test_three_axes_that_only_fail_together_are_one_claim() -> None:
+    why = three_axes(lambda floor, light, door: bool(floor and light and door))
+    assert why is not None
+    [claim] = why.groups[0].claims
+    assert (claim.kind, claim.axes) == ("triple", ["DOOR", "FLOOR", "light"])
+    assert claim.region == "DOOR = b, FLOOR = b and light ≥ 1"
+    assert claim.low > 10
+    [plot] = why.cell_plots
+    assert (plot.axes, plot.group) == (["DOOR", "FLOOR"], "polite, where light ≥ 1,")
+    assert sum(cell.trials for cell in plot.cells) == 240, "the trials in the light"
+
+
+@pytest.mark.parametrize(
+    ("fails", "claimed"),
+    [
+        (lambda floor, light, _: floor and light, [["FLOOR", "light"]]),
+        (
+            lambda floor, light, door: floor + light + door >= 2,
+            [["DOOR", "FLOOR"], ["DOOR", "light"], ["FLOOR", "light"]],
+        ),
+    ],
+    ids=["two axes", "each two of three"],
+)
+def test_three_axes_are_not_claimed_where_two_suffice(
+    fails: Callable[[int, int, int], bool], claimed: list[list[str]]
+) -> None:
+    why = three_axes(fails)
+    assert why is not None
+    found = [claim.axes for claim in why.groups[0].claims]
+    assert sorted(found) == claimed
 
 
 def test_an_axis_without_effect_makes_no_evidence_of_repeated_trials() -> None:

@@ -13,6 +13,7 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.schemas.specs import sabotages
 from prefect_robomaker.schemas.specs.sabotages import BUILT_IN, parse_sabotages
 from prefect_robomaker.schemas.specs.yaml_nodes import parse
+from prefect_robomaker.tasks.storage import pack_tar_gz
 
 Command = Callable[..., Any]
 WriteSpec = Callable[[str], Path]
@@ -70,6 +71,77 @@ def test_one_sabotage_is_caught_and_one_is_missed(
     assert robomaker_at_server("history", "poles").code != 0
     # The names of its applications are free again.
     assert robomaker_at_server("call", "ListRobotApplications").out.count("agent") == 0
+
+
+PROGRAM = """
+import math
+from prefect_robomaker.tasks.runtime.agents.agent_client import connect
+
+with connect() as simulation:
+    for step in simulation:
+        sees = any(math.isfinite(each) for each in step.observation["scan"])
+        simulation.act([0.3 if sees else 0.0, 0.0])
+"""
+"""Robot that drives straight on, in a process of its own, as long as its lidar sees anything."""
+DRIVES = """
+version: 1
+name: straight-on
+sabotages: {old tyres: {wheel_slip: 0.1}, asked to idle: {ROBOMAKER_SIM_TIME_LIMIT_S: "1"}}
+steps:
+  template:
+    operation: CreateWorldTemplate
+    input:
+      name: flat
+      templateBody:
+        Buildings: [{Floors: [{Floorplan: {Rooms: [{Type: Living, Name: Living}, {Type: Bedroom, Name: Bedroom}]}}]}]
+  worlds:
+    operation: CreateWorldGenerationJob
+    input: {template: "${{ template.arn }}", worldCount: {floorplanCount: 1, interiorCountPerFloorplan: 1}, seed: 7}
+  robot:
+    operation: CreateRobotApplication
+    input:
+      name: straight
+      sources: [{s3Bucket: robomaker, s3Key: straight.tar.gz}]
+      robotSoftwareSuite: {name: General}
+  drive:
+    operation: CreateSimulationJob
+    needs: [robot]
+    input:
+      maxJobDurationInSeconds: 300
+      iamRole: arn:aws:iam::000000000000:role/local
+      seed: 1
+      robotApplications: [{application: straight, launchConfig: {command: [python3, drive.py]}}]
+      simulationApplications:
+        - application: indoor-navigation
+          launchConfig: {}
+          worldConfigs: [{world: "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"}]
+      requirements:
+        - {kind: goal, name: ahead, x: 0.4, y: 0, within_m: 0.1, by_s: 3, stop: true}
+"""
+
+
+@pytest.mark.deep
+def test_a_robot_program_is_sabotaged_in_the_simulation_that_it_drives(
+    robomaker_at_server: Command, spec: WriteSpec, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = ("idle", "blind", "late by 0.2 s", "left and right swapped")
+    monkeypatch.setattr(sabotages, "BUILT_IN", tuple(each for each in BUILT_IN if each.name in wanted))
+    (tmp_path / "bundle").mkdir()
+    (tmp_path / "bundle" / "drive.py").write_text(PROGRAM)
+    store = home / "objects" / "robomaker"
+    store.mkdir(parents=True)
+    pack_tar_gz(tmp_path / "bundle", store / "straight.tar.gz")
+
+    ended = robomaker_at_server("challenge", spec(DRIVES))
+
+    lines = {line.split("  ")[1]: line for line in ended.out.splitlines() if line.startswith("  ")}
+    assert ended.code == 1, ended.err + ended.out
+    assert "caught by the only job, first by ahead" in lines["idle"]
+    assert "caught by the only job, first by ahead" in lines["blind"]
+    assert lines["late by 0.2 s"].endswith("missed by the only job; nothing here would notice it")
+    assert lines["left and right swapped"].endswith("had no effect in the only job"), "it never turns"
+    assert lines["old tyres"].endswith("missed by the only job; nothing here would notice it")
+    assert "caught by the only job, first by ahead" in lines["asked to idle"], "variables reach the run, too"
 
 
 @pytest.mark.deep

@@ -1,0 +1,66 @@
+"""The page about a fault: its commands, typed one after the other, say what it says."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.paths import REPOSITORY
+
+PAGE = REPOSITORY / "docs" / "a-fault-found.md"
+EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "fault_found"
+END = "=== end of command, exit code "
+
+
+def shown(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+
+
+def typed() -> list[tuple[str, list[str]]]:
+    """The page's commands, each with the lines that it shows of their output."""
+    found: list[tuple[str, list[str]]] = []
+    for line in "".join(shown("console")).splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], []))
+        else:
+            found[-1][1].append(line)
+    return found
+
+
+def stable(line: str) -> str:
+    """A line without what differs from run to run: ids, times, folders, and spaces at its beginning."""
+    return re.sub(r"(sim|courier)-[0-9a-zT]{12,}|after .*? s$|/\S+/(?=fault_found)", "…", line).strip()
+
+
+def test_the_page_shows_the_files_of_the_example() -> None:
+    assert shown("yaml") == [(EXAMPLE / "courier.yaml").read_text()]
+    assert shown("diff") == [(EXAMPLE / "fix.patch").read_text()]
+
+
+@pytest.mark.deep
+def test_the_fault_is_found_explained_mended_and_shown_to_be_better(prefect_server: str, tmp_path: Path) -> None:
+    commands = typed()
+    script = "\n".join(f"{command}\ncode=$?; echo; echo {shlex.quote(END)}$code" for command, _ in commands)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    own = {"PATH": path, "HOME": str(tmp_path), "ROBOMAKER_HOME": str(tmp_path / "home")}
+    environ = {**os.environ, **own, "PREFECT_API_URL": prefect_server}
+    ended = subprocess.run(["bash", "-c", script], env=environ, cwd=REPOSITORY, capture_output=True, text=True)
+
+    print(ended.stdout, ended.stderr)  # pytest shows it where the test fails
+    parts = re.split(rf"^{END}(\d+)\n", ended.stdout, flags=re.MULTILINE)
+    codes = {command.split(" --to")[0]: int(code) for (command, _), code in zip(commands, parts[1::2], strict=True)}
+    failing = {command for command, code in codes.items() if code}
+    assert failing == {"robomaker run courier.yaml"}, (codes, ended.stderr)
+    assert codes["robomaker run courier.yaml"] == 1
+    for (command, lines), output in zip(commands, parts[::2], strict=False):
+        told = {stable(line) for line in output.splitlines()}
+        assert {stable(line) for line in lines} - {"…"} <= told, (command, output)
+    decided = re.search(r"decided after (\d+) of 256 pairs; (\d+) trials saved", ended.stdout)
+    planned = re.search(r"with a chance of 80%: (\d+) trials in each", ended.stdout)
+    assert decided is not None
+    assert planned is not None
+    assert int(decided[1]) < int(planned[1]), "fewer trials than were planned"
+    assert int(decided[1]) + int(decided[2]) == 256
