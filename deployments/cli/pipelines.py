@@ -53,13 +53,10 @@ def carry_out(
 
         with ExitStack() as stack:
             heard = listener
-            if cut is not None:
+            if wanted.is_probe:
                 heard = stack.enter_context(removing_made(stack.enter_context(Service.opened(settings)), listener))
             try:
-                record = run_beside_others(
-                    spec, settings, heard, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
-                    against=against, open_run=open_run, cut=cut, challenge=challenge,
-                )  # fmt: skip
+                record = run_beside_others(wanted, settings, heard)
             except RunInterrupted as interruption:
                 interrupted, record = interruption, interruption.record
             else:

@@ -16,6 +16,7 @@ from ...schemas.specs.probe_requests import BATCH, JOB, ProbeSize, cut
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 from ...tasks.inspection.forecasting import WholeStep, forecast_run, keep_forecast
+from ...tasks.inspection.pipeline_parts import Cut
 from ...tasks.inspection.probes import measured, probed_jobs, whole_steps
 from ...tasks.nights.cut_runs import removing_made
 from ...tasks.nights.wanted_runs import WantedRun
@@ -112,14 +113,7 @@ def run_pass(
     command = ["robomaker", "plan", spec_path, *set_options(spec.parameters), "--probe"]
     smaller: Cut = lambda operation, request: cut(operation, request, size)  # noqa: E731
     with removing_made(service, listener) as heard:
-        record = run_spec(
-            named,
-            quiet,
-            heard,
-            spec_path=spec_path,
-            command=command,
-            cut=lambda operation, request: cut(operation, request, size),
-        )
+        record = run_spec(WantedRun(named, spec_path, command, cut=smaller), quiet, heard)
     if record.state not in ("succeeded", "failed"):  # a job whose verdict is FAIL took as long as any
         raise ProbeFailedError(record)
     return record
