@@ -22,7 +22,7 @@ alone holds them, and the verdicts decide.
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -169,7 +169,13 @@ def is_enough_alone(observations: Sequence[Observation], level: Level, factor: F
     return len(alone) >= FEWEST_ALONE and not flips(alone, level) and share ** len(alone) <= BY_CHANCE
 
 
-def most_telling(observations: Sequence[Observation], level: Level, factors: Weights, sets: Iterable[Held]) -> Held:
+def most_telling(
+    observations: Sequence[Observation],
+    level: Level,
+    factors: Weights,
+    sets: Iterable[Held],
+    proofs: Collection[Held] = (),
+) -> Held:
     """Returns the set of factors whose holding in one more rerun is expected to tell most about what decides.
 
     Told is the mutual information of the factor and how the rerun ends; of equal sets it is the smallest.
@@ -179,6 +185,7 @@ def most_telling(observations: Sequence[Observation], level: Level, factors: Wei
         level: Whether bits or verdicts are compared.
         factors: Factors that can be held.
         sets: Sets to choose from.
+        proofs: Sets that will be wanted anyway, and so are worth twice as much.
     """
     before = posterior(observations, level, factors)
     urns: dict[Factor | None, _Urn] = {each: _Urn(observations, level, each) for each in before}
@@ -196,7 +203,7 @@ def most_telling(observations: Sequence[Observation], level: Level, factors: Wei
             if before[each] * chance > 0.0
         )
 
-    return max(sets, key=lambda held: (round(told(held), 6), -len(held), sorted(held)))
+    return max(sets, key=lambda held: (round(told(held) * (1 + (held in proofs)), 6), -len(held), sorted(held)))
 
 
 _NEW = ""

@@ -82,13 +82,12 @@ def examine(
 def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
     first = trials.first_observation()
     found = search(trials.try_out, trials.weights, most - REPLAYS, first)
-    free = [each for each in trials.made if not each.observation.held]
     differs = first is not None and found.repeats is False
     side, where = side_of(trials, most - len(trials.made)) if differs else ("unknown", None)
     answer = "decided" if found.decision else "repeats" if found.repeats else "not decided"
     reran = [each for each in found.observations if each is not first]
     why = found.why_not
-    if answer == "not decided" and len({each.observation.bits for each in free}) == 1:
+    if answer == "not decided" and len({each.observation.bits for each in trials.made}) == 1:
         why = "all reruns are alike, but the run was not: what decided is not there any more"
     return blank.model_copy(
         update={

@@ -24,8 +24,6 @@ from .evidence import (
     decided,
     flipping,
     flips,
-    is_enough_alone,
-    is_needed,
     most_telling,
     posterior,
     with_held,
@@ -40,8 +38,8 @@ QUIET = 8
 ALL_HELD = 2
 """Reruns with everything held, before others hold less; those bring more evidence of the same."""
 
-LIKELY = 0.6
-"""Posterior from which the two proofs of a factor are tried, which tell about the others as well."""
+LIKELY = 0.4
+"""Posterior from which the two proofs of a factor are tried in turn: it has one rival at most then."""
 
 TryOut = Callable[[Held], Sequence[Observation]]
 """Function that runs the job again with some factors held; several reruns where jobs run beside each other."""
@@ -126,13 +124,13 @@ def _telling(seen: Sequence[Observation], factors: Weights) -> Level:
 def _next(seen: Sequence[Observation], level: Level, factors: Weights) -> Held:
     """Returns the factors that the next rerun holds."""
     chances = posterior(seen, level, factors)
-    likely = max(factors, key=lambda each: chances[each])
-    if chances[likely] >= LIKELY:
-        if not is_needed(seen, likely, factors):
-            return frozenset(factors) - {likely}
-        if not is_enough_alone(seen, level, likely):
-            return frozenset({likely})
-    return most_telling(seen, level, factors, _sets(factors))
+    likely: Factor = max(factors, key=lambda each: chances[each])
+    alone: Held = frozenset({likely})
+    others: Held = frozenset(factors) - alone
+    if chances[likely] < LIKELY:
+        return most_telling(seen, level, factors, _sets(factors), (others, alone))
+    # As many of both: what is seldom seen free is no contrast to what is held.
+    return min((others, alone), key=lambda held: len(with_held(seen, held)))
 
 
 def _sets(factors: Collection[Factor]) -> list[Held]:

@@ -1,6 +1,6 @@
 """The side of a job on which two of its runs first differ: the robot's commands, or the simulation's states."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import combinations, zip_longest
 
 import numpy as np

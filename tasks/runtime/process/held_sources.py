@@ -12,6 +12,7 @@ begins at the year 2000 and goes on with each look at it, so that it counts what
 # Python 3.8 has neither `X | Y` nor built-in generics at run time; types of what is replaced are not known.
 # pyright: reportAttributeAccessIssue=false, reportUnknownMemberType=false, reportPrivateUsage=false
 
+import _thread
 import datetime
 import os
 import random
@@ -40,6 +41,7 @@ _DRAWS = (
 )
 """Functions of the module `random` that draw from its own generator."""
 _SHARED_FOLDERS = ("/tmp/", "/var/tmp/", "/dev/shm/")
+_SOCKET_EVENTS = ("socket.connect", "socket.bind", "socket.sendto")
 _FILE_EVENTS = ("open", "os.mkdir", "os.listdir", "os.scandir")
 _FIXED_ADDRESSES = 0x0040000
 """ADDR_NO_RANDOMIZE of Linux's `personality`."""
@@ -98,20 +100,35 @@ def _watch_calls(notes):
     kept = (*_SHARED_FOLDERS, os.path.expanduser("~") + os.sep)
 
     def on_event(event, words):
-        if event in ("_thread.start_new_thread", "subprocess.Popen", "os.fork", "os.posix_spawn"):
+        if event in ("subprocess.Popen", "os.fork", "os.posix_spawn"):
             notes.add("threads")
-        elif event in ("socket.connect", "socket.bind", "socket.sendto"):
-            address = words[1]
-            if isinstance(address, tuple) or str(address).startswith(("\0", "b'\\x00")):
-                notes.add("network")
-                if event == "socket.bind":
-                    notes.add("order")
-        elif event == "socket.getaddrinfo":
+        elif event == "socket.getaddrinfo" or (event in _SOCKET_EVENTS and _is_shared(words[1])):
             notes.add("network")
+            if event == "socket.bind":
+                notes.add("order")
         elif event in _FILE_EVENTS and isinstance(words[0], str) and words[0].startswith(kept):
             notes.add("files")
 
     sys.addaudithook(on_event)
+    for name in ("start_new_thread", "start_new", "start_joinable_thread"):
+        if hasattr(_thread, name):
+            setattr(_thread, name, _noting_threads(getattr(_thread, name), notes))
+    threading = sys.modules.get("threading")  # it took the function when it was imported
+    if hasattr(threading, "_start_new_thread"):
+        threading._start_new_thread = _thread.start_new_thread
+
+
+def _is_shared(address):
+    """Returns whether other jobs see a socket's address: one of the network, or an abstract name."""
+    return isinstance(address, tuple) or str(address).startswith(("\0", "b'\\x00"))
+
+
+def _noting_threads(begin, notes):
+    def begin_noted(*words, **named):
+        notes.add("threads")
+        return begin(*words, **named)
+
+    return begin_noted
 
 
 def _replace_randomness(seed, code, notes):
