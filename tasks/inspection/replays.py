@@ -80,7 +80,7 @@ def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) 
     """
     inputs = scratch / "inputs"
     try:
-        plan = _plan_here(run, inputs, service, ros_domain)
+        plan = plan_here(run, inputs, service, ros_domain)
         # Where a program is run it finds the folders that it was planned with; a container has them mounted.
         folders = {"work_dir": plan.work_dir, "output_dir": plan.output_dir} if plan.programs else {}
         plan = rerun_plan(plan, run.outputs, scratch / "rerun").model_copy(update=folders)
@@ -112,7 +112,7 @@ def reproduce_run(
         run = found_trial(run, trial)
         if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
-        plan = _plan_here(run, scratch / "inputs", service, ros_domain)
+        plan = plan_here(run, scratch / "inputs", service, ros_domain)
         try:
             test = write_reproduction(plan, run.folder, run.failure_code, folder)
         except FileExistsError as error:
@@ -193,7 +193,7 @@ def _without_states(first: RunOutputs) -> list[str]:
     return ["it kept no states: its environment has no physics and no `state()` that gives bytes, or it ended before"]
 
 
-def _plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:
+def plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) -> RunPlan:
     """Returns the run's plan with folders of this machine: from its job, else the original plan if its folders exist.
 
     Raises:

@@ -205,6 +205,21 @@ def _result_in_words(job: ReportedJob) -> str:
     return f"{job.label}: {job.result.verdict if judged and job.result else job.status}"
 
 
+def chosen_jobs(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> list[ReportedJob]:
+    """Returns the jobs of a run that match a selection.
+
+    Args:
+        selection: Filter, as people wrote it.
+        jobs: Jobs of the run.
+        run_id: Id of the run, for messages.
+
+    Raises:
+        ConfigurationError: A text means no job of this run, or any of several; the message lists them.
+    """
+    named = _named(selection, jobs, run_id)
+    return [job for job in jobs if _is_selected(job, named)]
+
+
 def _is_selected(job: ReportedJob, selection: Selection) -> bool:
     if selection.failed and outcome_of(job) not in _FAILED:
         return False

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 
 from ..episode.progress import Progress, RunStopped
@@ -14,8 +15,12 @@ from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_ch
 from ..states.provenance import machine_facts
 from .attempt import BUILT_IN_ENVIRONMENT as BUILT_IN_ENVIRONMENT
 from .attempt import attempt, report_failure, seed_globals
+from .held_sources import HELD_VARIABLE, MARK_VARIABLE, hold, mark
 from .run_request import RunRequest
 from .trial_runs import run_trials
+
+_PACKAGE = str(Path(__file__).parents[2])
+"""Folder of the runtime and its engines, whose code measures with the real clock."""
 
 versions()  # read once, before forking
 machine_facts()
@@ -76,6 +81,10 @@ def _take_on(run: RunRequest) -> None:
     os.chdir(run.plan.work_dir)
     sys.path[:] = run.import_path
     seed_globals(run.plan.seed)
+    if MARK_VARIABLE in os.environ:
+        sources = os.environ.get(HELD_VARIABLE, "").split(",")
+        hold(sources, run.plan.seed, outside=(_PACKAGE,))
+        mark(sources)
     cameras.follow_environment()
 
 

@@ -193,6 +193,7 @@ class Launcher:
         on_stopped: Callable[[], None] = lambda: None,
         on_simulated: Callable[[bool], None] = lambda _: None,
         try_again: Callable[[], bool] = lambda: False,
+        adjust: Callable[[RunRequest], RunRequest] = lambda request: request,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
         """Runs a simulation, and waits until all its processes have ended.
@@ -209,6 +210,7 @@ class Launcher:
             on_simulated: Called when the run has ended and its result is written; the argument says whether videos of a
                 failure follow.
             try_again: Called when the run was killed from outside; if it returns true, the outputs are left unchanged.
+            adjust: Changes what the run's processes find on this machine: variables, processors, box.
             clock: Monotonic clock in seconds, for the duration limit.
 
         Returns:
@@ -226,7 +228,7 @@ class Launcher:
         crash = _FirstCrash(plan, on_crash)
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
-            request = make_request(plan, cores, self._box())
+            request = adjust(make_request(plan, cores, self._box()))
             # Closing this end of the connection, for any reason, kills the run.
             with self._connect() as channel:
                 _begin(channel, request)

@@ -1,0 +1,158 @@
+"""Flakiness of the jobs of a run: runs each again within its number of reruns, and says what decides."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.reports.report import ReportedJob
+from ...schemas.reports.run_record import RunRecord
+from ...schemas.runs.flakiness import FACTORS, Flakiness, TriedHold
+from ...schemas.wire.errors import RobomakerError
+from ..catalog import Resource
+from ..inspection.found_runs import FoundRun, found_run, scratch_folder
+from ..inspection.reports import jobs_of
+from ..inspection.reruns import Selection, chosen_jobs
+from ..service.service import Service
+from ..simulations.planning.job_contents import contents_of_request
+from ..simulations.ros.ros_domains import own_domain
+from .evidence import Observation
+from .search import MOST_RERUNS, search
+from .sides import REPLAYS, side_of
+from .trials import NotRerunError, Trials
+
+FEWEST_RERUNS = 8
+"""With fewer, neither can a job be said to repeat, nor a factor be found."""
+
+
+def all_jobs(record: RunRecord, service: Service) -> list[ReportedJob]:
+    """Returns the jobs of a run."""
+    return [each for each in jobs_of(record.steps, service, record.rerun_of) if each.arn]
+
+
+def jobs_to_examine(record: RunRecord, names: Sequence[str], jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
+    """Returns the jobs of a run that are asked for, or those that failed.
+
+    Args:
+        record: Record of the run.
+        names: Names, ids or ARNs of jobs; empty: those that failed.
+        jobs: All jobs of the run.
+
+    Raises:
+        ConfigurationError: The run has no such job.
+    """
+    return chosen_jobs(Selection(failed=not names, jobs=tuple(names)), jobs, record.run_id)
+
+
+def examine(
+    job: ReportedJob,
+    beside: Sequence[ReportedJob],
+    service: Service,
+    most: int = MOST_RERUNS,
+    on_rerun: Callable[[int], None] = lambda _: None,
+) -> Flakiness:
+    """Runs a job again until it is clear what decides how it ends.
+
+    Args:
+        job: Job of a run, which has ended.
+        beside: All jobs of that run.
+        service: Service with the catalog and the object store.
+        most: Number of reruns at most, replays of commands among them.
+        on_rerun: Called with the number of finished reruns.
+    """
+    assert job.arn is not None
+    blank = Flakiness(job=job.arn, name=job.title, answer="not rerun")
+    try:
+        with found_run(job.arn, service) as run, scratch_folder(service) as scratch, own_domain(job.arn) as domain:
+            if run.outputs.provenance.plan.trials is not None:
+                why = "it has trials, which `robomaker verify JOB --trial K` repeats one by one"
+                return blank.model_copy(update={"why": why})
+            neighbours = _has_neighbours(job, beside, service)
+            trials = Trials(run, service, scratch, domain, neighbours, on_rerun)
+            notes = [*_notes(run, service), *_of_error(trials.first_observation())]
+            try:
+                return _examined(blank.model_copy(update={"notes": notes}), trials, most)
+            except NotRerunError as error:
+                why = f"{error}, so that reruns would say nothing about the run"
+                return blank.model_copy(update={"why": why, "reruns": len(trials.made), "notes": notes})
+    except RobomakerError as error:
+        return blank.model_copy(update={"why": str(error)})
+
+
+def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
+    first = trials.first_observation()
+    found = search(trials.try_out, trials.weights, most - REPLAYS, first)
+    differs = first is not None and found.repeats is False
+    side, where = side_of(trials, most - len(trials.made)) if differs else ("unknown", None)
+    answer = "decided" if found.decision else "repeats" if found.repeats else "not decided"
+    reran = [each for each in found.observations if each is not first]
+    why = found.why_not
+    if answer == "not decided" and len({each.observation.bits for each in trials.made}) == 1:
+        why = "all reruns are alike, but the run was not: what decided is not there any more"
+    return blank.model_copy(
+        update={
+            "answer": answer,
+            "decides": found.decision.factor if found.decision else None,
+            "probability": round(found.decision.probability, 4) if found.decision else None,
+            "side": side,
+            "verdict": first.verdict if first else None,
+            "reruns": len(trials.made) + trials.replays,
+            "tried": _tried(reran),
+            "first_difference": where,
+            "why": why,
+        }
+    )
+
+
+def _tried(observations: Sequence[Observation]) -> list[TriedHold]:
+    """Returns reruns by what they held, those that held least first."""
+    sets = sorted({each.held for each in observations}, key=lambda held: (len(held), sorted(held)))
+    tried: list[TriedHold] = []
+    for held in sets:
+        same = [each for each in observations if each.held == held]
+        tried.append(
+            TriedHold(
+                held=[each for each in FACTORS if each in held],
+                ends=dict(Counter(each.verdict for each in same)),
+                ways=len({each.bits for each in same}),
+            )
+        )
+    return tried
+
+
+def _notes(run: FoundRun, service: Service) -> list[str]:
+    """Says which applications have changed since the run; the reruns have those that it ran with."""
+    if run.job is None:
+        return []
+    document = SimulationJobDocument.of(run.job)
+    had = document.made_of.etags if document.made_of else {}
+    try:
+        now = contents_of_request(document.request, service).etags
+    except RobomakerError:
+        return []
+    changed = [role for role, etag in had.items() if role in now and now[role] != etag]
+    return [
+        f"The {role} application has changed since the run; the reruns have the archive that it ran with."
+        for role in changed
+    ]
+
+
+def _of_error(first: Observation | None) -> list[str]:
+    if first is None or first.verdict in ("PASS", "FAIL"):
+        return []
+    return [f"The run ended with {first.verdict}, which says nothing of how the robot did; it counts as an end here."]
+
+
+def _has_neighbours(job: ReportedJob, beside: Sequence[ReportedJob], service: Service) -> bool:
+    """Returns whether another job of the run ran at the same time as a job."""
+    stored = service.catalog.get_many([each.arn for each in beside if each.arn])
+    own = _span(stored[job.arn or ""])
+    others = [_span(resource) for arn, resource in stored.items() if arn != job.arn]
+    return own is not None and any(other and own[0] < other[1] and other[0] < own[1] for other in others)
+
+
+def _span(job: Resource) -> tuple[datetime, datetime] | None:
+    document = SimulationJobDocument.of(job)
+    if document.started_at is None or document.simulation_time_millis is None:
+        return None
+    return document.started_at, document.started_at + timedelta(milliseconds=document.simulation_time_millis)

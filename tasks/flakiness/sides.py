@@ -1,0 +1,100 @@
+"""The side of a job on which two of its runs first differ: the robot's commands, or the simulation's states."""
+
+from collections.abc import Iterable, Iterator
+from itertools import combinations, zip_longest
+
+import numpy as np
+
+from ...schemas.runs.flakiness import Side
+from ..runtime.agents.action_log import ActionLog, ActionLogHeader
+from ..runtime.replay.replay import RunOutputs, first_difference
+from .trials import Trial, Trials
+
+REPLAYS = 2
+"""Replays of commands, if no two reruns tell by themselves: a simulation that flips every other time repeats both times
+in one of four cases.
+"""
+
+
+def side_of(trials: Trials, most: int) -> tuple[Side, str | None]:
+    """Finds the side on which reruns differ first, and where; of those with nothing held, if they differ.
+
+    Same commands and other states are the simulation's. Other commands are the robot's if the simulation repeats under
+    recorded ones; it is run with them, up to `REPLAYS` times.
+
+    Args:
+        trials: Reruns of the job.
+        most: Number of replays at most.
+    """
+    free = [each for each in trials.made if not each.observation.held]
+    pair = _differing(free) or _differing(trials.made)
+    if pair is None:
+        return "unknown", None
+    one, other = pair
+    states = first_difference(one.outputs, other.outputs)
+    at_states = f"at {states.time_s:.2f} s: {states.what}" if states else None
+    if one.outputs.actions is None or other.outputs.actions is None:
+        plan = one.outputs.provenance.plan
+        return ("unknown" if plan.has_robot_program else "one process"), at_states
+    for first, second in combinations(free, 2):
+        if first.observation.bits != second.observation.bits and _commands(first) == _commands(second):
+            difference = first_difference(first.outputs, second.outputs)
+            return "simulation", f"at {difference.time_s:.2f} s: {difference.what}" if difference else None
+    for trial in [one, other][: min(REPLAYS, most)]:
+        if not _repeats(trial, trials.replay(trial)):
+            return "simulation", at_states
+    return ("robot" if most > 0 else "unknown"), _command_in_words(one.outputs, other.outputs) or at_states
+
+
+def _differing(free: Iterable[Trial]) -> tuple[Trial, Trial] | None:
+    """Returns two reruns with other verdicts, or at least other bits."""
+    pairs = list(combinations(free, 2))
+    verdicts = (pair for pair in pairs if pair[0].observation.verdict != pair[1].observation.verdict)
+    bits = (pair for pair in pairs if pair[0].observation.bits != pair[1].observation.bits)
+    return next(verdicts, None) or next(bits, None)
+
+
+def _repeats(trial: Trial, again: Trial) -> bool:
+    """Returns whether a replay of commands has the states and the verdict of the rerun that gave them."""
+    states, states_again = (each.outputs.provenance.digest for each in (trial, again))
+    return states == states_again and trial.observation.verdict == again.observation.verdict
+
+
+def _commands(trial: Trial) -> list[bytes] | None:
+    path = trial.outputs.actions
+    return list(ActionLog(path)) if path is not None else None
+
+
+def _command_in_words(one: RunOutputs, other: RunOutputs) -> str | None:
+    """Describes the first command in which two runs differ: `at 0.25 s in the commands: 1.0 and 0.1`."""
+    assert one.actions is not None
+    assert other.actions is not None
+    log = ActionLog(one.actions)
+    number, found = _first_other(log, ActionLog(other.actions))
+    if found is None:
+        return None
+    steps = sum(1 for _ in log)
+    end_s = one.result.sim_time_s if one.result is not None else 0.0
+    values = [_values(log.header, each) if each is not None else "none" for each in found]
+    name = next((each.description or "" for each in log.header.arrays), "")
+    return (
+        f"at {number * end_s / max(steps, 1):.2f} s in the command{f' {name}' if name else ''}: {' and '.join(values)}"
+    )
+
+
+def _first_other(one: Iterable[bytes], other: Iterable[bytes]) -> tuple[int, tuple[bytes | None, bytes | None] | None]:
+    pairs: Iterator[tuple[bytes | None, bytes | None]] = iter(zip_longest(one, other))
+    return next(((number, pair) for number, pair in enumerate(pairs) if pair[0] != pair[1]), (0, None))
+
+
+_MOST_VALUES = 4
+"""Numbers of a command that are shown."""
+
+
+def _values(header: ActionLogHeader, action: bytes) -> str:
+    numbers: list[str] = []
+    for array in header.arrays:
+        count = int(np.prod(array.shape)) if array.shape else 1
+        numbers += [f"{value:.6g}" for value in np.frombuffer(action, array.dtype, count, array.offset)]
+    shown = numbers[:_MOST_VALUES] + (["…"] if len(numbers) > _MOST_VALUES else [])
+    return f"({', '.join(shown)})" if len(shown) != 1 else shown[0]

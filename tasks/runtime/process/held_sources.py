@@ -1,0 +1,361 @@
+"""Sources of chance in a Python process that a rerun holds: randomness, the clock, hashes, and turns of threads.
+
+`robomaker flaky` runs a job again with some of them held, to find the one that decides, and watches which are used. The
+file is alone on purpose: it needs nothing but the standard library of Python 3.8, since it is copied into a folder of
+the rerun as `sitecustomize.py`, which the Python of any robot program imports before the program's own code. The
+process of the simulation calls `hold` instead.
+
+What is held repeats from one process to the next, and is no longer what a program would see in reality: the clock
+begins at the year 2000 and goes on with each look at it, so that it counts what the code does, not how long that takes.
+"""
+
+# Python 3.8 has neither `X | Y` nor built-in generics at run time; types of what is replaced are not known.
+# pyright: reportAttributeAccessIssue=false, reportUnknownMemberType=false, reportPrivateUsage=false
+
+import _thread
+import datetime
+import os
+import random
+import sys
+import sysconfig
+import time
+
+HELD_VARIABLE = "ROBOMAKER_HELD"
+"""Environment variable that names the held sources, with commas between."""
+MARK_VARIABLE = "ROBOMAKER_HELD_MARK"
+"""Environment variable with the path of a file, to which each process adds what it holds and what it uses."""
+
+_BEGIN_NS = 946_684_800 * 10**9
+"""The year 2000."""
+_LOOK_NS = 100_000
+"""Nanoseconds from one look at the held clock to the next: a budget of milliseconds ends after tens of looks."""
+_BEHIND_NS = 5 * 10**9
+"""Nanoseconds that the held clock may stay behind the real one; who waits for longer would wait forever."""
+_TURN_S = 1.0
+"""Seconds that a thread keeps the interpreter, instead of 5 ms; few compute longer without waiting for something."""
+_CLIENT = os.sep + "agent_client.py"
+"""The client of this package, which looks at the clock to end waiting."""
+_DRAWS = (
+    *("random", "uniform", "gauss", "normalvariate", "choice", "choices", "shuffle", "sample", "randint", "randrange"),
+    *("getrandbits", "triangular", "betavariate", "expovariate", "lognormvariate"),
+)
+"""Functions of the module `random` that draw from its own generator."""
+_SHARED_FOLDERS = ("/tmp/", "/var/tmp/", "/dev/shm/")
+_SOCKET_EVENTS = ("socket.connect", "socket.bind", "socket.sendto")
+_FILE_EVENTS = ("open", "os.mkdir", "os.listdir", "os.scandir")
+_FIXED_ADDRESSES = 0x0040000
+"""ADDR_NO_RANDOMIZE of Linux's `personality`."""
+_ASK = 0xFFFFFFFF
+_INSTALLED = (os.sep + "site-packages" + os.sep, os.sep + "dist-packages" + os.sep)
+"""Folders of installed packages, which may be inside that of the standard library."""
+
+
+def hold(sources, seed, outside=()):
+    """Holds sources of chance in this process, from now on, and notes which sources the code uses.
+
+    Args:
+        sources: Names of sources: `seed`, `time` and `threads`; others are ignored.
+        seed: Seed of what replaces the system's randomness.
+        outside: Beginnings of paths of source files that go on seeing the real clock; the standard library does.
+    """
+    code = _Code(("<frozen", *outside))
+    notes = _Notes()
+    if sys.flags.hash_randomization:
+        notes.add("hash")
+    _watch_calls(notes)
+    _replace_randomness(seed if "seed" in sources else None, code, notes)
+    clock = _Clock(code, notes, "time" in sources)
+    _replace_functions(clock)
+    _replace_dates(clock)
+    if "threads" in sources:
+        sys.setswitchinterval(_TURN_S)
+
+
+class _Code:
+    """Tells the code of applications from that of Python and of this package."""
+
+    def __init__(self, outside):
+        self._library = _standard_library()
+        self._outside = outside
+
+    def is_of_application(self, file):
+        is_of_python = file.startswith(self._library) and not any(folder in file for folder in _INSTALLED)
+        return not (is_of_python or file.startswith(self._outside) or file.endswith(_CLIENT))
+
+
+class _Notes:
+    """Sources that were used, each written down when it is used first: programs may end without warning."""
+
+    def __init__(self):
+        self._noted = set()
+
+    def add(self, source):
+        if source not in self._noted:
+            self._noted.add(source)
+            _write("used " + source)
+
+
+def _watch_calls(notes):
+    """Notes threads, network, names that only one process can have, and files that outlive a program."""
+    kept = (*_SHARED_FOLDERS, os.path.expanduser("~") + os.sep)
+
+    def on_event(event, words):
+        if event in ("subprocess.Popen", "os.fork", "os.posix_spawn"):
+            notes.add("threads")
+        elif event == "socket.getaddrinfo" or (event in _SOCKET_EVENTS and _is_shared(words[1])):
+            notes.add("network")
+            if event == "socket.bind":
+                notes.add("order")
+        elif event in _FILE_EVENTS and isinstance(words[0], str) and words[0].startswith(kept):
+            notes.add("files")
+
+    sys.addaudithook(on_event)
+    for name in ("start_new_thread", "start_new", "start_joinable_thread"):
+        if hasattr(_thread, name):
+            setattr(_thread, name, _noting_threads(getattr(_thread, name), notes))
+    threading = sys.modules.get("threading")  # it took the function when it was imported
+    if hasattr(threading, "_start_new_thread"):
+        threading._start_new_thread = _thread.start_new_thread
+
+
+def _is_shared(address):
+    """Returns whether other jobs see a socket's address: one of the network, or an abstract name."""
+    return isinstance(address, tuple) or str(address).startswith(("\0", "b'\\x00"))
+
+
+def _noting_threads(begin, notes):
+    def begin_noted(*words, **named):
+        notes.add("threads")
+        return begin(*words, **named)
+
+    return begin_noted
+
+
+def _replace_randomness(seed, code, notes):
+    """Replaces the system's randomness, also where Python seeds its generators with it; without a seed watches it."""
+    draw, unseeded = random.Random(seed).getrandbits, [0]
+    system = os.urandom
+
+    def urandom(size):
+        notes.add("seed")
+        if seed is None:
+            return system(size)
+        return draw(8 * size).to_bytes(size, "little") if size else b""
+
+    os.urandom = urandom
+    if hasattr(os, "getrandom"):
+        os.getrandom = lambda size, _flags=0: urandom(size)
+    random._urandom = urandom
+    seeded = random.Random.seed
+
+    def seed_again(self, a=None, version=2):
+        if a is None and not isinstance(self, random.SystemRandom):
+            if code.is_of_application(sys._getframe(1).f_code.co_filename):
+                notes.add("seed")
+            if seed is not None:
+                unseeded[0] += 1
+                a = (seed << 32) + unseeded[0]
+        return seeded(self, a, version)
+
+    random.Random.seed = seed_again
+    if seed is not None:
+        random.seed(seed)
+    for name in _DRAWS:
+        setattr(random, name, _noting(getattr(random, name), code, notes))
+
+
+def _noting(function, code, notes):
+    """Returns a function of the module `random` that notes its use."""
+
+    def draw(*words, **named):
+        if code.is_of_application(sys._getframe(1).f_code.co_filename):
+            notes.add("seed")
+        return function(*words, **named)
+
+    return draw
+
+
+class _Clock:
+    """Clock that goes on when it is looked at or slept by, for each source file by itself.
+
+    Each file has a clock of its own, as a library that tries again until it is connected looks as often as it has to.
+    """
+
+    def __init__(self, code, notes, is_held):
+        self._code, self._notes, self._is_held = code, notes, is_held
+        self._elapsed = {}
+        self._real = time.monotonic_ns
+        self._real_begin = self._real()
+
+    def read(self, depth=2):
+        """Returns the nanoseconds since the clock began; None for code that sees the real clock."""
+        file = sys._getframe(depth).f_code.co_filename
+        if not self._code.is_of_application(file):
+            return None
+        self._notes.add("time")
+        if not self._is_held:
+            return None
+        elapsed = self._elapsed.get(file, 0) + _LOOK_NS
+        if self._real() - self._real_begin > elapsed + _BEHIND_NS:
+            elapsed += _BEHIND_NS
+        self._elapsed[file] = elapsed
+        return elapsed
+
+    def sleep(self, seconds):
+        file = sys._getframe(2).f_code.co_filename
+        self._elapsed[file] = self._elapsed.get(file, 0) + int(seconds * 1e9)
+
+
+def _replace_functions(clock):
+    """Replaces the functions of the module `time`."""
+
+    def held(real, begin_ns, per_unit):
+        def look(*which):
+            elapsed = clock.read()
+            if elapsed is None:
+                return real(*which)
+            return begin_ns + elapsed if per_unit is None else (begin_ns + elapsed) / per_unit
+
+        return look
+
+    for name, begin_ns in (("time", _BEGIN_NS), ("clock_gettime", _BEGIN_NS), ("monotonic", 0), ("perf_counter", 0)):
+        for suffix, per_unit in (("", 1e9), ("_ns", None)):
+            setattr(time, name + suffix, held(getattr(time, name + suffix), begin_ns, per_unit))
+    for name in ("process_time", "thread_time"):
+        for suffix, per_unit in (("", 1e9), ("_ns", None)):
+            setattr(time, name + suffix, held(getattr(time, name + suffix), 0, per_unit))
+    for name in ("localtime", "gmtime", "ctime"):
+        setattr(time, name, _of_now(clock, getattr(time, name)))
+    real_sleep = time.sleep
+
+    def sleep(seconds):
+        clock.sleep(seconds)
+        real_sleep(seconds)
+
+    time.sleep = sleep
+
+
+def _of_now(clock, real):
+    """Replaces a function of the module `time` whose argument is now, if it is left out."""
+
+    def convert(seconds=None):
+        elapsed = clock.read() if seconds is None else None
+        return real(seconds if elapsed is None else (_BEGIN_NS + elapsed) / 1e9)
+
+    return convert
+
+
+def _replace_dates(clock):
+    """Replaces the classes of the module `datetime` that know what day it is."""
+    date, moment = datetime.date, datetime.datetime
+
+    class OfDates(type):
+        def __instancecheck__(cls, value):
+            return isinstance(value, date)
+
+    class OfMoments(type):
+        def __instancecheck__(cls, value):
+            return isinstance(value, moment)
+
+    class HeldMoment(moment, metaclass=OfMoments):
+        @classmethod
+        def now(cls, tz=None):
+            elapsed = clock.read()
+            return moment.now(tz) if elapsed is None else moment.fromtimestamp((_BEGIN_NS + elapsed) / 1e9, tz)
+
+        @classmethod
+        def utcnow(cls):
+            elapsed = clock.read()
+            utc = moment.now(datetime.timezone.utc)
+            if elapsed is not None:
+                utc = moment.fromtimestamp((_BEGIN_NS + elapsed) / 1e9, datetime.timezone.utc)
+            return utc.replace(tzinfo=None)
+
+        @classmethod
+        def today(cls):
+            elapsed = clock.read()
+            return moment.now() if elapsed is None else moment.fromtimestamp((_BEGIN_NS + elapsed) / 1e9)
+
+    class HeldDate(date, metaclass=OfDates):
+        @classmethod
+        def today(cls):
+            elapsed = clock.read()
+            return date.today() if elapsed is None else date.fromtimestamp((_BEGIN_NS + elapsed) / 1e9)
+
+    datetime.datetime, datetime.date = HeldMoment, HeldDate
+
+
+def _standard_library():
+    """Returns beginnings of the paths of Python's own source files, installed packages excepted."""
+    return tuple({os.path.join(sysconfig.get_path(name), "") for name in ("stdlib", "platstdlib")})
+
+
+def hold_as_asked():
+    """Holds in this program what its environment variables ask for, once its hashes are held."""
+    if not os.environ.get(MARK_VARIABLE):
+        return
+    sources = [word for word in os.environ.get(HELD_VARIABLE, "").split(",") if word]
+    if "hash" in sources and not _holds_hashes():
+        sources.remove("hash")
+    hold(sources, int(os.environ.get("ROBOMAKER_SEED") or 0))
+    mark(sources)
+
+
+def mark(sources):
+    """Says in the file of the rerun what this process holds."""
+    _write("held " + ",".join(sources))
+
+
+def _write(line):
+    try:
+        with open(os.environ.get(MARK_VARIABLE, ""), "a") as file:
+            file.write(line + "\n")
+    except OSError:
+        pass  # what was not said is not counted as held
+
+
+def _holds_hashes():
+    """Begins this program anew if its hashes or addresses are drawn by chance; false if that cannot be done."""
+    is_fixed = sys.flags.hash_randomization == 0
+    if is_fixed and not _fix_addresses():
+        return True
+    words = getattr(sys, "orig_argv", None)  # Python 3.10 and newer
+    if not words or not sys.executable:
+        return is_fixed
+    os.environ["PYTHONHASHSEED"] = "0"
+    try:
+        os.execv(sys.executable, [sys.executable, *words[1:]])
+    except OSError:
+        return is_fixed
+
+
+def _fix_addresses():
+    """Has programs that this process executes begin at the same addresses; false if they do already, or cannot."""
+    try:
+        import ctypes
+
+        change = ctypes.CDLL(None).personality
+        change.argtypes, change.restype = [ctypes.c_ulong], ctypes.c_int
+        now = change(_ASK)
+        return now >= 0 and not now & _FIXED_ADDRESSES and change(now | _FIXED_ADDRESSES) >= 0
+    except (ImportError, OSError, AttributeError):
+        return False
+
+
+def _make_room():
+    """Lets the `sitecustomize` be imported that this file has hidden, if there is one."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    kept, own = sys.path[:], sys.modules.pop("sitecustomize")
+    sys.path[:] = [entry for entry in kept if os.path.abspath(entry or ".") != here]
+    try:
+        import sitecustomize  # noqa: F401 # pyright: ignore[reportMissingImports, reportUnusedImport]
+    except ImportError:
+        pass
+    finally:
+        sys.path[:] = kept
+        sys.modules.setdefault("sitecustomize", own)
+
+
+if __name__ == "sitecustomize":
+    hold_as_asked()
+    _make_room()

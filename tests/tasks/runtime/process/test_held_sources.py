@@ -1,0 +1,44 @@
+"""Sources of chance that a program holds: what it draws, what time it is, and in which order sets are."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from prefect_robomaker.tasks.runtime.process import held_sources
+
+PROGRAM = """
+import datetime, os, random, time, uuid
+print(random.random(), uuid.uuid4(), os.urandom(4), random.Random().random())
+print(time.time(), time.monotonic(), datetime.datetime.now(), isinstance(datetime.datetime(2000, 1, 1), datetime.date))
+print(list({"kitchen", "bath", "hall", "bedroom"}), hash("kitchen"))
+"""
+
+
+def said(tmp_path: Path, held: str, program: str = PROGRAM) -> list[str]:
+    (tmp_path / "program.py").write_text(program)
+    shutil.copy(held_sources.__file__, tmp_path / "sitecustomize.py")
+    variables = {"PYTHONPATH": str(tmp_path), "ROBOMAKER_HELD": held, "ROBOMAKER_HELD_MARK": str(tmp_path / "mark")}
+    ended = subprocess.run(
+        [sys.executable, tmp_path / "program.py"], env=variables, capture_output=True, text=True, check=True
+    )
+    assert ended.stderr == ""
+    return ended.stdout.splitlines()
+
+
+def test_what_is_held_repeats_and_what_is_not_does_not(tmp_path: Path) -> None:
+    for place, source in enumerate(("seed", "time", "hash")):
+        one, other = said(tmp_path, source), said(tmp_path, source)
+        assert [one[line] == other[line] for line in range(3)] == [line == place for line in range(3)], source
+
+
+def test_a_program_says_what_it_holds_and_uses(tmp_path: Path) -> None:
+    said(tmp_path, "time,threads", "import time, threading\ntime.time()\nthreading.Thread(target=print).start()")
+    lines = set((tmp_path / "mark").read_text().splitlines())
+    # The folder of the test is among those that programs may share.
+    assert lines - {"used files"} == {"held time,threads", "used time", "used threads", "used hash"}
+
+
+def test_a_held_clock_goes_on_with_sleeping(tmp_path: Path) -> None:
+    code = "import time\nbegin = time.monotonic()\ntime.sleep(0.01)\nprint(0.01 <= time.monotonic() - begin < 0.011)"
+    assert said(tmp_path, "time", code) == ["True"]
