@@ -92,7 +92,7 @@ class Cells:
         if self.design == "grid":
             return grid_cell(self.axes, self._kept[place])
         if self._sizes:
-            places = _places(self.design, self._drawn, self._sizes, seed)[place].tolist()
+            places: list[int] = _places(self.design, self._drawn, self._sizes, seed)[place].tolist()
             return {name: values[number] for (name, values), number in zip(self._listed.items(), places, strict=True)}
         return point(self.axes, self.design, self._drawn, seed, place)
 
