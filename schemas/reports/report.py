@@ -12,7 +12,7 @@ from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
 from .against import Answer
-from .causes import Why
+from .causes import AxisEffects, Why
 from .challenge import Challenge
 from .changes import SinceLastRun
 from .comparison import RateChange
@@ -203,6 +203,9 @@ class Report(Model):
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+    effects: list[AxisEffects] = Field(
+        default=[], description="Whether failures and margins depend on each axis, of steps or of trials."
+    )
 
 
 class JobCase(Model):
@@ -279,6 +282,9 @@ class ReportSummary(Model):
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+    effects: list[AxisEffects] = Field(
+        default=[], description="Whether failures and margins depend on each axis, of steps or of trials."
+    )
     why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."

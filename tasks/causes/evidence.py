@@ -287,7 +287,9 @@ def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any])
     """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; None: no goals."""
     goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
     at_s = _violated_at_s(missed)
-    reached = [each for each in goals if each.get("unit") == "s" and (each.get("value") or math.inf) <= at_s]
+    reached = [
+        each for each in goals if each.get("unit") == "s" and (value := each.get("value")) is not None and value <= at_s
+    ]
     if reached:
         return f"after {max(reached, key=lambda each: each['value'])['name']}"
     return f"before {goals[0]['name']}" if goals else None
