@@ -36,12 +36,13 @@ class KnownMatch(Model):
         min_length=1,
         max_length=300,
         description="Name of the job in reports or in JUnit, as a pattern: `scout in flat 3*`, `world-3 *`. `*` stands "
-        "for any text.",
+        "for any text, `?` for one character, `[ab]` for one of these; `[*]` is a star itself.",
     )
     requirement: str = Field(
         min_length=1,
         max_length=64,
-        description="Name of the requirement that is missed, as a pattern; of jobs with trials, `trials`.",
+        description="Name of the requirement that is missed, as a pattern; of jobs with trials, `trials`, "
+        "which covers any of them that failed.",
     )
 
 

@@ -326,7 +326,7 @@ def test_a_requirement_of_another_distribution_is_judged_and_reported(example: P
     junit = example.parent / "junit.xml"
     run(example, "-m", "prefect_robomaker", "report", str(folder), "--junit", str(junit))
     for text in (said, (folder / "report.html").read_text(), junit.read_text()):
-        assert "m away at most, 0.001 m allowed" in text
+        assert "m away; at most 0.001 m is allowed" in text
     assert 'tests="2" failures="1" errors="0"' in junit.read_text()
 
 

@@ -68,6 +68,11 @@ class Job:
         """Reason why the job did not pass, in words; empty: unknown, or it passed."""
         return self.record.failure_reason or self.record.verdict_reason or self.record.failure_code or ""
 
+    @property
+    def known(self) -> str:
+        """Owner, last day and reason of the job's failure if the specification knows it; else empty."""
+        return self.record.known
+
     @cached_property
     def outputs(self) -> dict[str, str]:
         """Addresses of its output files by name, `file:///…` or `s3://…`; empty while nothing is stored.

@@ -120,6 +120,11 @@ class Run:
         return read_why(self.folder)
 
     @property
+    def known_notes(self) -> list[str]:
+        """Known failures that did not occur or whose day is over, and jobs that are red all the same, in words."""
+        return list(self.record.known_notes) if self.record else []
+
+    @property
     def problems(self) -> dict[str, str]:
         """Reasons why steps of the run failed, by step."""
         return {step.name: step.error for step in self._standing.steps if step.error}

@@ -112,6 +112,64 @@ class Sensitivity(Model):
         return self.low > 0 or self.high < 0
 
 
+class Effect(Model):
+    """Dependence of one outcome, the share of failures or a margin, on an axis; or the reason why it is not known."""
+
+    on: str = Field(description="Requirement whose margin it is; empty: the share of trials that fail.")
+    unit: str | None = optional("Unit of the margin.")
+    value: str = Field(default="", description="Value of an axis of texts, against all others; empty: of numbers.")
+    start: float = Field(default=0.0, description="Value of the axis that a tenth of the trials are below.")
+    end: float = Field(default=0.0, description="Value of the axis that a tenth of the trials are above.")
+    change: float = Field(default=0.0, description="Change from `start` to `end`, along a straight line.")
+    low: float = Field(default=0.0, description="Lower end of its interval; all of a run hold together with 95 %.")
+    high: float = Field(default=0.0, description="Upper end of it.")
+    refused: str = Field(default="", description="Why there is no interval; empty: there is one.")
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether a dependence is shown: there is an interval, and it does not contain 0."""
+        return not self.refused and (self.low > 0 or self.high < 0)
+
+    @property
+    def outcome(self) -> str:
+        """Name of the outcome: `failures` or `margin of polite`."""
+        return f"margin of {self.on}" if self.on else "failures"
+
+    @property
+    def in_words(self) -> str:
+        """The change with its interval: `failures +12 points (+3 to +21) from 0.8 to 1.3`; or why there is none."""
+        if self.refused:
+            return f"{self.outcome}: {self.refused}"
+        unit = (f" {self.unit}" if self.unit else "") if self.on else " points"
+        scale = 1 if self.on else 100
+        change, low, high = (f"{scale * each:+.3g}" for each in (self.change, self.low, self.high))
+        where = f"with {self.value}" if self.value else f"from {self.start:.4g} to {self.end:.4g}"
+        return f"{self.outcome} {change}{unit} ({low} to {high}) {where}"
+
+
+class AxisEffects(Model):
+    """Effects of one axis of a run on failures and on margins of requirements."""
+
+    axis: str = Field(description="The axis.")
+    idle: bool = Field(
+        default=False, description="Whether trials that differ in it alone went through the same states."
+    )
+    effects: list[Effect] = Field(default=[], description="Failures first, then margins by requirement.")
+
+    @property
+    def answer(self) -> str:
+        """Says what it changes: `changes failures, margin of polite`, `changes nothing` or `no claim`."""
+        if self.idle:
+            return "changes nothing: trials that differ in it alone went through the same states"
+        shown = [each.outcome for each in self.effects if each.is_shown]
+        return f"changes {', '.join(shown)}" if shown else "no claim"
+
+    @property
+    def told(self) -> list[str]:
+        """The shown effects in words; where there are none, all of them, whose intervals say how large they may be."""
+        return [each.in_words for each in self.effects if each.is_shown] or [each.in_words for each in self.effects]
+
+
 class MarginPlot(Model):
     """Margins by which trials met or missed a requirement, by the value of an axis, for a drawing."""
 

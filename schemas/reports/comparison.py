@@ -97,7 +97,12 @@ class NeededPairs(Model):
 class PlannedPairs(NeededPairs):
     """Number of pairs that the next two runs of a specification need to answer a question, and the number they have."""
 
-    test: Test | Literal["Tango's score", "interval between worlds"] = Field(description="The test that will decide.")
+    test: Test | Literal["Tango's score", "interval between worlds", "e-process"] = Field(
+        description="The test that will decide."
+    )
+    median: int | None = optional(
+        "Pairs after which half of the runs beside an earlier one are decided; absent: it is no such run."
+    )
     planned: int | None = optional("Pairs of trials that two runs of the specification have; absent: a run tells.")
     smallest: float | None = optional(
         "Smallest difference, or margin, that the planned pairs answer with the same power; absent: none, or not known."

@@ -12,7 +12,7 @@ from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
 from .against import Answer
-from .causes import Why
+from .causes import AxisEffects, Why
 from .challenge import Challenge
 from .changes import SinceLastRun
 from .comparison import RateChange
@@ -134,15 +134,22 @@ class ArmComparison(Model):
     value: str = Field(description="The other value.")
     answer: Answer = Field(description="Whether trials with the other value pass more often, or less.")
     why: str = Field(description="The answer's reason in words.")
-    pairs: int = Field(description="Pairs of trials of the same world, seed and values of all other axes.")
+    pairs: int = Field(
+        description="Pairs of trials of the same world, seed and values of all other axes; of an axis that varies the "
+        "world, of the same seed and values."
+    )
     unpaired: int = Field(description="Trials of the two values that have no partner.")
     unjudged: int = Field(description="Pairs of which a side has no verdict: it broke, was canceled or not judged.")
     other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
     repeated: int = Field(
         default=0, description="Pairs that went through the same states as another pair, with which they count."
     )
+    of_two_worlds: int = Field(
+        default=0, description="Pairs whose sides drove in different worlds, as the axis varies the world."
+    )
     adjusted_p_value: float | None = optional(
-        "p-value of the test by Holm's method, for all comparisons of the run together; absent: nothing was judged."
+        "p-value of the test by Holm's method, for all comparisons of the run together, of an axis that varies the "
+        "world for those of this axis; absent: nothing was judged."
     )
     same_states: bool = Field(default=False, description="Whether each pair went through the same states.")
     rate: RateChange | None = optional("Both pass rates with the test; `before` is the baseline.")
@@ -196,6 +203,9 @@ class Report(Model):
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+    effects: list[AxisEffects] = Field(
+        default=[], description="Whether failures and margins depend on each axis, of steps or of trials."
+    )
 
 
 class JobCase(Model):
@@ -272,6 +282,9 @@ class ReportSummary(Model):
     )
     challenge: Challenge | None = optional("Sabotages of its robots that were caught; absent: it is no challenge.")
     axes: list[AxisResult] = Field(default=[], description="Results by the axes of its steps.")
+    effects: list[AxisEffects] = Field(
+        default=[], description="Whether failures and margins depend on each axis, of steps or of trials."
+    )
     why: Why | None = optional("Groups of failures with what they go with; absent: no trial failed, or none was asked.")
     console_url: str = Field(
         default="", description="Address of the console as other machines reach it; empty: none is known."

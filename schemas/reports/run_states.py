@@ -43,6 +43,10 @@ class FlowResult(Model):
     report: str | None = optional("Path of the report; absent: none was written.")
 
 
+_TRIALS = "trials"
+"""Name of the requirement of a job with trials that counts instead of those of its trials."""
+
+
 def result_of(record: RunRecord) -> FlowResult:
     """Makes the Prefect flow's result from the record of a run."""
     troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
@@ -83,7 +87,8 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
         jobs: its jobs.
 
     Returns:
-        The jobs, and a sentence for each known failure that did not occur, is about no job, or whose day is over.
+        The jobs, and a sentence for each known failure that did not occur, is about no job, or whose day is over, and
+        for each job that is red all the same, since requirements are not all that it failed for.
     """
     if not record.known or record.challenge is not None:
         return list(jobs), []
@@ -95,16 +100,20 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
         )
         for job in jobs
     ]
-    known = [
-        None if job.unnamed_failure else known_failure(each, record.known, day)
-        for job, each in zip(jobs, found, strict=True)
-    ]
+    explained = [known_failure(each, record.known, day) for each in found]
     marked = [
-        job.model_copy(update={"known": str(each) if each else ""}) for job, each in zip(jobs, known, strict=True)
+        job.model_copy(update={"known": f"{each}{_covered(job)}" if each and not job.unnamed_failure else ""})
+        for job, each in zip(jobs, explained, strict=True)
+    ]
+    besides = [
+        f"{job.title} is not known, though the requirements that it missed are: it also failed by its environment's "
+        "own verdict, or for trials that broke, are missing or have no verdict"
+        for job, each in zip(jobs, explained, strict=True)
+        if each and job.unnamed_failure
     ]
     is_rerun = record.rerun_of is not None  # which has but some of the jobs
     told = [each for each in record.known if not is_rerun or any(each.is_about(job.names) for job in found)]
-    return marked, idle_failures(found, told, day)
+    return marked, [*idle_failures(found, told, day), *besides]
 
 
 def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]:
@@ -117,6 +126,12 @@ def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]
     if rerun_of is not None:  # a rerun's only job is its request 1, which another one was in the whole run
         return tuple(rerun_of.names.get((job.earlier or "").rpartition(": ")[0], ()))
     return tuple(filter(None, (job.name, job.test or job.label)))
+
+
+def _covered(job: JobRecord) -> str:
+    """Says which failing trials a known failure covers, all of the job's; empty for a job without trials."""
+    found = (item.detail for item in job.requirements if item.name == _TRIALS and item.counts and not item.satisfied)
+    return "".join(f"; covers all that failed: {detail}" for detail in found)
 
 
 def _missed(job: JobRecord) -> list[str]:

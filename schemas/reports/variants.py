@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any, TypeAlias, cast
 
 from ..runs.axes import cell_in_tags, value_text
+from ..runs.trials import TRIALS_VARIABLE, planned_trials
 from ..runs.variables import hide_secrets
 from ..wire.arns import ResourceArn
 from ..wire.errors import InvalidParameterException
@@ -31,7 +32,7 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
     Returns:
         One text for each request; empty where it has nothing of its own.
     """
-    all_settings = [_of_cell(request) or dict(_settings(hide_secrets(request))) for request in requests]
+    all_settings = [_of_cell(request) or _of_request(request) for request in requests]
     names = dict.fromkeys(name for settings in all_settings for name in settings)
     differing = [name for name in names if len({settings.get(name) for settings in all_settings}) > 1]
     counts = Counter((name, settings[name]) for settings in all_settings for name in differing if name in settings)
@@ -45,6 +46,14 @@ def _of_cell(request: Mapping[str, Any]) -> dict[_Path, str]:
     cell = cell_in_tags(request.get("tags"))
     settings = {(name,): _short(value_text(value)) for name, value in cell.items() if ":world/" not in str(value)}
     return {**settings, ("seed",): str(request.get("seed"))} if cell else {}
+
+
+def _of_request(request: Mapping[str, Any]) -> dict[_Path, str]:
+    """Returns the settings of a request; its trials are their number, as their axes vary in the job and not between."""
+    plain = {name: value for name, value in hide_secrets(request).items() if name != "trials"}
+    settings = {path: value for path, value in _settings(plain) if path[-1] != TRIALS_VARIABLE}
+    trials = planned_trials(request)
+    return {**settings, ("trials",): str(trials)} if trials else settings
 
 
 def _named(settings: Mapping[_Path, str], counts: Mapping[tuple[_Path, str], int]) -> str:

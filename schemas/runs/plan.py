@@ -270,9 +270,9 @@ class RunResult(Model):
 
     @property
     def missed(self) -> list[Requirement]:
-        """Requirements that made the verdict FAIL or ERROR, the earliest failure first."""
+        """Requirements that made the verdict FAIL or ERROR: errors first, the job's own before the environment's."""
         missed = [item for item in self.requirements if item.counts and not item.satisfied]
-        return sorted(missed, key=lambda item: item.error is None)
+        return sorted(missed, key=lambda item: (item.error is None, item.kind is None))
 
     @property
     def reason(self) -> str | None:

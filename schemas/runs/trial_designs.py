@@ -1,7 +1,8 @@
 """Designs: which combinations of the values of axes the trials of a job, or the jobs of a step, have.
 
 A grid has all combinations except excluded ones; other designs have a requested number of points. Explicitly included
-cells come after all others.
+cells come after all others. Where all axes list values, points may be more than combinations: a cell that is drawn
+again has the next seeds, as a copy with the same cell and seed would count as evidence and is none.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -90,7 +91,36 @@ class Cells:
             return self._included[place - self._drawn]
         if self.design == "grid":
             return grid_cell(self.axes, self._kept[place])
+        if self._sizes:
+            places: list[int] = _places(self.design, self._drawn, self._sizes, seed)[place].tolist()
+            return {name: values[number] for (name, values), number in zip(self._listed.items(), places, strict=True)}
         return point(self.axes, self.design, self._drawn, seed, place)
+
+    def repeats(self, place: int, seed: int) -> int:
+        """Returns how many cells before a cell have the same values; its seeds come after theirs.
+
+        Args:
+            place: Number of the cell, from 0.
+            seed: The seed on which drawn points depend.
+        """
+        if self.design == "grid" or not self._sizes:
+            return 0  # cells of a grid differ, and so do points of ranges
+        if place < self._drawn:
+            return int(_repeats(self.design, self._drawn, self._sizes, seed)[place])
+        included = self._included[place - self._drawn]
+        if any(name not in included or included[name] not in values for name, values in self._listed.items()):
+            return 0
+        numbers = [values.index(included[name]) for name, values in self._listed.items()]
+        return int((_places(self.design, self._drawn, self._sizes, seed) == numbers).all(axis=1).sum())
+
+    @property
+    def most_repeats(self) -> int:
+        """Limit on `repeats`, whatever the seed is."""
+        if self.design == "grid" or not self._sizes:
+            return 0
+        if self.design == "random" and prod(self._sizes) <= _MOST_NUMBERED:
+            return -(-self._drawn // prod(self._sizes)) - (not self.include)
+        return self.count - 1
 
     def _wrong_design(self) -> Iterator[str]:
         """Finds what a design needs and lacks, or has and cannot use."""
@@ -158,6 +188,16 @@ class Cells:
         return len(self._kept) if self.points is None else self.points
 
     @cached_property
+    def _listed(self) -> dict[str, Sequence[Value]]:
+        """Values of all axes; empty if there are none, or one has a range or a distribution."""
+        listed = {name: axis.listed or () for name, axis in self.axes.items()}
+        return listed if all(listed.values()) else {}
+
+    @cached_property
+    def _sizes(self) -> tuple[int, ...]:
+        return tuple(map(len, self._listed.values()))
+
+    @cached_property
     def _kept(self) -> Sequence[int]:
         """Numbers of the cells of a grid that are not excluded."""
         return kept_cells(self.axes, self._excluded)
@@ -186,6 +226,8 @@ class Cells:
         return parsed, wrong
 
 
+_MOST_NUMBERED = 2**62
+"""Limit on the combinations that are drawn by their numbers: with more, a million points are never the same."""
 _STREAM = 0x61786573  # "axes" in ASCII
 """Constant in the seed of designs, so that they differ from the random numbers of trials with the same seed."""
 
@@ -254,6 +296,47 @@ def point(axes: Mapping[str, CellAxis], design: str, points: int, seed: int, num
     """
     shares = _shares(design, points, len(axes), seed)[number].tolist()
     return {name: axis.at(share) for (name, axis), share in zip(axes.items(), shares, strict=True)}
+
+
+@lru_cache(maxsize=4)
+def _places(design: str, points: int, sizes: tuple[int, ...], seed: int) -> "NDArray[Any]":
+    """Returns points of axes that list values, as numbers of these values; shape (points, axes).
+
+    Points that are drawn by chance have each combination once before any comes again.
+    """
+    import numpy as np
+
+    if design == "random" and prod(sizes) <= _MOST_NUMBERED:
+        return np.stack(np.unravel_index(_drawn_cells(prod(sizes), points, seed), sizes), axis=1)
+    return np.minimum((_shares(design, points, len(sizes), seed) * sizes).astype(np.int64), np.array(sizes) - 1)
+
+
+def _drawn_cells(size: int, points: int, seed: int) -> "NDArray[Any]":
+    """Draws numbers below a size, without replacement while any are left, then all of them again."""
+    import numpy as np
+
+    rng = np.random.default_rng([_STREAM, seed])
+    if size <= 2 * points:
+        return np.concatenate([rng.permutation(size) for _ in range(-(-points // size))])[:points]
+    drawn = rng.integers(size, size=points)
+    while len(first := np.unique(drawn, return_index=True)[1]) < points:  # at most half of them are there twice
+        drawn = np.concatenate([drawn[np.sort(first)], rng.integers(size, size=points - len(first))])
+    return drawn
+
+
+@lru_cache(maxsize=4)
+def _repeats(design: str, points: int, sizes: tuple[int, ...], seed: int) -> "NDArray[Any]":
+    """Returns for each point how many points before it are the same; shape (points,)."""
+    import numpy as np
+
+    codes = np.zeros(points, np.int64)
+    for column, size in zip(_places(design, points, sizes, seed).T, sizes, strict=True):
+        codes = np.unique(codes * size + column, return_inverse=True)[1]  # small again, so that none overflows
+    order = np.argsort(codes, kind="stable")
+    begins = np.searchsorted(codes[order], codes[order])
+    found = np.empty(points, np.int64)
+    found[order] = np.arange(points) - begins
+    return found
 
 
 @lru_cache(maxsize=4)  # a job asks for one, point by point

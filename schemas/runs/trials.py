@@ -2,7 +2,8 @@
 
 A job's request has them in its member `trials` or, for SDKs that do not know that member, as JSON in the launch
 variable `ROBOMAKER_TRIALS`. Trials are numbered from 0. Each cell (combination of axis values) gets the same seeds: the
-job's seed and those after it. The seed changes from trial to trial, then the cell.
+job's seed and those after it; a cell that a design draws again gets the next ones. The seed changes from trial to
+trial, then the cell.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,7 +42,8 @@ class Trials(Shape):
 
     seeds: TrialCount = Field(
         description="How many trials there are of each cell, that is of each combination of values of the axes: with "
-        "the job's seed, 0 unless the request gives one, and with those after it."
+        "the job's seed, 0 unless the request gives one, and with those after it. A cell that a design has again gets "
+        "the next ones."
     )
     axes: TrialAxes | None = optional(
         "Axes, along which cells differ, by name: an environment variable by its own name (`kind: variable`), or a "
@@ -96,6 +98,11 @@ class Trials(Shape):
         first = self._cells.first
         return {name: {**axis.to_wire(), "values": [first[name]]} for name, axis in (self.axes or {}).items()}
 
+    @property
+    def seeds_taken(self) -> int:
+        """Number of seeds from the job's seed on that its trials have at most."""
+        return self.seeds * (1 + self._cells.most_repeats)
+
     def trial(self, number: int, first_seed: int) -> "Trial":
         """Returns the trial of a given number, with its seed and the values of its axes.
 
@@ -109,6 +116,7 @@ class Trials(Shape):
         if not 0 <= number < self.count:
             raise IndexError(f"there is no trial {number}; the trials are 0 to {self.count - 1}")
         place, offset = divmod(number, self.seeds)
+        offset += self.seeds * self._cells.repeats(place, first_seed)
         # Seeds are a ring, so that the largest one may be followed too.
         return Trial(number, (first_seed + offset) % (MAX_SEED + 1), self._cells.cell(place, first_seed))
 
@@ -183,7 +191,7 @@ def planned_trials(request: Mapping[str, Any]) -> int:
 def trials_seeds(request: Mapping[str, Any]) -> int:
     """Counts the seeds that the trials of a raw request take, 1 for a single episode; see `planned_trials`."""
     found = _understood(request)
-    return found.seeds if found else 1
+    return found.seeds_taken if found else 1
 
 
 def _understood(request: Mapping[str, Any]) -> Trials | None:

@@ -96,13 +96,14 @@ def _resolve_axes(construct: MappingNode, scope: Mapping[str, Any], location: Lo
     value = construct.entries[VALUE]
     seed = child(value, "seed")
     requests: list[dict[str, Any]] = []
-    for cell in cells_of(cells, points_seed(plain(seed) if seed else None)):
+    for cell, repeats in cells_of(cells, points_seed(plain(seed) if seed else None)):
         request = _resolve(value, {**scope, **cell}, (*location, VALUE))
         if not is_object(request):
             _fail(value.place, (*location, VALUE), f"is {str(request)[:80]!r}; it has to be a mapping")
         if clashing := clashing_axes(cell, request):
             _fail(value.place, (*location, VALUE, "trials", "axes", clashing[0]), clashing_words(clashing[0]))
-        requests += [job_of_cell(request, cell, number) for number in range(cells.seeds)]
+        first = repeats * cells.seeds
+        requests += [job_of_cell(request, cell, number) for number in range(first, first + cells.seeds)]
     return requests
 
 

@@ -258,21 +258,22 @@ def _incomplete(found: StepAxes) -> list[RequestProblem]:
     ]
 
 
-def cells_of(cells: Cells, seed: int) -> list[StepCell]:
-    """Returns all cells in their order.
+def cells_of(cells: Cells, seed: int) -> list[tuple[StepCell, int]]:
+    """Returns all cells in their order, each with the number of those before it that have the same values.
 
     Args:
         cells: The cells.
         seed: The seed on which drawn points depend.
     """
-    return [cells.cell(place, seed) for place in range(cells.count)]
+    return [(cells.cell(place, seed), cells.repeats(place, seed)) for place in range(cells.count)]
 
 
 def job_of_cell(request: Mapping[str, Any], cell: StepCell, number: int) -> dict[str, Any]:
     """Returns a cell's job request with the seed of one job, and with the cell's values added to its tags.
 
     A cell is one combination of the axes' values. Its jobs differ in their seeds only, and all cells have the same
-    seeds. A job with trials takes as many seeds as these need, so the next job's seed comes after them.
+    seeds, unless a design has a cell again: its jobs are numbered on. A job with trials takes as many seeds as these
+    need, so the next job's seed comes after them.
 
     Args:
         request: Request of the cell: what the specification has under `value`, with the cell's values filled in.

@@ -75,13 +75,16 @@ class Evidence:
     """Rows of the table of results."""
     failed: NDArray[np.bool_]
     jobs: NDArray[np.int64]
+    """Number of the trials that a trial is compared with: those of its job; jobs without trials are one of each step
+    and world, so that the axes of the step differ within it.
+    """
     worlds: NDArray[np.int64]
     world_names: tuple[str, ...]
     seeds: NDArray[np.int64]
     cells: NDArray[np.int64]
     """Number of the combination of values of all axes."""
     axes: tuple[AxisColumn, ...]
-    """Axes with two values or more."""
+    """Axes with two values or more; none of them is the world itself."""
     twins: int
     """Number of further trials that had the same values of all axes and went through the same states: no evidence."""
     idle: tuple[str, ...]
@@ -113,12 +116,12 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
     rows, idle = _without_idle_axes(results, kept, state_codes)
     failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
     worlds, names = _worlds(results, rows)
-    columns = tuple(_axis(name, results.values(name), rows) for name in results.axes)
+    columns = tuple(_axis(name, results.values(name), rows) for name in results.axes if not _is_world(results, name))
     axes = tuple(each for each in columns if len(each.values) > 1)
     return Evidence(
         rows=rows,
         failed=failed,
-        jobs=key_codes([_plain(results, "step", rows), _plain(results, "job", rows)]),
+        jobs=_compared(results, rows),
         worlds=worlds,
         world_names=names,
         seeds=_seeds(results, rows),
@@ -128,6 +131,20 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
         idle=idle,
         signatures=_signatures(results, rows, failed),
     )
+
+
+def _compared(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers the trials that are compared with each other; see `Evidence.jobs`."""
+    alone = np.isnan(results.numbers("trial")[rows])
+    jobs = np.where(alone, 0, _plain(results, "job", rows))
+    worlds = np.where(alone, _worlds(results, rows)[0], 0)
+    return key_codes([_plain(results, "step", rows), jobs, worlds])
+
+
+def _is_world(results: ResultTable, axis: str) -> bool:
+    """Whether an axis of a step is the world: worlds are looked at by themselves."""
+    pairs = [pair for pair in zip(results.values(axis), results.texts("world"), strict=True) if pair[0] is not None]
+    return bool(pairs) and all(value == world for value, world in pairs)
 
 
 def _seeds(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -165,7 +182,7 @@ def _distinct(results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.
 def _without_idle_axes(
     results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Leaves out trials that differ from one of their job in axes alone that change nothing there.
+    """Leaves out trials that differ from one that they are compared with in axes alone that change nothing there.
 
     They are copies, which would count for as many trials as such an axis has values.
 
@@ -174,7 +191,7 @@ def _without_idle_axes(
     """
     if not len(rows) or not results.axes:
         return rows, ()
-    jobs = key_codes([_plain(results, "step", rows), _plain(results, "job", rows)])
+    jobs = _compared(results, rows)
     columns = {name: _axis(name, results.values(name), rows).codes for name in results.axes}
     kept = dict(columns)
     idle: list[str] = []
@@ -270,7 +287,9 @@ def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any])
     """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; None: no goals."""
     goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
     at_s = _violated_at_s(missed)
-    reached = [each for each in goals if each.get("unit") == "s" and (each.get("value") or math.inf) <= at_s]
+    reached = [
+        each for each in goals if each.get("unit") == "s" and (value := each.get("value")) is not None and value <= at_s
+    ]
     if reached:
         return f"after {max(reached, key=lambda each: each['value'])['name']}"
     return f"before {goals[0]['name']}" if goals else None

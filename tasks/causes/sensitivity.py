@@ -15,7 +15,8 @@ from .lift import cells_of, reach_between
 FEWEST_TRIALS = 20
 FEWEST_CLUSTERS = 10
 """Cells, or seeds, from which on a slope has an interval: with fewer, t intervals of skewed margins are too narrow."""
-_LEVEL = 0.95
+LEVEL = 0.95
+"""Level at which all intervals of a kind hold together."""
 
 
 def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensitivity], list[str]]:
@@ -30,13 +31,13 @@ def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensit
     """
     units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
     numbers = [axis for axis in evidence.axes if axis.is_number]
-    level = 1 - (1 - _LEVEL) / max(1, len(units) * len(numbers))
+    level = 1 - (1 - LEVEL) / max(1, len(units) * len(numbers))
     found: list[Sensitivity] = []
     refused: dict[str, None] = {}
     for name, unit in units.items():
         margins = judged_margins(results, evidence, name)
         for axis in numbers:
-            answer = _along(margins, evidence, axis, level)
+            answer = along(margins, evidence, axis.numbers, level)
             if isinstance(answer, str):
                 refused[f"sensitivity of {name} to {axis.name}: {answer}"] = None
             elif answer is not None:
@@ -62,11 +63,21 @@ def judged_margins(results: ResultTable, evidence: Evidence, requirement: str) -
     return np.where(met >= 0, results.numbers(f"margin.{requirement}")[evidence.rows], np.nan)
 
 
-def _along(
-    margins: NDArray[np.float64], evidence: Evidence, axis: AxisColumn, level: float
+def along(
+    margins: NDArray[np.float64], evidence: Evidence, values: NDArray[np.float64], level: float
 ) -> tuple[float, float, float, float] | str | None:
-    """Returns an axis's ends, the margin's change between them and half its interval; or why not; None: no margins."""
-    values = axis.numbers
+    """Computes the change of an outcome along the values of an axis, as a straight line within jobs.
+
+    Args:
+        margins: Outcome of each trial; NaN where it is unknown.
+        evidence: The trials.
+        values: Value of the axis of each trial; NaN where it is as built.
+        level: Confidence level of the interval.
+
+    Returns:
+        The axis's value that a tenth of the trials are below, that which a tenth are above, the outcome's change
+        between them and half its interval; or why not; None: there are no outcomes.
+    """
     known = np.isfinite(margins) & np.isfinite(values)
     if not np.isfinite(margins).any():
         return None

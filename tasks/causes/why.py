@@ -132,7 +132,7 @@ def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
         if axis.name not in told and axis.name not in evidence.idle:
             so = "so that it cannot be told from the jobs' worlds"
             if varies(evidence.worlds, axis.codes).any():
-                so = "and trials are compared with those of their job only, apart from a step's axes, in pairs"
+                so = "and trials are compared with those of their job only; the report compares a step's axes in pairs"
             yield f"{axis.name} has the same value in all trials of each job, {so}; several values in each job would do"
     if not evidence.axes and evidence.world_count < FEWEST_WORLDS:
         worlds = "1 world" if evidence.world_count == 1 else f"{evidence.world_count} worlds"

@@ -3,15 +3,19 @@
 Two trials are a pair if they differ in nothing but the axis: they are of one step, drove in worlds of the same content,
 and have the same seed and the same values of all other axes, those of trials too. So there are pairs where an axis
 lists values, such as robots or versions; points of a spread design differ in all axes, and have none.
+
+An axis may vary the world itself, such as its doors. Its pairs share seed and all other axes, with which goes the base
+world; pairs that share a world are alike, and count as one cluster.
 """
 
+from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.reports.against import Answer
+from ...schemas.reports.against import FEWEST_WORLDS, Answer
 from ...schemas.reports.comparison import RateChange
 from ...schemas.reports.report import ArmComparison, AxisResult, Share
 from ...schemas.reports.run_record import JobRecord
@@ -25,14 +29,14 @@ from .e_processes import fewest_worlds
 from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
 
 ALPHA = 0.05
-"""Error probability of all comparisons of a run together; the intervals have it each."""
+"""Error probability of all comparisons of a run together, and of those of each axis that varies the world."""
 MOST_COMPARED = 20
 """Values of an axis that are compared with its first one; with more, Holm's method finds little."""
 MOST_SHOWN = 50
 """Values of an axis that have a row of their own."""
 
 _Place = tuple[str, int | None, tuple[tuple[str, Value], ...]]
-"""World, seed and values of the other axes: what a pair has in common."""
+"""World, seed and values of the other axes: what a pair has in common; no world where the axis varies it."""
 
 
 def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
@@ -53,13 +57,13 @@ def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
         for name in dict.fromkeys(name for job in jobs for name in job.axes)
     ]
     found = [(axis, [*axis.compared()]) for axis in axes]
-    adjusted = iter(_adjusted([arm for _, arms in found for arm in arms]))
+    adjusted = _adjusted([arms for _, arms in found])
     return [
         AxisResult(
             step=axis.step,
             axis=axis.name,
             shares=axis.shares(),
-            comparisons=[_told(arm, *next(adjusted)) for arm in arms],
+            comparisons=[_told(axis, arm, *adjusted[id(arm)]) for arm in arms],
             note=axis.note(len(arms)),
         )
         for axis, arms in found
@@ -80,6 +84,8 @@ class _Arm:
     repeated: int
     """Number of pairs that went through the same states as another pair: they show nothing more."""
     unpaired: int
+    of_two_worlds: int
+    """Number of pairs whose sides drove in different worlds, as the axis varies the world."""
     same_states: bool
     rate: RateChange | None
     """Pass rates of the pairs that were judged; None: none was."""
@@ -114,12 +120,12 @@ class _Axis:
             names = [f"{value_text(low)} to {value_text(high)}" for low, high in pairwise(edges)]
             groups = [(names[part], {v for v in numbers if of_part[v] == part}) for part in range(BINS)]
         else:  # no mapping by names, as two values may look alike: 1 and "1"
-            groups = [(self._shown(value), {value}) for value in values[:MOST_SHOWN]]
+            groups = [(self.shown(value), {value}) for value in values[:MOST_SHOWN]]
         return [self._share(name, found) for name, found in groups]
 
     def compared(self) -> Iterator[_Arm]:
         """The first value against each other one that has pairs with it."""
-        values = self.values
+        values = [] if self._is_sample_of_worlds else self.values
         for value in values[1 : MOST_COMPARED + 1]:
             arm = self._arm(values[0], value)
             if arm is not None:
@@ -135,8 +141,8 @@ class _Axis:
 
     def _compared_in_words(self, compared: int) -> str:
         values = len(self.values)
-        if self._worlds.keys() >= set(self.values):
-            return ""  # pairs are of one world each
+        if self._is_sample_of_worlds:
+            return f"its {values} values are worlds, too many to be compared each with the first one"
         if values < 2:
             return "all jobs have the same value of it: there is nothing to compare"
         if not compared:
@@ -144,7 +150,7 @@ class _Axis:
         left = values - 1 - compared
         return f"{left} more value{'s are' if left > 1 else ' is'} not compared" if left else ""
 
-    def _shown(self, value: Value) -> str:
+    def shown(self, value: Value) -> str:
         """A value in words; of a world, which has the name of its content, the name that it has in this run."""
         return self._worlds.get(value, value_text(value))
 
@@ -152,17 +158,25 @@ class _Axis:
     def _worlds(self) -> dict[Value, str]:
         return {job.inputs.world: job.world for job in self.jobs if job.inputs and job.inputs.world and job.world}
 
+    @property
+    def _is_sample_of_worlds(self) -> bool:
+        """Whether its values are worlds, and as many as tell of worlds of their kind; fewer are variants of a world."""
+        values = self.values
+        return len(values) >= FEWEST_WORLDS and self._worlds.keys() >= set(values)
+
     def _share(self, name: str, values: Container[object]) -> Share:
         rows = [row for job in self.jobs if job.axes.get(self.name) in values for row in self.run.results.rows_of(job)]
         codes = outcomes_of(self.run.results)[rows] if rows else np.zeros(0, np.int8)
         return share_of(name, *(int((codes == code).sum()) for code in (PASSED, FAILED, BROKEN)))
 
     def _arm(self, baseline: Value, value: Value) -> _Arm | None:
-        first, other = (self._placed(each) for each in (baseline, value))
-        pairs = [Pair(first[place], job) for place, job in other.items() if place in first]
+        pairs = self._pairs(baseline, value)
         if not pairs:
             return None
         trials = pair_trials(pairs, self.run, self.run, ignoring=self._of_step)
+        worlds = [(_world_of(pair.before), _world_of(pair.after)) for pair in pairs]
+        clusters = np.array(joined(worlds), dtype=np.int64)
+        trials = replace(trials, worlds=clusters[trials.jobs])
         is_fair = np.array([pair.has_same_requirements for pair in pairs], dtype=bool)
         fair = self._each_once(trials.only(is_fair[trials.jobs]))
         here = [job for job in self.jobs if job.axes.get(self.name) in (baseline, value)]
@@ -174,6 +188,7 @@ class _Axis:
             unfair=int((~is_fair[trials.jobs]).sum()),
             repeated=len(trials.only(is_fair[trials.jobs])) - len(fair),
             unpaired=sum(len(self.run.results.rows_of(job)) for job in here) - 2 * len(trials),
+            of_two_worlds=sum(worlds[job][0] != worlds[job][1] for job in trials.jobs.tolist()),
             same_states=self._went_the_same_way(trials),
             rate=_rate(fair.only(fair.judged)),
             strict=_rate(fair.only(fair.told)),
@@ -203,19 +218,59 @@ class _Axis:
             self.states[old] is not None and self.states[old] == self.states[new] for old, new in rows
         )
 
-    def _placed(self, value: Value) -> dict[_Place, JobRecord]:
-        return {_place(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
+    def _pairs(self, baseline: Value, value: Value) -> list[Pair]:
+        """Pairs of jobs in the same world; where there are none, the axis varies the world, and they share all else."""
+        for with_world in (True, False):
+            first, other = (self._placed(each, with_world=with_world) for each in (baseline, value))
+            if pairs := [Pair(first[place], job) for place, job in other.items() if place in first]:
+                return pairs
+        return []
+
+    def _placed(self, value: Value, *, with_world: bool) -> dict[_Place, JobRecord]:
+        jobs = [job for job in self.jobs if job.axes.get(self.name) == value]
+        places = [_place(job, self.name, with_world=with_world) for job in jobs]
+        times = Counter(places)
+        # Jobs of one place in several worlds do not have theirs from the axes, so that nothing says which are a pair.
+        return {place: job for place, job in zip(places, jobs, strict=True) if with_world or times[place] == 1}
 
     @property
     def _of_step(self) -> set[str]:
         return {name for job in self.jobs for name in job.axes}
 
 
-def _place(job: JobRecord, axis: str) -> _Place:
+def joined(links: Sequence[tuple[str, str]]) -> list[int]:
+    """Numbers the clusters that links make: those that share an end, directly or through others, are one.
+
+    Args:
+        links: Both ends of each link.
+
+    Returns:
+        For each link the number of its cluster, from 0.
+    """
+    leads: dict[str, str] = {}
+
+    def root(end: str) -> str:
+        while (above := leads.setdefault(end, end)) != end:
+            end = above
+        return end
+
+    for one, other in links:
+        leads[root(one)] = root(other)
+    numbers: dict[str, int] = {}
+    return [numbers.setdefault(root(one), len(numbers)) for one, _ in links]
+
+
+def _world_of(job: JobRecord) -> str:
+    return (job.inputs and job.inputs.world) or ""
+
+
+def _place(job: JobRecord, axis: str, *, with_world: bool) -> _Place:
     others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
     # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
     inputs = job.inputs
-    return (inputs.world or "", inputs.seed, others) if inputs else (job.label, None, others)
+    if inputs is None:
+        return job.label, None, others
+    return (inputs.world or "") if with_world else "", inputs.seed, others
 
 
 def _rate(trials: TrialPairs) -> RateChange | None:
@@ -224,13 +279,18 @@ def _rate(trials: TrialPairs) -> RateChange | None:
     return rate_change(judged, ALPHA) if len(judged) else None
 
 
-def _adjusted(arms: Sequence[_Arm]) -> list[tuple[float | None, Answer]]:
-    """The p-value of each comparison by Holm's method, and its answer: the same with what broke left out and failed."""
-    without, failed = (_answers(rates) for rates in ([arm.rate for arm in arms], [arm.strict for arm in arms]))
-    return [
-        (p_value, answer if answer == if_failed else "not comparable")
-        for (p_value, answer), (_, if_failed) in zip(without, failed, strict=True)
-    ]
+def _adjusted(axes: Sequence[Sequence[_Arm]]) -> dict[int, tuple[float | None, Answer]]:
+    """The p-value of each comparison by Holm's method, and its answer: the same with what broke left out and failed.
+
+    Comparisons between worlds are corrected with those of their own axis: a list of worlds makes no other one weaker.
+    """
+    told: dict[int, tuple[float | None, Answer]] = {}
+    of_one = [arm for arms in axes for arm in arms if not arm.of_two_worlds]
+    for family in (of_one, *([arm for arm in arms if arm.of_two_worlds] for arms in axes)):
+        without, failed = (_answers(rates) for rates in ([arm.rate for arm in family], [arm.strict for arm in family]))
+        for arm, (p_value, answer), (_, if_failed) in zip(family, without, failed, strict=True):
+            told[id(arm)] = p_value, answer if answer == if_failed else "not comparable"
+    return told
 
 
 def _answers(rates: Sequence[RateChange | None]) -> list[tuple[float | None, Answer]]:
@@ -244,16 +304,17 @@ def _answer(rate: RateChange, p_value: float) -> tuple[float | None, Answer]:
     return p_value, "better" if rate.difference > 0 else "worse"
 
 
-def _told(arm: _Arm, p_value: float | None, answer: Answer) -> ArmComparison:
+def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmComparison:
     return ArmComparison(
-        baseline=value_text(arm.baseline),
-        value=value_text(arm.value),
+        baseline=axis.shown(arm.baseline),
+        value=axis.shown(arm.value),
         answer=answer,
         why=_why(arm, p_value, answer),
         pairs=len(arm.trials),
         unpaired=arm.unpaired,
         unjudged=int((~arm.fair.judged).sum()),
         repeated=arm.repeated,
+        of_two_worlds=arm.of_two_worlds,
         other_requirements=arm.unfair,
         adjusted_p_value=p_value,
         same_states=arm.same_states,
@@ -271,6 +332,10 @@ def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
         words = f"{_counted(arm.rate.pairs, 'pair')} judged, p = {p_value:.2g} ({arm.rate.test} test, Holm's method)"
         if arm.rate.pairs > arm.rate.worlds and arm.rate.test == "exact McNemar" and answer != "no difference shown":
             words += ", in these worlds; others were not tried"
+    if arm.of_two_worlds:
+        words += (
+            f"; the sides of {_counted(arm.of_two_worlds, 'pair')} drove in different worlds, as the axis varies it"
+        )
     if arm.same_states:
         words += "; both sides of each pair went through the same states: the axis changes nothing"
     if arm.repeated:

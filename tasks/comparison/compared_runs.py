@@ -195,7 +195,9 @@ def reason_of(job: JobRecord) -> str:
     """Returns the reason why a job did not pass, in one line; empty if it passed."""
     if outcome_of(job) is Outcome.PASSED:
         return ""
-    missed = [f"{item.name}: {item.detail}" for item in job.requirements if item.counts and not item.satisfied]
+    # What the job asks for itself comes before what its environment asks of all jobs.
+    asked = sorted(job.requirements, key=lambda item: item.kind is None)
+    missed = [f"{item.name}: {item.detail}" for item in asked if item.counts and not item.satisfied]
     words = job.failure_reason or "; ".join(missed) or job.verdict_reason or ""
     first = next(iter(words.strip().splitlines()), "")
     return ": ".join(part for part in (job.failure_code, first) if part)

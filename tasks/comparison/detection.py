@@ -8,11 +8,13 @@ from typing import Literal
 import numpy as np
 
 from ...schemas.reports.comparison import NeededPairs, PlannedPairs
+from ...schemas.wire.errors import ConfigurationError
 from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
 from .compared_runs import NightRun
 from .difference_test import POWER, JudgedTrials, pairs_for
 from .e_processes import fewest_worlds
+from .early_plans import pairs_until_decided, worlds_until_decided
 from .margins import margin_power
 from .statistics.mcnemar import mcnemar_power
 
@@ -40,6 +42,9 @@ class Question:
 
     discordant: float | None = None
     """Expected share of pairs whose verdicts differ; None: it is estimated from earlier runs."""
+
+    stops: bool = False
+    """Whether the second run is carried out beside the first one (`run --against`), and stops when it is decided."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,9 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
         question: Question that the test answers.
         planned: Number of trials of one run; None: it is only known after a run.
         earlier: Pairs of earlier runs; None: there are none.
+
+    Raises:
+        ConfigurationError: A run that stops when it is decided seldom shows such a difference.
     """
     share, assumed = _discordant(question, earlier)
     is_margin = question.kind == "margin"
@@ -102,6 +110,10 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
             assumed.append("trials of one world are no more alike than others; where they are, it takes more worlds")
         assumed.append(f"{each:.3g} trials in each world, as now")
     pairs, worlds_needed = pairs_for(question.share, share, question.alpha, spread, is_margin=is_margin)
+    median = None
+    if question.stops:
+        pairs, worlds_needed, median, words = _until_decided(question, share, pairs, planned if by_worlds else None)
+        assumed += words
     needed = NeededPairs(
         difference=question.share,
         basis="margin" if is_margin else "asked for",
@@ -114,10 +126,37 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
     tests = ("Tango's score", "interval between worlds") if is_margin else ("exact McNemar", "sign flip of worlds")
     return PlannedPairs(
         **needed.model_dump(),
-        test=tests[by_worlds],
+        test="e-process" if question.stops else tests[by_worlds],
+        median=median,
         planned=planned.trials if planned else None,
-        smallest=_smallest(planned.trials, question, share) if planned and not by_worlds else None,
+        smallest=_smallest(planned.trials, question, share)
+        if planned and not by_worlds and not question.stops
+        else None,
         assumed=assumed,
+    )
+
+
+def _until_decided(
+    question: Question, share: float, fixed: int, of_worlds: PlannedTrials | None
+) -> tuple[int, int | None, int | None, list[str]]:
+    """Returns pairs, worlds and the median of a run that stops when it is decided, and what that supposes.
+
+    Raises:
+        ConfigurationError: Its bets are too high for such a difference.
+    """
+    discordant = max(share, question.share)
+    if of_worlds is not None:
+        each = of_worlds.trials / of_worlds.worlds
+        words = ["trials of one world are no more alike than others; where they are, it takes more worlds"]
+        found = worlds_until_decided(question.share, discordant, each, question.alpha, POWER)
+        if found is not None:
+            return round(found.needed * each), found.needed, round(found.median * each), words
+    elif (found := pairs_until_decided(question.share, discordant, question.alpha, POWER)) is not None:
+        return found.needed, None, found.median, []
+    points, percent = 100 * question.share, 100 * discordant
+    raise ConfigurationError(
+        f"a run that stops when it is decided seldom shows a difference of {points:.3g} points where {percent:.3g}% of "
+        f"pairs differ, however long it is; leave --against out, and compare runs of {fixed} trials that have ended"
     )
 
 

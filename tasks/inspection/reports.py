@@ -37,6 +37,7 @@ from ...schemas.reports.variants import variants
 from ...schemas.runs.trial_rows import fails_besides
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
+from ..causes.effects import axis_effects
 from ..causes.stored import write_why
 from ..causes.why import explain
 from ..comparison.compared_runs import NightRun
@@ -142,9 +143,9 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
         report = report.model_copy(update={"challenge": challenge})
     else:  # sabotaged jobs fail because of their sabotage
         states = results.states_of(jobs, digests)
-        report = report.model_copy(
-            update={"why": explain(results, refused=_STOPPED if record.against else "", states=states)}
-        )
+        why = explain(results, refused=_STOPPED if record.against else "", states=states)
+        effects = [] if record.against else axis_effects(results, states)
+        report = report.model_copy(update={"why": why, "effects": effects})
     write_why(report.why, record.run_dir)
     return report, jobs, results
 

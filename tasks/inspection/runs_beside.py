@@ -147,17 +147,11 @@ class RunBeside:
         """
         self.answer(steps)  # jobs may have ended after the decision
         ran = [outcomes for job, outcomes in self._ended.values() if job.status != "Canceled"]
-        return answer.model_copy(
-            update={
-                "saved": max(0, answer.planned - sum(map(len, ran))),
-                "unpaired": self._unpaired(_begun(steps)),
-                "skipped": [step.name for step in steps if step.status == "Skipped"],
-                # Not by what was saved: the later run may have more jobs than there are pairs.
-                "stopped_early": any(
-                    step.operation in DRIVES and step.status in ("Canceled", "Skipped") for step in steps
-                ),
-            }
-        )
+        counts = {
+            "saved": max(0, answer.planned - sum(map(len, ran))),
+            "unpaired": self._unpaired(_begun(steps)),
+        }
+        return with_skipped(answer, steps).model_copy(update=counts)
 
     def _unpaired(self, begun: Sequence[StepRecord]) -> int:
         """Counts the requests without a pair whose jobs did not run to their end."""
@@ -287,6 +281,22 @@ class RunBeside:
         job, outcomes = self._ended[arn, place]
         is_fair = Pair(before, job).has_same_requirements
         return PairedTrials(expected.world, expected.before, outcomes, is_fair)
+
+
+def with_skipped(answer: AgainstAnswer, steps: Sequence[StepRecord]) -> AgainstAnswer:
+    """Adds the skipped steps, and whether simulations were cut short, to the answer that ended a run.
+
+    Args:
+        answer: Answer of the comparison.
+        steps: All steps of the run, which have ended or were skipped.
+    """
+    return answer.model_copy(
+        update={
+            "skipped": [step.name for step in steps if step.status == "Skipped"],
+            # Not by what was saved: the later run may have more jobs than there are pairs.
+            "stopped_early": any(step.operation in DRIVES and step.status in ("Canceled", "Skipped") for step in steps),
+        }
+    )
 
 
 class _EarlierTrials:

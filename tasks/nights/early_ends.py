@@ -10,7 +10,7 @@ from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ServiceUnavailableException
-from ..inspection.runs_beside import DRIVES, RunBeside, earlier_run
+from ..inspection.runs_beside import DRIVES, RunBeside, earlier_run, with_skipped
 from ..service.service import Service
 from .open_runs import OpenRun
 
@@ -53,7 +53,8 @@ class EarlyEnd:
             if open_run is None or not open_run.order.interruptions:
                 raise
             self._problem = str(error)  # the night is worth more than the answer
-            listener(Note(f"this run is not compared any more: {error}"))
+            if self._decided is None:
+                listener(Note(f"this run is not compared any more: {error}"))
 
     @property
     def is_decided(self) -> bool:
@@ -69,7 +70,7 @@ class EarlyEnd:
             now: the step, with what it made.
             run: keeps the answer, for a process that finishes the run.
         """
-        if self._beside is None or now.operation not in DRIVES:
+        if (self._beside is None and self._decided is None) or now.operation not in DRIVES:
             yield
             return
         over = threading.Event()
@@ -83,7 +84,7 @@ class EarlyEnd:
             thread.join()
 
     def answer(self, steps: Sequence[StepRecord]) -> AgainstAnswer:
-        """Returns the answer at the end of the run.
+        """Returns the answer at the end of the run; one that was given stays, even if the earlier run is gone since.
 
         Args:
             steps: results of its steps.
@@ -92,7 +93,7 @@ class EarlyEnd:
             ServiceUnavailableException: the catalog does not answer.
         """
         if self._beside is None:
-            return self._unknown(self._problem)
+            return with_skipped(self._decided, steps) if self._decided else self._unknown(self._problem)
         try:
             if self._decided is not None:
                 return self._beside.with_saved(self._decided, steps)
@@ -100,7 +101,9 @@ class EarlyEnd:
         except ServiceUnavailableException:
             raise
         except Exception as error:  # the report and the record are written all the same
-            _logger.exception("the answer is not known")
+            _logger.exception("the answer is not known, or not what it saved")
+            if self._decided is not None:
+                return with_skipped(self._decided, steps)
             return self._unknown(f"{type(error).__name__}: {error}")
 
     def _unknown(self, why: str) -> AgainstAnswer:
@@ -111,12 +114,12 @@ class EarlyEnd:
         )  # fmt: skip
 
     def _watch(
-        self, begun: Sequence[StepRecord], beside: RunBeside, run: OpenRun | None, over: threading.Event
+        self, begun: Sequence[StepRecord], beside: RunBeside | None, run: OpenRun | None, over: threading.Event
     ) -> None:
         seen, has_cancelled = -1, False
         while not over.wait(LOOK_S if seen >= 0 else 0.0):
             try:
-                if self._decided is None and (count := beside.ended_count(begun)) != seen:
+                if self._decided is None and beside and (count := beside.ended_count(begun)) != seen:
                     self._decided, seen = beside.answer(begun), count
                     if self._decided is not None:
                         self._note_decided(self._decided, run)

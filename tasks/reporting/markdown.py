@@ -55,7 +55,7 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """Yields the tables of values in pairs, groups of failures, missed requirements and jobs that did not pass."""
+    """Yields the tables of values in pairs, effects of axes, failures, missed requirements and jobs without a pass."""
     if found := [(axis, each) for axis in summary.axes for each in axis.comparisons]:
         rows = [
             f"| {_code(axis.step)} | {_code(f'{axis.axis}: {each.value} instead of {each.baseline}')} "
@@ -63,6 +63,11 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
             for axis, each in found[:_MOST_COMPARED]
         ]
         yield "\n".join(("| step | in pairs | result | why |", "| --- | --- | --- | --- |", *rows))
+    if summary.effects:
+        rows = [
+            f"| {_code(each.axis)} | {_code(each.answer)} | {_code('; '.join(each.told))} |" for each in summary.effects
+        ]
+        yield "\n".join(("| axis | result | changes (95 % together) |", "| --- | --- | --- |", *rows))
     if is_told(summary.why):
         yield "\n".join(_why(summary.why))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
@@ -106,7 +111,11 @@ def _counts(summary: ReportSummary, jobs: int) -> list[str]:
     counts = dict(summary.counts)
     passed = counts.pop(Outcome.PASSED.value, 0)
     told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
+    known = sum(bool(job.known) for step in summary.steps for job in step.jobs)
+    if known:  # they are FAIL, and make no run red
+        counts[Outcome.FAILED.value] -= known
     told += [f"{count} {outcome}" for outcome, count in counts.items() if count]
+    told += [f"{known} known {'failure' if known == 1 else 'failures'}"] if known else []
     if summary.trials > jobs:
         told.append(f"{summary.trials} trials")
     # Trials that end a run are no sample of a fixed size, for which the interval holds.

@@ -42,6 +42,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         forecast=report.forecast,
         challenge=report.challenge,
         axes=report.axes,
+        effects=report.effects,
         why=report.why,
         console_url=console_url,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],

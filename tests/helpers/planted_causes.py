@@ -61,6 +61,8 @@ def draw(entry: Mapping[str, Any], seed: int) -> Drawn:
         level = level + slope[world] * np.sqrt(12) * (axes[first] / axes[first].max() - 0.5)
     region = _region(entry.get("when"), axes, world)
     by_chance = chance.random(len(world)) < expit(level)
+    if "repeats" in entry:
+        by_chance = by_chance[_firsts([world, seeds, *(axes[name] for name in axes if name != entry["repeats"])])]
     by_cause = region & (chance.random(len(world)) < expit(logit(entry.get("chance", 0.5)) + hard[world] / 2))
     rows = [
         _row(entry, chance, int(world[row]), int(seeds[row]), bool(by_chance[row]), bool(by_cause[row]), row)
@@ -119,6 +121,13 @@ def _confounded(
     return made
 
 
+def _firsts(columns: list[NDArray[Any]]) -> NDArray[np.int_]:
+    """Returns for each row the first one with the same values."""
+    codes = np.stack([np.unique(each, return_inverse=True)[1] for each in columns])
+    _, first, numbers = np.unique(codes, axis=1, return_index=True, return_inverse=True)
+    return first[numbers.ravel()]
+
+
 def _region(when: Mapping[str, Any] | None, axes: Mapping[str, NDArray[Any]], world: NDArray[np.int_]) -> Any:
     if when is None:
         return np.zeros(len(world), dtype=bool)
@@ -171,13 +180,13 @@ def _row(
     return {
         "step": "drive",
         "test": f"world-{world}",
-        "job": f"sim-{world}",
+        "job": f"sim-{world}-{row}" if entry.get("jobs") else f"sim-{world}",
         "world": f"content-{world}",
         "world_name": f"world-{world}",
         "outcome": "failed" if has_failed else "passed",
         "output": None,
         "state_digest": None,
-        "trial": row,
+        "trial": None if entry.get("jobs") else row,
         "seed": seed,
         "verdict": "FAIL" if has_failed else "PASS",
         "sim_time_s": END_S,

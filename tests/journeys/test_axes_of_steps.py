@@ -61,20 +61,24 @@ def carried_out(robomaker: Command, folder: Path, written: dict[str, Any]) -> tu
 
 
 def test_a_worse_gain_is_found_within_one_run(robomaker: Command, tmp_path: Path) -> None:
-    record, summary = carried_out(robomaker, tmp_path, spec({}, seeds=8))
+    record, summary = carried_out(robomaker, tmp_path, spec({}, seeds=12))
 
     assert [(job.axes, job.inputs and job.inputs.seed) for job in record.jobs] == [
-        ({"gain": gain}, seed) for gain in ("1", "-1") for seed in range(8)
+        ({"gain": gain}, seed) for gain in ("1", "-1") for seed in range(12)
     ]
     rows = pq.read_table(record.run_dir / "results.parquet").select(["axis.gain", "seed", "outcome"]).to_pylist()
-    assert [(row["axis.gain"], row["outcome"]) for row in rows] == [("1", "passed")] * 8 + [("-1", "failed")] * 8
+    assert [(row["axis.gain"], row["outcome"]) for row in rows] == [("1", "passed")] * 12 + [("-1", "failed")] * 12
     [axis] = summary.axes
     assert [(share.name, share.rate) for share in axis.shares] == [("1", 1.0), ("-1", 0.0)]
     [found] = axis.comparisons
-    assert (found.answer, found.pairs, found.unpaired, found.same_states) == ("worse", 8, 0, False)
+    assert (found.answer, found.pairs, found.unpaired, found.same_states) == ("worse", 12, 0, False)
+    assert summary.why is not None
+    assert [claim.region for group in summary.why.groups for claim in group.claims] == ["gain = -1"]
+    assert [(each.axis, each.answer.partition(",")[0]) for each in summary.effects] == [("gain", "changes failures")]
     page = (record.run_dir / "report.html").read_text()
     assert "passes less often" in page
     assert "-1 instead of 1" in page
+    assert "What depends on which axis" in page
 
 
 def test_trials_of_jobs_are_the_pairs(robomaker: Command, tmp_path: Path) -> None:

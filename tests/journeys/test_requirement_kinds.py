@@ -39,7 +39,7 @@ def test_one_of_several_requirements_is_missed(tmp_path: Path, prefect_server: s
     robomaker("report", folder, "--junit", tmp_path / "junit.xml", code=0)
     junit, page = (tmp_path / "junit.xml").read_text(), (folder / "report.html").read_text()
     for text in (said, junit, page):
-        assert "0.01 deg allowed" in text
+        assert "at most 0.01 deg is allowed" in text
     assert 'failures="1" errors="0"' in junit
     result = next((tmp_path / "home").rglob("result.json"))
     found = {item["name"]: item for item in json.loads(result.read_text())["requirements"]}

@@ -28,6 +28,7 @@ _TESTS = {
     "sign flip of worlds": "the test that flips whole worlds",
     "Tango's score": "Tango's score test",
     "interval between worlds": "the interval between worlds",
+    "e-process": "the evidence of `run --against`",
 }
 _UNITS = ("bytes", "kB", "MB", "GB", "TB")
 
@@ -67,6 +68,8 @@ def needed_lines(needed: "PlannedPairs") -> list[str]:
         f"{', '.join([f'{needed.pairs} trials{worlds} in each of two runs', *took])}",
         f"  decided by  {_TESTS[needed.test]}",
     ]
+    if needed.median is not None:
+        lines.append(f"  stops       after {needed.median} trials or fewer in half of the runs")
     if needed.planned is not None:
         enough = f"{needed.more} too few" if needed.more else "enough"
         lines.append(f"  a run has   {needed.planned} trials: {enough}")

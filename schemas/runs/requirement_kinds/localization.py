@@ -174,8 +174,8 @@ class LocalizationRule(Rule[LocalizationRequirement]):
     def _detail(self) -> str:
         asked = self.asked
         missing = f"no estimate in {self._missing} of {self._checks} checks; " if self._missing else ""
-        yaw = "" if asked.max_deg is None else f"; its yaw {self.worst_deg:.1f} deg, {asked.max_deg:g} deg allowed"
-        away = f"{self.worst_m:.3f} m off at most, {asked.max_m:g} m allowed"
+        yaw = f"; its yaw {self.worst_deg:.1f} deg; at most {asked.max_deg:g} deg is allowed" if asked.max_deg else ""
+        away = f"{self.worst_m:.3f} m off; at most {asked.max_m:g} m is allowed"
         return f"{missing}{away}{yaw}{self._until()}"
 
 

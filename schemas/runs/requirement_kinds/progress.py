@@ -104,4 +104,5 @@ class ProgressRule(Rule[ProgressRequirement]):
 
     def _detail(self) -> str:
         where = f"within {self.asked.within_m:g} m of ({self._longest_at[0]:.2f}, {self._longest_at[1]:.2f})"
-        return f"at most {self.longest_s or 0:.2f} s {where}, {self.asked.max_stuck_s:g} s allowed{self._until()}"
+        stayed = f"stayed for {self.longest_s or 0:.2f} s {where}"
+        return f"{stayed}; at most {self.asked.max_stuck_s:g} s is allowed{self._until()}"

@@ -79,7 +79,8 @@ class SpeedRule(Rule[SpeedRequirement]):
 
     def _detail(self) -> str:
         where = "" if self.asked.room is None else f" in {self.asked.room}"
-        return f"{self.fastest_mps or 0:.2f} m/s at most{where}, {self.asked.max_mps:g} m/s allowed{self._until()}"
+        reached = f"reached {self.fastest_mps or 0:.2f} m/s{where}"
+        return f"{reached}; at most {self.asked.max_mps:g} m/s is allowed{self._until()}"
 
 
 def _is_in(polygon: Sequence[Point] | None, position: Sequence[float]) -> bool:

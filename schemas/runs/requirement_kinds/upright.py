@@ -67,5 +67,5 @@ class UprightRule(Rule[UprightRequirement]):
         return Numbers(self.largest_deg, self.asked.max_tilt_deg, "deg")
 
     def _detail(self) -> str:
-        allowed = f"{self.asked.max_tilt_deg:g} deg allowed"
-        return f"tilted by {self.largest_deg or 0:.1f} deg at most, {allowed}{self._until()}"
+        allowed = f"at most {self.asked.max_tilt_deg:g} deg is allowed"
+        return f"tilted by {self.largest_deg or 0:.1f} deg; {allowed}{self._until()}"

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...runs.axes import AXIS_TAG
 from ...wire.request_problems import Location, RequestProblem
+from ...wire.tags import MAX_TAGS
 from ..reference_typing import ANYTHING, NUMBER, Anything, Kind, ListOf, Scalar, common, kind_of_value
 from ..references import PARAMETERS
 from ..specification import INDEX, is_step_name
@@ -44,7 +45,7 @@ class WrittenAxes:
         _, found = axes_problems(self._written)
         assert self.kinds is not None  # which finds what is wrong with types
         told = [each for each in found if not self._is_unknown(each.location)]
-        return [*self._wrong, *self._wrong_names(scope), *told]
+        return [*self._wrong, *self._wrong_names(scope), *self._too_many_tags(), *told]
 
     @cached_property
     def kinds(self) -> dict[str, Kind]:
@@ -80,6 +81,20 @@ class WrittenAxes:
         # Whether a cell has a value of such an axis is seen when the values are there.
         unsure = {each[1] for each in self._unknown if each[0] == AXES}
         return location[:1] in _CELLS and len(location) > 2 and location[2] in unsure
+
+    def _too_many_tags(self) -> Iterator[RequestProblem]:
+        """Finds more tags than a job may have: each axis is one, beside those that are written."""
+        value, axes = self.construct.entries.get(VALUE), self.construct.entries.get(AXES)
+        tags = value.entries.get("tags") if isinstance(value, MappingNode) else None
+        if not isinstance(tags, MappingNode) or not isinstance(axes, MappingNode):
+            return
+        own, added = len(tags.entries), len(axes.entries)
+        if own <= MAX_TAGS < own + added:
+            yield RequestProblem(
+                (VALUE, "tags"),
+                f"{own} tags and {added} for the axes are {own + added}; a job has at most {MAX_TAGS}, so "
+                f"{MAX_TAGS - added} would do",
+            )
 
     def _wrong_names(self, scope: Mapping[str, Kind]) -> Iterator[RequestProblem]:
         for name in self.kinds:

@@ -60,6 +60,16 @@ def test_a_run_that_lost_jobs_does_not_look_green(service: Service) -> None:
         run.jobs[3].open("result.json")
 
 
+def test_known_failures_are_told(service: Service) -> None:
+    record = make_night("PF", runs=service.settings.home / "runs")
+    jobs = [job.model_copy(update={"known": "anna until 2026-03-01" * (job.verdict == "FAIL")}) for job in record.jobs]
+    store_night(record.model_copy(update={"jobs": jobs, "known_notes": ["one did not occur"]}))
+    with service.activated():
+        run = results(record.run_id)
+    assert [job.known for job in run.jobs] == ["", "anna until 2026-03-01"]
+    assert run.known_notes == ["one did not occur"]
+
+
 def test_each_outcome_has_its_exit_code_and_meaning(service: Service) -> None:
     assert (stored(service, "PF").exit_code, stored(service, "PF", 1).meaning) == (1, "a simulation's verdict is fail")
     assert (stored(service, "PE", 2).exit_code, stored(service, "P", 3).exit_code) == (3, 0)

@@ -14,6 +14,7 @@ from prefect_robomaker.schemas.reports.run_states import (
     run_state,
     with_known,
 )
+from prefect_robomaker.schemas.runs.plan import Requirement
 
 
 def test_outcomes_are_counted_the_most_frequent_first() -> None:
@@ -59,6 +60,23 @@ def test_what_fails_for_more_than_requirements_is_not_known() -> None:
     (named,), _ = with_known(night, night.jobs)
     (unnamed,), _ = with_known(night, more)
     assert (bool(named.known), bool(unnamed.known)) == (True, False)
+    _, notes = with_known(night, more)
+    assert [note.partition(":")[0] for note in notes] == [
+        f"{more[0].title} is not known, though the requirements that it missed are"
+    ]
+    assert "environment's own verdict" in notes[0]
+
+
+def test_a_known_failure_of_trials_says_what_it_covers() -> None:
+    known = KnownFailure(match=KnownMatch(requirement="trials"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    trials = Requirement(name="trials", satisfied=False, detail="3 of 40 trials failed; trial 7 first: upright")
+    jobs = [job.model_copy(update={"requirements": [trials]}) for job in night.jobs]
+    (marked,), notes = with_known(night, jobs)
+    assert marked.known == (
+        "anna until 2026-03-01; covers all that failed: 3 of 40 trials failed; trial 7 first: upright"
+    )
+    assert notes == []
 
 
 def test_a_rerun_of_some_jobs_says_nothing_of_known_failures_of_the_others() -> None:

@@ -53,6 +53,18 @@ def test_worlds_and_tokens_are_told_elsewhere() -> None:
     assert variants(requests) == ["", ""]
 
 
+def test_axes_of_trials_vary_in_a_job_and_not_between_jobs() -> None:
+    """They would fill its name: `agent, seeds=1, kind=variable`."""
+    axes = {"SPEED": {"kind": "variable", "values": ["1", "2"]}}
+    made = [{**request(), "trials": {"seeds": 3, "axes": axes}}, {**request(), "trials": {"seeds": 2}}, request()]
+    assert variants(made) == ["trials=6", "trials=2", ""]
+    alike = [{**request(GAIN=gain), "trials": {"seeds": 2, "axes": axes}} for gain in "12"]
+    alike[0]["trials"] = {"seeds": 2, "axes": {"OTHER": axes["SPEED"]}}
+    assert variants(alike) == ["GAIN=1", "GAIN=2"]
+    as_text = [request(ROBOMAKER_TRIALS='{"seeds": 3}'), request(ROBOMAKER_TRIALS='{"seeds": 4}')]
+    assert variants(as_text) == ["trials=3", "trials=4"]
+
+
 _values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=40),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),

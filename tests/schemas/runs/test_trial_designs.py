@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.variable_axes import variables
 from hypothesis import given
 from hypothesis import strategies as st
@@ -73,6 +74,34 @@ def test_points_depend_on_the_seed_of_the_job_only(design: str) -> None:
     found = [trials.trial(number, 3) for number in range(12)]
     assert [each.seed for each in found] == [3, 4, 5] * 4
     assert [dict(each.axes) for each in found[::3]] == cells(axes=RANGES, design=design, points=4)
+
+
+@given(st.sampled_from(DESIGNS), st.integers(1, 3), st.integers(1, 20), st.integers(0, 9), st.booleans())
+@examples(40)
+def test_no_trial_has_the_cell_and_the_seed_of_another(
+    design: str, seeds: int, points: int, seed: int, includes: bool
+) -> None:
+    """A copy would count as evidence: it goes through the same states, and is judged the same."""
+    more: dict[str, Any] = {"include": [{}, {"SPEED": "slow", "mass": 1}]} if includes else {}
+    trials = Trials.model_validate({"seeds": seeds, "axes": GRID, "design": design, "points": points, **more})
+
+    made = [trials.trial(number, seed) for number in range(trials.count)]
+
+    assert len({(each.seed, *each.axes.items()) for each in made}) == trials.count
+    assert all(seed <= each.seed < seed + trials.seeds_taken for each in made)
+    if design == "random":
+        assert {each.seed for each in made[: 6 * seeds]} == set(range(seed, seed + seeds))  # each of 6 cells once
+        taken = sorted({each.seed for each in made})
+        assert taken == list(range(seed, seed + len(taken)))
+        assert len(taken) <= trials.seeds_taken
+
+
+def test_chance_draws_other_cells_of_a_large_grid() -> None:
+    """Too many for a permutation of all: what is drawn twice is drawn anew."""
+    values = [number / 100 for number in range(50, 90)]
+    large = {name: {"kind": name, "values": values} for name in ("robot_mass", "motor_gain")}
+    drawn = cells(axes=large, design="random", points=700)
+    assert len({tuple(each.values()) for each in drawn}) == 700
 
 
 def test_points_are_what_they_were_when_this_was_written() -> None:

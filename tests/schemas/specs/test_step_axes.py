@@ -50,6 +50,25 @@ def refused(text: str) -> list[str]:
     return [f"{each.path.removeprefix('steps.drive.input.createSimulationJobRequests.')}: {each.message}" for each in caught.value.problems]  # fmt: skip
 
 
+def test_jobs_of_a_cell_that_is_drawn_again_have_the_next_seeds() -> None:
+    for design in ("random", "latin-hypercube"):
+        made = requests_of(spec_of({"v": {"values": ["a", "b"]}}, {"seed": 5}, design=design, points=5, seeds=2))
+        told = {(each["seed"], each["tags"][f"{AXIS_TAG}v"]) for each in made}
+        assert len(told) == len(made) == 10
+    of_trials = {"trials": {"seeds": 2, "design": "random", "points": 3, "axes": {"V": {"kind": "variable", "values": ["a", "b"]}}}}  # fmt: skip
+    made = requests_of(spec_of({"v": {"values": ["a", "b"]}}, {"seed": 5, **of_trials}, seeds=2))
+    assert [each["seed"] for each in made] == [5, 9, 5, 9]  # each job has four seeds
+
+
+def test_tags_and_axes_together_are_no_more_than_a_job_has() -> None:
+    axes = {name: {"values": [1, 2]} for name in ("a", "b", "c")}
+    most = {"tags": {f"t{number}": "x" for number in range(47)}}
+    assert len(requests_of(spec_of(axes, most))[0]["tags"]) == 50
+    assert refused(spec_of(axes, {"tags": {**most["tags"], "one": "more"}})) == [
+        "value.tags: 48 tags and 3 for the axes are 51; a job has at most 50, so 47 would do"
+    ]
+
+
 SCALARS = st.text("abc,é= 1", min_size=1, max_size=5) | st.integers(-5, 5) | st.booleans()
 
 

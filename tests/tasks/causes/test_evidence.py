@@ -80,6 +80,21 @@ def test_a_phase_is_the_last_goal_that_was_reached(
     assert signature_of([*GOALS, miss(first_violation_s=at_s)]).phase == phase
 
 
+def test_a_goal_that_is_reached_at_once_is_reached(miss: Callable[..., dict[str, Any]]) -> None:
+    start = {"name": "start", "kind": "goal", "satisfied": True, "detail": "", "value": 0.0, "unit": "s"}
+    never = {
+        "name": "never",
+        "kind": "goal",
+        "satisfied": False,
+        "counts": False,
+        "detail": "",
+        "value": None,
+        "unit": "s",
+    }
+    assert signature_of([never, start, miss(first_violation_s=0.0)]).phase == "after start"
+    assert signature_of([never, miss(first_violation_s=3.0)]).phase == "before never"
+
+
 def test_a_failure_without_a_missed_requirement_is_of_its_verdict() -> None:
     assert signature_of(GOALS) == Signature("verdict")
 

@@ -163,21 +163,51 @@ def test_one_pair_of_trials_claims_nothing_however_many_values_an_idle_axis_has(
     assert "axis idle changed nothing: trials that differ in it alone went through the same states" in why.refused[0]
 
 
-def test_an_axis_of_jobs_in_one_world_is_not_said_to_go_with_worlds() -> None:
-    rows = [
+def cells_of_jobs(fails: Callable[[int, int, int], bool], worlds: int = 1, seeds: int = 12) -> list[Row]:
+    """Jobs without trials, one of each cell of two axes of their step, in each world and with each seed."""
+    return [
         {
             "trial": None,
-            "job": f"sim-{number}",
-            "axes": {"gain": number % 2},
-            "outcome": ("passed", "failed")[number % 2],
+            "job": f"sim-{world}-{gain}-{load}-{seed}",
+            "world": world,
+            "seed": seed,
+            "axes": {"gain": gain, "load": load, "place": f"content-{world}"},
+            "outcome": "failed" if fails(gain, load, seed) else "passed",
         }
+        for world in range(worlds)
+        for gain in range(2)
+        for load in range(2)
+        for seed in range(seeds)
+    ]
+
+
+@pytest.mark.parametrize("worlds", [1, 8])
+def test_an_axis_of_a_step_is_a_cause_among_jobs_without_trials(worlds: int) -> None:
+    """Each cell is a job; jobs of the step in the same world are what it is compared with."""
+    why = explain(table_of(cells_of_jobs(lambda gain, _, seed: gain == 1 and seed % 4 > 0, worlds)))
+    assert why is not None
+    [claim] = why.groups[0].claims
+    assert (claim.region, claim.scope) == ("gain ≥ 1", "such worlds" if worlds == 8 else "these worlds only")
+    assert why.refused == []  # nor is the axis that is the world
+
+
+def test_jobs_that_fail_by_chance_have_no_axis_as_their_cause() -> None:
+    for drawn in range(8):
+        chance = np.random.default_rng(drawn)
+        hard = chance.random((2, 12)) < 0.3
+        assert claims(explain(table_of(cells_of_jobs(lambda _, load, seed, hard=hard: bool(hard[load, seed]))))) == []
+
+
+def test_an_axis_of_trials_that_no_job_varies_is_not_said_to_go_with_worlds() -> None:
+    rows = [
+        {"job": f"sim-{number % 6}", "axes": {"gain": number % 2}, "outcome": ("passed", "failed")[number % 2]}
         for number in range(30)
     ]
     why = explain(table_of(rows))
     assert why is not None
     assert why.refused[0] == (
-        "gain has the same value in all trials of each job, and trials are compared with those of their job only, "
-        "apart from a step's axes, in pairs; several values in each job would do"
+        "gain has the same value in all trials of each job, and trials are compared with those of their job only; the "
+        "report compares a step's axes in pairs; several values in each job would do"
     )
     assert why.groups[0].nothing == "no cause was looked for"
 

@@ -7,7 +7,7 @@ from helpers.night_records import make_job, make_night
 
 from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult
 from prefect_robomaker.schemas.reports.run_record import JobRecord
-from prefect_robomaker.tasks.comparison.arms import axis_results, holm_adjusted
+from prefect_robomaker.tasks.comparison.arms import axis_results, holm_adjusted, joined
 from prefect_robomaker.tasks.comparison.compared_runs import CellTable, NightRun
 from prefect_robomaker.tasks.results.table import ResultTable
 
@@ -44,12 +44,12 @@ def test_a_robot_that_passes_more_often_in_pairs_is_better() -> None:
     assert [(share.name, share.passed, share.failed) for share in result.shares] == [("scout", 1, 1), ("rover", 2, 0)]
 
 
-@pytest.mark.parametrize("other", ["world", "seed", "axis", "step"])
+@pytest.mark.parametrize("other", ["seed", "axis", "step"])
 def test_jobs_that_differ_in_more_than_the_axis_are_no_pair(other: str) -> None:
     first, second = arm("PPPP", "scout", speed=1.0), arm("FFFF", "rover", speed=2.0 if other == "axis" else 1.0)
     for place, job in enumerate(second):
         assert job.inputs is not None
-        change = {"world": {"world": f"other {place}"}, "seed": {"seed": 100 + place}}.get(other, {})
+        change = {"seed": {"seed": 100 + place}}.get(other, {})
         inputs = job.inputs.model_copy(update=change)
         second[place] = job.model_copy(update={"inputs": inputs, "step": "again" if other == "step" else "drive"})
 
@@ -57,6 +57,77 @@ def test_jobs_that_differ_in_more_than_the_axis_are_no_pair(other: str) -> None:
 
     assert [each.comparisons for each in robots] == [[]] * len(robots)
     assert all(each.note for each in robots)
+
+
+def moved(jobs: list[JobRecord], worlds: list[str]) -> list[JobRecord]:
+    """The jobs in other worlds."""
+    return [
+        job.model_copy(update={"inputs": job.inputs.model_copy(update={"world": world}), "world": f"flat {world}"})
+        for job, world in zip(jobs, worlds, strict=True)
+        if job.inputs
+    ]
+
+
+def test_an_axis_that_varies_the_world_has_pairs_by_what_else_they_share() -> None:
+    """Doors of eight flats, open and half shut: with the flats as an axis, the base world goes with it."""
+    flats = [str(number) for number in range(8)]
+    doors = {"open": "PPPPPPPP", "half shut": "FFFFFFFF"}
+    jobs = [
+        job
+        for door, letters in doors.items()
+        for flat, letter in zip(flats, letters, strict=True)
+        for job in moved(arm(letter, door, flat=flat), [f"flat {flat}, door {door}"])
+    ]
+
+    [found] = compared(jobs)
+
+    assert (found.answer, found.pairs, found.of_two_worlds) == ("worse", 8, 8)
+    assert found.rate is not None
+    assert found.rate.worlds == 8
+    assert "the sides of 8 pairs drove in different worlds" in found.why
+
+
+def test_pairs_that_share_a_world_are_no_sample_of_worlds() -> None:
+    """Two worlds with eight seeds each tell of these two only."""
+    jobs = [*moved(arm("PPPPPPPP", "open"), ["a"] * 8), *moved(arm("FFFFFFFF", "half shut"), ["b"] * 8)]
+
+    [found] = compared(jobs)
+
+    assert found.rate is not None
+    assert (found.answer, found.pairs, found.rate.worlds) == ("worse", 8, 1)
+    assert "in these worlds; others were not tried" in found.why
+    # Clusters grow together through a world that they share.
+    assert joined([("a", "b"), ("c", "d"), ("b", "c"), ("e", "f")]) == [0, 0, 0, 1]
+
+
+def test_comparisons_of_worlds_make_those_of_robots_no_weaker() -> None:
+    """An axis of worlds beside that of robots; six worlds are a sample, and are not compared."""
+    for count, compared_worlds in ((3, 2), (6, 0)):
+        worlds = [f"w{number}" for number in range(count)]
+        jobs = [
+            job
+            for robot, letters in {"scout": "FFFFFFPP", "rover": "PPPPPPPP"}.items()
+            for world in worlds
+            for job in moved(arm(letters, robot, place=world), [world] * 8)
+        ]
+        found = {each.axis: each for each in results_of(jobs)}
+        [robots] = found["robot"].comparisons
+        assert robots.rate is not None
+        assert robots.adjusted_p_value == robots.rate.p_value
+        assert len(found["place"].comparisons) == compared_worlds
+        assert [each.value for each in found["place"].comparisons] == ["flat w1", "flat w2"][:compared_worlds]
+    assert found["place"].note == "its 6 values are worlds, too many to be compared each with the first one"
+
+
+def test_jobs_of_one_cell_in_several_worlds_have_no_partner_in_another_one() -> None:
+    """Tags that were written by hand, so that the world is not that of the cell: any partner would be a guess."""
+    first, second = arm("PP", "scout"), arm("FF", "rover")
+    jobs = [
+        job.model_copy(update={"inputs": job.inputs.model_copy(update={"seed": 1, "world": f"{job.label}"})})
+        for job in (*first, *second)
+        if job.inputs
+    ]
+    assert compared(jobs) == []
 
 
 def test_values_that_look_alike_have_a_row_each_and_what_has_none_is_said() -> None:

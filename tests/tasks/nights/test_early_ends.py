@@ -127,6 +127,32 @@ def test_a_night_goes_on_where_the_earlier_run_is_gone(tmp_path: Path) -> None:
     run.end()
 
 
+def test_an_answer_stays_where_the_earlier_run_is_gone_since(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was decided before, and the jobs were cancelled for it."""
+    monkeypatch.setattr(early_ends, "LOOK_S", 0.001)
+    now = make_night("").started_at
+    died = Interruption(lost=None, lost_at=now, continued_at=now)
+    run, catalog, told = begun(tmp_path / "new", interruptions=[died], decided=ANSWER), Catalog(tmp_path), list[Any]()
+    end = early(catalog, run, told, tmp_path)
+    with end.watching([], STEP, run):
+        wait_for(lambda: catalog.cancelled, "jobs to be cancelled", 20)
+    assert told == []
+    found = end.answer([STEP.model_copy(update={"status": "Canceled"})])
+    assert found == ANSWER.model_copy(update={"stopped_early": True})
+    run.end()
+
+
+@pytest.mark.usefixtures("quick")
+def test_an_answer_stays_where_what_it_saved_cannot_be_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(*_: Any) -> AgainstAnswer:
+        raise FileNotFoundError("results.parquet")
+
+    monkeypatch.setattr(Beside, "with_saved", lost)
+    run = begun(tmp_path / "new", decided=ANSWER)
+    assert early(Catalog(tmp_path), run, [], tmp_path).answer([STEP]).answer == ANSWER.answer
+    run.end()
+
+
 def test_an_earlier_run_of_the_same_steps_is_taken(tmp_path: Path) -> None:
     jobs = [make_job(number, "F").model_copy(update={"step": "balance"}) for number in range(20)]
     record = make_night(jobs, runs=tmp_path / "runs", name="old")

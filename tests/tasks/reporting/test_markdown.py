@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 from markdown_it import MarkdownIt
 
+from prefect_robomaker.schemas.reports.causes import AxisEffects, Effect
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult, Report, ReportedJob, ReportedStep
 from prefect_robomaker.tasks.reporting import markdown_report, summarize
@@ -119,6 +120,32 @@ def test_messages_of_robots_are_texts(reason: str) -> None:
     }  # fmt: skip
     why = row.findall("td")[2]
     assert (why.text or "").strip() == "", "a text that is not in a code span"
+
+
+def test_failures_that_are_known_are_counted_apart(report: Report) -> None:
+    [failed] = [job for job in report.jobs if job.result and job.result.verdict == "FAIL"]
+
+    def head(*known: str) -> str:
+        twice = [*report.jobs, failed.model_copy(update={"label": "sim-other"})]
+        jobs = [job.model_copy(update={"known": "anna" * (job.label in known)}) for job in twice]
+        return markdown_report(summarize(report.model_copy(update={"jobs": jobs}))).split("\n\n")[2]
+
+    assert "· 2 failed ·" in head()
+    assert "· 1 failed · 1 canceled · 1 known failure ·" in head(failed.label)
+    assert "· 2 known failures ·" in head(failed.label, "sim-other")
+    assert " failed" not in head(failed.label, "sim-other")
+
+
+def test_effects_of_axes_are_told(report: Report) -> None:
+    effects = [
+        AxisEffects(axis="mass", effects=[Effect(on="", start=1, end=2, change=0.2, low=0.1, high=0.3)]),
+        AxisEffects(axis="grip", effects=[Effect(on="", start=1, end=2, change=0.0, low=-0.1, high=0.1)]),
+    ]
+
+    text = markdown_report(summarize(report.model_copy(update={"effects": effects})))
+
+    assert ["mass", "changes failures", "failures +20 points (+10 to +30) from 1 to 2"] in cells(text)
+    assert ["grip", "no claim", "failures +0 points (-10 to +10) from 1 to 2"] in cells(text)
 
 
 def test_values_of_an_axis_are_compared_in_pairs(report: Report) -> None:

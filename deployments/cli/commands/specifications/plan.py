@@ -7,7 +7,8 @@ With `--probe` it runs a few worlds, a job of each step and a few of its trials,
 wall time, CPU hours, bytes and, given a price, cost. The next run of SPEC says how far off that was.
 
 With `--detect` or `--margin` it says how many trials two runs of SPEC need so that `robomaker compare` shows a
-difference of so many points, or that nothing got worse by so many, with a chance of 80 %.
+difference of so many points, or that nothing got worse by so many, with a chance of 80 %. With `--detect POINTS
+--against` the second run is one that stops when it is decided: how many trials it has to have, and when it stops.
 """
 
 import argparse
@@ -43,6 +44,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--detect", metavar="POINTS", help="say how many trials show a difference of pass rates")
     parser.add_argument("--margin", metavar="POINTS", help="say how many trials show that nothing got worse by more")
+    parser.add_argument(
+        "--against",
+        action="store_true",
+        help="the second run stops when it is decided (`run --against`); for --detect",
+    )
     parser.add_argument(
         "--differ",
         metavar="PERCENT",
@@ -81,6 +87,8 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
         "difference": percentage(arguments.detect, "--detect", whole=True),
         "margin": percentage(arguments.margin, "--margin"),
     }
+    if arguments.against and (shares["margin"] or not shares["difference"]):
+        raise ConfigurationError("--against plans runs for --detect, and for nothing else; add that, and no --margin")
     if not any(shares.values()):
         for option in ("differ", "alpha"):
             if getattr(arguments, option) is not None:
@@ -99,7 +107,7 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
             "the share of trials that differ"
         )
     kinds: tuple[Literal["difference", "margin"], ...] = ("difference", "margin")
-    return [Question(kind, share, alpha, differ) for kind in kinds if (share := shares[kind])]
+    return [Question(kind, share, alpha, differ, stops=arguments.against) for kind in kinds if (share := shares[kind])]
 
 
 def _needed(

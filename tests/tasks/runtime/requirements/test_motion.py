@@ -172,7 +172,7 @@ def test_numbers_of_all_kinds(judge: Judge, rules: str) -> None:
     goal, speed, path, coverage, rooms, progress, formula = result.requirements
 
     assert goal.satisfied
-    assert speed.detail.startswith("1.00 m/s at most in living, 0.9 m/s allowed, first at ")
+    assert speed.detail.startswith("reached 1.00 m/s in living; at most 0.9 m/s is allowed, first at ")
     assert speed.margin == pytest.approx(-0.1, abs=1e-3)
     # Straight to the doorway of the kitchen it is 4.2 m; the tour took 0.45 + 2 + 2 + 4 + 1 m.
     assert path.value == pytest.approx(4.2 / 9.5, abs=0.02)

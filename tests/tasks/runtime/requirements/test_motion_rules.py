@@ -56,7 +56,7 @@ def test_a_speed_limit_of_a_room_counts_there_and_needs_the_robot_there() -> Non
     rule.update(1.0, (5.0, 0.0, 0.0), counts=False)
     rule.update(2.0, (5.0, 2.0, 0.0))
     judged = rule.judged(2.0, "agent")
-    assert judged.detail == "2.00 m/s at most in Hall, 1 m/s allowed, first at 2.00 s"
+    assert judged.detail == "reached 2.00 m/s in Hall; at most 1 m/s is allowed, first at 2.00 s"
     assert (judged.satisfied, judged.margin, judged.first_violation_s) == (False, -1.0, 2.0)
 
 
@@ -81,7 +81,7 @@ def test_the_largest_tilt_decides() -> None:
         rule.update(time_s, tilt)
     judged = rule.judged(3, "agent")
     assert (judged.satisfied, judged.value, judged.margin, judged.unit) == (False, 40.0, -20.0, "deg")
-    assert judged.detail == "tilted by 40.0 deg at most, 20 deg allowed, first at 1.00 s"
+    assert judged.detail == "tilted by 40.0 deg; at most 20 deg is allowed, first at 1.00 s"
     assert rule_of("upright", max_tilt_deg=20).judged(0, "agent").error == "the robot's tilt was never measured"
 
 
@@ -106,7 +106,7 @@ def test_creeping_within_reach_is_being_stuck_and_a_short_run_is_told() -> None:
     for time_s in range(6):
         rule.update(time_s, (0.05 * (time_s % 2), 0.0))
     judged = rule.judged(5, "duration limit")
-    assert judged.detail == "at most 5.00 s within 0.1 m of (0.00, 0.00), 3 s allowed, first at 4.00 s"
+    assert judged.detail == "stayed for 5.00 s within 0.1 m of (0.00, 0.00); at most 3 s is allowed, first at 4.00 s"
     short: ProgressRule = rule_of("progress", max_stuck_s=30)
     short.update(0.0, (0.0, 0.0))
     assert short.judged(2, "environment").satisfied
@@ -204,7 +204,7 @@ def test_the_worst_estimate_decides() -> None:
     assert (judged.satisfied, judged.value, judged.unit, judged.margin) == (False, 0.5, "m", pytest.approx(-0.3))
     rule.update(5.0, None, (0.0, 0.0, 0.0))
     judged = rule.judged(6, "agent")
-    assert judged.detail.startswith("no estimate in 1 of 3 checks; 0.500 m off at most, 0.2 m allowed; its yaw")
+    assert judged.detail.startswith("no estimate in 1 of 3 checks; 0.500 m off; at most 0.2 m is allowed; its yaw")
 
 
 def test_an_estimate_that_is_none_or_the_truth_is_told() -> None:

@@ -218,6 +218,9 @@ steps:
     [first, second] = json.loads(robomaker("plan", path, "--detect", "5", "--margin", "5", "-o", "json").out)["needed"]
     assert (first["pairs"], first["more"], first["planned"], first["basis"]) == (658, 458, 200, "asked for")
     assert (second["pairs"], second["basis"]) == (639, "margin")
+    beside = robomaker("plan", path, "--detect", "10points", "--against").out
+    assert "241 trials in each of two runs\n  decided by  the evidence of `run --against`\n" in beside
+    assert "  stops       after 136 trials or fewer in half of the runs\n  a run has   200 trials: 41 too few" in beside
     quickstart = robomaker("plan", SPECS / "quickstart.yaml", "--detect", "10", "--differ", "14").out
     assert "114 trials in each of two runs" in quickstart
     assert "a run has   4 trials: 110 too few" in quickstart
@@ -235,6 +238,8 @@ steps:
         (("--probe", "--price-per-hour", "-1"), "--price-per-hour is -1"),
         (("--alpha", "0.1"), "--alpha is for --detect and --margin; add one, or leave it out"),
         (("--differ", "10"), "--differ is for --detect and --margin"),
+        (("--against",), "--against plans runs for --detect, and for nothing else; add that, and no --margin"),
+        (("--margin", "5", "--against"), "--against plans runs for --detect, and for nothing else"),
         (("--detect", "0"), "--detect is '0'; a number above 0 and at most 100, such as 5, would be right"),
         (("--margin", "ten"), "--margin is 'ten'; a number above 0 and below 100"),
         (("--detect", "10", "--differ", "5"), "pass rates cannot differ by more than the share of trials that differ"),

@@ -1,0 +1,89 @@
+"""Effects of axes, one by one: whether failures, or margins, depend on each axis of a run, or nothing can be claimed.
+
+Values of drawn cells have no partners to be compared with; a straight line within the trials that are comparable says
+how much an axis changes at most, also one that changes nothing. All intervals of a run hold together with 95 %.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.causes import AxisEffects, Effect
+from ..results.rates import margin_units
+from ..results.table import ResultTable
+from .evidence import AxisColumn, Evidence, evidence_of
+from .sensitivity import LEVEL, along, judged_margins
+
+FEWEST_OUTCOMES = 10
+"""Failures, and passes, from which on their share has an interval: with fewer, those of t are too narrow."""
+_MOST_VALUES = 20
+"""Values of an axis of texts that are looked at; more have too few trials each."""
+
+
+def axis_effects(results: ResultTable, states: Sequence[str | None] | None = None) -> list[AxisEffects]:
+    """Says of each axis of a run whether failures and margins depend on it.
+
+    Args:
+        results: The run's table of results.
+        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+    """
+    evidence = evidence_of(results, states)
+    units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
+    measured: list[tuple[str, str | None, NDArray[np.float64]]] = [("", None, evidence.failed.astype(np.float64))]
+    measured += [(name, unit, judged_margins(results, evidence, name)) for name, unit in units.items()]
+    contrasts = [(axis, list(_contrasts(axis))) for axis in evidence.axes]
+    level = 1 - (1 - LEVEL) / max(1, len(measured) * sum(len(found) for _, found in contrasts))
+    told = [
+        AxisEffects(
+            axis=axis.name,
+            effects=[_effect(*each, evidence, found, level) for each in measured if np.isfinite(each[2]).any()],
+        )
+        for axis, found in contrasts
+    ]
+    # Of trials that an idle axis repeats only one is left, so that it has one value here.
+    return [*told, *(AxisEffects(axis=name, idle=True) for name in evidence.idle if name not in _names(evidence))]
+
+
+def _names(evidence: Evidence) -> set[str]:
+    return {axis.name for axis in evidence.axes}
+
+
+def _contrasts(axis: AxisColumn) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yields what trials are ordered by: their number, or whether they have one of the texts, with that text."""
+    if axis.is_number:
+        yield "", axis.numbers
+        return
+    codes = range(min(len(axis.values), _MOST_VALUES))
+    for code in codes if len(axis.values) > 2 else codes[1:]:  # two values say the same of each other
+        yield axis.label(code), (axis.codes == code).astype(np.float64)
+
+
+def _effect(
+    name: str,
+    unit: str | None,
+    outcomes: NDArray[np.float64],
+    evidence: Evidence,
+    contrasts: Sequence[tuple[str, NDArray[np.float64]]],
+    level: float,
+) -> Effect:
+    """Returns the surest effect of an axis on one outcome, or the reason why there is none to tell."""
+    if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
+        which = "failures" if evidence.failed.sum() == rare else "passes"
+        return Effect(on=name, refused=f"{rare} {which} are too few for an interval; {FEWEST_OUTCOMES} would do")
+    found: list[Effect] = []
+    refused = ""
+    for value, numbers in contrasts:
+        answer = along(outcomes, evidence, numbers, level)
+        if answer is None or isinstance(answer, str):
+            refused = answer or refused
+            continue
+        start, end, change, reach = answer
+        found.append(
+            Effect(
+                on=name, unit=unit, value=value, start=start, end=end, change=change, low=change - reach,
+                high=change + reach,
+            )
+        )  # fmt: skip
+    surest = max(found, key=lambda each: abs(each.change) / max(each.high - each.low, 1e-300), default=None)
+    return surest or Effect(on=name, unit=unit, refused=refused or "there are no trials with it")

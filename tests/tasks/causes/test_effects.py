@@ -1,0 +1,73 @@
+"""Each axis of a run has an answer: what changes with it, by how much at most, or no claim."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from prefect_robomaker.schemas.reports.causes import AxisEffects
+from prefect_robomaker.tasks.causes.effects import axis_effects
+
+from .conftest import Row, table_of
+
+
+def drawn(fails: Any, margin: Any, count: int = 400) -> list[Row]:
+    """Trials of cells that were drawn by chance, in one world."""
+    chance = np.random.default_rng(5)
+    rows: list[Row] = []
+    for seed in range(count):
+        axes = {
+            "mass": float(chance.random()),
+            "idle": float(chance.random()),
+            "KIND": str(chance.choice(["a", "b", "c"])),
+        }
+        outcome = "failed" if chance.random() < fails(axes) else "passed"
+        rows.append({"axes": axes, "seed": seed, "outcome": outcome, "margin": margin(axes) + 0.1 * chance.normal()})
+    return rows
+
+
+def effects_of(rows: list[Row]) -> dict[str, AxisEffects]:
+    return {each.axis: each for each in axis_effects(table_of(rows))}
+
+
+def test_axes_of_drawn_cells_are_told_apart_from_those_that_change_nothing() -> None:
+    found = effects_of(drawn(lambda axes: 0.1 + 0.5 * axes["mass"], lambda axes: 0.5 * (axes["KIND"] == "b")))
+
+    assert {name: each.answer for name, each in found.items()} == {
+        "mass": "changes failures", "idle": "no claim", "KIND": "changes margin of polite",
+    }  # fmt: skip
+    [failures] = [each for each in found["mass"].effects if each.is_shown]
+    assert failures.low < 0.8 * 0.5 < failures.high  # eight tenths of the axis, half a failure from end to end
+    assert found["mass"].told == [failures.in_words]
+    assert re.fullmatch(r"failures \+[\d.]+ points \(\+[\d.]+ to \+[\d.]+\) from 0\.\d+ to 0\.\d+", failures.in_words)
+    assert [each.value for each in found["KIND"].effects if each.is_shown] == ["b"]
+    # What claims nothing says how large an effect may be at most.
+    assert [each.low < 0 < each.high for each in found["idle"].effects] == [True, True]
+    assert len(found["idle"].told) == 2
+
+
+def test_what_is_too_rare_for_an_interval_is_no_claim_and_says_so() -> None:
+    found = effects_of(drawn(lambda axes: 0.0 if axes["mass"] < 0.98 else 1.0, lambda _: 0.0))
+    [mass] = [each for each in found["mass"].effects if not each.on]
+    assert "too few for an interval; 10 would do" in mass.refused
+    assert found["mass"].answer == "no claim"
+
+
+def test_an_axis_with_the_same_states_at_each_value_changes_nothing() -> None:
+    rows: list[Row] = [
+        {"axes": {"gain": gain, "unread": unread}, "seed": seed, "state_digest": f"{gain} {seed}"}
+        for gain in (0.0, 1.0)
+        for unread in ("x", "y")
+        for seed in range(12)
+    ]
+    found = effects_of(rows)
+    assert found["unread"].answer.startswith("changes nothing")
+    assert found["gain"].answer == "no claim"
+
+
+@pytest.mark.parametrize(
+    "rows", [[{"outcome": "broken", "axes": {"mass": 1.0}}], [{}], [{"axes": {"mass": 1.0}}, {"axes": {"mass": None}}]]
+)
+def test_any_table_has_an_answer(rows: list[Row]) -> None:
+    assert all(not effect.is_shown for each in axis_effects(table_of(rows)) for effect in each.effects)
