@@ -47,7 +47,11 @@ function setTime(wanted_s, from = null) {
   showPose();
   showMargins();
   for (const log of logs) showLine(log);
-  for (const film of films) if (film !== from) seek(film);
+  for (const film of films) {
+    if (film !== from) seek(film);
+    // Of a moment before its begin a video shows nothing: what is seen then is dim.
+    film.video.classList.toggle("outside", time_s < film.begins_s - ROUNDING_S);
+  }
 }
 
 function showPose() {
@@ -106,7 +110,7 @@ function take(video) {
   }
   const film = { video, begins_s, wanted_s: null };
   films.push(film);
-  seek(film);
+  setTime(time_s);
   video.addEventListener("play", () => follow(film));
   // Where the visitor has moved the video, the time line follows it.
   video.addEventListener("seeking", () => {

@@ -28,6 +28,15 @@ def test_a_series_stays_short_and_keeps_its_ends_and_marked_samples(steps: list[
     assert found[-1][1] == steps[-1][0], "it ends with the last value"
 
 
+def test_a_long_series_loses_every_second_sample_but_none_that_is_marked() -> None:
+    series = BoundedSeries[int](most=12)
+    for time in range(500):
+        series.add(float(time), time, keep=time in (2, 3, 301))
+    found = series.samples()
+    assert len(found) <= 15
+    assert {(0.0, 0), (2.0, 2), (3.0, 3), (301.0, 301), (499.0, 499)} <= set(found)
+
+
 class Judging:
     """An observer that judges a clearance by distances that a test gives, and one that knows nothing before the end."""
 
