@@ -29,7 +29,7 @@ from ..files import local_file, published, read_small
 from ..job_states import JOB
 from ..visit import Visit
 from .margin_drawings import MarginDrawing, draw_margins
-from .recorded_poses import Pose, RecordedPoses, read_poses, thinned
+from .recorded_poses import ODOMETRY, Pose, RecordedPoses, fits, read_poses, thinned
 from .run_marks import Mark, first_violation, marks_of
 
 VIDEOS = ("last-10s.mp4", "video.mp4")
@@ -129,14 +129,14 @@ def _poses(
     place: StoredPlace | None, timeline: JobTimeline, files: Mapping[str, int], service: Service
 ) -> RecordedPoses:
     """Reads the poses of a run: of its recording, else the places of its result, which have no headings."""
+    path = [] if timeline.result is None else timeline.result.path
     missing = "There is no recording."
     name = timeline.folder + _RECORDING
     if place is not None and name in files:
         found = _read(place, name, service)
-        if found.poses:
+        if found.poses and fits(found.poses, path):
             return found
-        missing = found.missing
-    path = [] if timeline.result is None else timeline.result.path
+        missing = found.missing or f"The places on {ODOMETRY} are not those of result.json."
     places = [Pose(time_s, x, y, None) for time_s, x, y in path]
     more = "The plan has the places of result.json, without headings." if places else "The plan shows no place."
     return RecordedPoses(places, f"{missing} {more}")
@@ -192,10 +192,13 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
         yield "There is no result.json, so no moment is marked."
     if recorded is None:
         yield "There are no margins, and the log does not follow: the run wrote no timeline.json."
+        return
+    if folder:
+        yield "The log does not follow: a recorded trial has none of its own."
     elif not recorded.logs:
-        yield "The log does not follow: a recorded trial has none of its own." if folder else "There is no log."
-    elif not recorded.margins:
-        yield "No requirement has a margin along the run."
+        yield "The log does not follow: its times are not recorded."
+    if not recorded.margins:
+        yield "There are no margins along the run."
 
 
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:

@@ -20,6 +20,8 @@ _MOST_BYTES = 512 * 1024 * 1024
 """Limit of the size of a recording that is opened for a page."""
 
 
+_NEAR_M = 0.25
+"""Distance in metres up to which a pose is that of the path: a fast robot drives as far in a few samples."""
 _HEADER_BYTES = 4
 """Bytes before the content of an encoded message, which say the order of its bytes."""
 _STAMP_BYTES = 8
@@ -85,6 +87,21 @@ def _pose(time_ns: int, data: bytes) -> Pose:
     place += -(place - _HEADER_BYTES) % 8  # numbers of eight bytes are aligned behind the header
     x, y, _, turn_x, turn_y, turn_z, turn_w = struct.unpack_from(f"{order}7d", data, place)
     return Pose(time_ns / 1e9, x, y, yaw_rad((turn_w, turn_x, turn_y, turn_z)))
+
+
+def fits(poses: Sequence[Pose], path: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether poses are the places of a robot in its world, and their times simulated ones.
+
+    Nodes may publish on the same topic: odometry that drifts, from another origin, or by another clock.
+
+    Args:
+        poses: Poses in the order of their times.
+        path: (simulated time in s, x, y) of the robot, from the result; without one nothing says that they fit.
+    """
+    times = [each.time_s for each in poses]
+    return bool(path) and all(
+        math.dist((x, y), poses[max(0, bisect_left(times, time_s + 1e-6) - 1)][1:3]) <= _NEAR_M for time_s, x, y in path
+    )
 
 
 def thinned(poses: Sequence[Pose], moments_s: Iterable[float], most: int = MOST_POSES) -> list[Pose]:

@@ -22,7 +22,7 @@ RESULT = RunResult(
     requirements=[
         Requirement(name="soft", satisfied=False, detail="12 N", first_violation_s=12.5, margin=-7, unit="N"),
     ],
-    path=[(0.0, 0.0, 0.0), (20.0, 1.0, 2.0), (40.0, 2.0, 4.0)],
+    path=[(0.0, 0.0, -1.0), (20.0, 2.0, -1.0), (40.0, 4.0, -1.0)],
 )  # fmt: skip
 TIMELINE = RunTimeline(
     margins=[MarginSeries(requirement="soft", unit="N", samples=[(0.0, 5.0), (12.5, -7.0)])],
@@ -96,7 +96,7 @@ def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: 
     assert "robot touches chair_3" in page
     sent = browser.get(f"/console/jobs/{bare}/timeline").json()
     assert sent["missing"] == ["There is no recording. The plan has the places of result.json, without headings."]
-    assert sent["poses"] == [[0.0, 0.0, 0.0, None], [20.0, 1.0, 2.0, None], [40.0, 2.0, 4.0, None]]
+    assert sent["poses"] == [[0.0, 0.0, -1.0, None], [20.0, 2.0, -1.0, None], [40.0, 4.0, -1.0, None]]
     nothing = store_job("Failed", files={"logs/stderr.log": b"boom"})
     assert gaps(browser.get(f"/console/jobs/{nothing}").text) == [
         "There is no time line: the run left no simulated time."
@@ -104,6 +104,16 @@ def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: 
     running = store_job("Running")
     assert "The time line comes" in browser.get(f"/console/jobs/{running}").text
     assert browser.get(f"/console/jobs/{running}/timeline").json()["poses"] == []
+
+
+@pytest.mark.parametrize("path", [[(0.0, 0.0, -1.0), (20.0, 2.4, -1.0)], [(40.0, 4.0, 0.0)], []])
+def test_places_of_another_odometry_are_not_shown(
+    browser: Any, store_job: Callable[..., str], recording: bytes, path: list[tuple[float, float, float]]
+) -> None:
+    job = store_job(verdict="FAIL", files=outputs(RESULT.model_copy(update={"path": path}), recording_mcap=recording))
+    sent = browser.get(f"/console/jobs/{job}/timeline").json()
+    assert sent["missing"][0].startswith("The places on /odom are not those of result.json.")
+    assert [tuple(pose[:3]) for pose in sent["poses"]] == path
 
 
 @pytest.mark.parametrize(("frames", "is_in_step"), [(401, True), (395, False), (410, False), (800, False)])
