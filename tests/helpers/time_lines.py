@@ -51,8 +51,8 @@ def go_to(page: Page, time_s: float) -> None:
     page.wait(lambda page: page.evaluate(f"document.getElementById('moment-text').textContent == {shown}"), shown)
 
 
-def check_moment(page: Page, time_s: float, poses: list[tuple[float, float, float, float]]) -> None:
-    """Checks that plan and videos show what was recorded at a time."""
+def check_moment(page: Page, time_s: float, end_s: float, poses: list[tuple[float, float, float, float]]) -> None:
+    """Checks that plan, videos, margins and logs show what was recorded at a time."""
     go_to(page, time_s)
     last = [pose for pose in poses if pose[0] <= time_s + 1e-6][-1]
     x, y, heading = page.evaluate(_POSITION)
@@ -63,6 +63,17 @@ def check_moment(page: Page, time_s: float, poses: list[tuple[float, float, floa
     ):
         expected = min(max(time_s - begins_s, 0.0), duration_s)
         assert abs(shown_s - expected) < 0.03, (time_s, begins_s, shown_s)
+    shares = page.evaluate(
+        f"[...document.querySelectorAll('.cursor')].map((c) => c.getAttribute('x1') * {end_s} / 1000)"
+    )
+    assert shares
+    assert all(abs(each - time_s) < 0.01 for each in shares), (time_s, shares)
+    lines = "[...document.querySelectorAll('pre.log')].map((log) => [...log.querySelectorAll('[data-t]')]"
+    wanted = page.evaluate(
+        f"{lines}.filter((line) => Number(line.dataset.t) <= {time_s} + 1e-6).pop()?.innerText ?? null)"
+    )
+    marked = page.evaluate(f"{lines}.find((line) => line.matches('[aria-current]'))?.innerText ?? null)")
+    assert marked == wanted, time_s
 
 
 def check_time_line(page: Page, files: str, folder: Path) -> None:
@@ -77,7 +88,7 @@ def check_time_line(page: Page, files: str, folder: Path) -> None:
     poses = recorded_poses(f"{files}/recording.mcap", folder)
     end_s = float(page.evaluate("document.getElementById('timeline').dataset.end"))
     for share in (0.0, 0.37, 0.9, 1.0):
-        check_moment(page, round(end_s * share, 2), poses)
+        check_moment(page, round(end_s * share, 2), end_s, poses)
     go_to(page, 1.0)
     page.evaluate("document.getElementById('moment').focus()")
     for kind in ("keyDown", "keyUp"):
