@@ -47,6 +47,7 @@ from .orders.forms import read_fields
 from .rendering import FOLDERS, HOME, MENU, address, asset, render
 from .sessions import Sessions
 from .streams import Streams
+from .timelines import job_timelines
 from .visit import Context, Visit
 
 _ACTS = {
@@ -116,6 +117,7 @@ _PAGES: dict[str, Page] = {
     "/jobs": jobs.show_all,
     "/jobs/{id}": jobs.show,
     "/jobs/{id}/live": jobs.follow,
+    "/jobs/{id}/timeline": job_timelines.send_timeline,
     "/jobs/{id}/files/{name:path}": jobs.send,
     "/worlds/new": worlds_form.show,
     "/runs": ordered_runs.show_all,

@@ -2,6 +2,8 @@
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from starlette.responses import FileResponse
@@ -68,18 +70,48 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
     )
 
 
-def tail_of(place: StoredPlace, name: str, service: Service, most_bytes: int) -> str:
-    """Returns the end of an uploaded text file; empty if it cannot be read."""
+def tail_of(place: StoredPlace, name: str, service: Service, most_bytes: int) -> bytes:
+    """Returns the end of an uploaded file; empty if it cannot be read."""
     try:
-        path, is_copy = _local(place.bucket, join_key(place.prefix, name), service)
-        with path.open("rb") as file:
+        with local_file(place, name, service) as path, path.open("rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - most_bytes))
-            data = file.read(most_bytes)
+            return file.read(most_bytes)
     except (OSError, StorageError):
-        return ""
-    if is_copy:
-        path.unlink(missing_ok=True)
-    return data.decode(errors="replace")
+        return b""
+
+
+def read_small(place: StoredPlace | None, name: str, service: Service, most_bytes: int) -> bytes | None:
+    """Returns the content of an uploaded file; `None` if it cannot be read or is too long.
+
+    Args:
+        place: Place of the job's outputs; None: there are none.
+        name: Name of the file there.
+        service: The service, with its object store.
+        most_bytes: Limit of its size.
+    """
+    if place is None:
+        return None
+    try:
+        with local_file(place, name, service) as path, path.open("rb") as file:
+            data = file.read(most_bytes + 1)
+    except (OSError, StorageError):
+        return None
+    return data if len(data) <= most_bytes else None
+
+
+@contextmanager
+def local_file(place: StoredPlace, name: str, service: Service) -> Iterator[Path]:
+    """Gives a stored file as a local one: the object's own, or a copy that is deleted afterwards.
+
+    Raises:
+        StorageError: The file cannot be downloaded.
+    """
+    path, is_copy = _local(place.bucket, join_key(place.prefix, name), service)
+    try:
+        yield path
+    finally:
+        if is_copy:
+            path.unlink(missing_ok=True)
 
 
 def _local(bucket: str, key: str, service: Service) -> tuple[Path, bool]:

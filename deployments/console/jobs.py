@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from markupsafe import Markup
 from starlette.responses import Response
 
 from ...schemas.documents.simulation_jobs import JobInBrief, SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
@@ -17,7 +19,11 @@ from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_job
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting import view_report
+from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
+from ...tasks.reporting.drawings.svg_writing import Frame
+from ...tasks.reporting.drawings.trajectory import finite_path
 from ...tasks.reporting.outcomes import times_by_part
+from ...tasks.reporting.view import Page
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
@@ -25,8 +31,10 @@ from .files import published, send_file, tail_of
 from .job_states import JOB, job_line
 from .live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .rendering import HOME, render
-from .runs import is_known
+from .runs import is_known, known_of
 from .streams import Parts
+from .timelines.job_timelines import RUNS_ON, VIDEOS, JobTimeline, timeline_of
+from .timelines.log_lines import LogLine, lines_of
 from .visit import Visit
 
 _PAGE_LENGTH = 50
@@ -34,7 +42,6 @@ _MOST_LOGS = 8
 _GROWING_LOGS = Glob("/output/logs/*.log")
 _MOST_LOG_BYTES = 32_768
 _EVERY_S = 0.7
-_VIDEOS = ("last-10s.mp4", "video.mp4")
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,7 @@ class Log:
     """The end of a log file, for a job's web page."""
 
     name: str
-    text: str
+    lines: list[LogLine]
 
 
 def show_all(visit: Visit) -> Response:
@@ -60,13 +67,15 @@ def show(visit: Visit) -> Response:
     has_ended = is_terminal(JOB, job.status)
     files = published(document.outputs, visit.service)
     view = view_report(report_of_job(job.arn, visit.service)) if has_ended else None
+    timeline = timeline_of(document.outputs, files, visit.service, visit.parameter("trial")) if has_ended else None
     card = view and view.jobs[0]
     links = f"{HOME}/jobs/{quote(job.id)}/files/"
     is_batch_seen = visit.sees(job.parent)
     world = None if has_ended else world_of(document, visit.service)
     if card is not None:
         shown = [replace(file, link=links + quote(file.name) if file.name in files else "") for file in card.files]
-        card = replace(card, files=shown, poster=None if "video.mp4" in files else card.poster, log="")
+        told = card.job.model_copy(update={"known": known_of(job.arn, document.spec_run, visit)})
+        card = replace(card, job=told, files=shown, poster=None if "video.mp4" in files else card.poster, log="")
     return visit.page(
         "job.html.j2",
         job=job,
@@ -80,9 +89,15 @@ def show(visit: Visit) -> Response:
         world=world,
         open_plan=open_plan(world, job.id),
         links=links,
-        videos=[name for name in _VIDEOS if name in files],
+        timeline=timeline,
+        timeline_later=RUNS_ON,
+        trial_plan=_trial_plan(view, timeline),
+        frame=_frame(view, timeline),
+        videos=[f"{timeline.folder}{name}" for name in VIDEOS if f"{timeline.folder}{name}" in files]
+        if timeline
+        else [],
         files=files,
-        logs=_logs(job, files, visit) if has_ended else [],
+        logs=_logs(document.outputs, files, timeline, visit) if timeline else [],
         batch_id=(job.parent or "").rpartition("/")[2] if is_batch_seen else "",
         run_id=document.spec_run if is_batch_seen or is_known(document.spec_run or "", visit) else "",
     )
@@ -127,12 +142,38 @@ def send(visit: Visit) -> Response:
     return send_file(SimulationJobDocument.of(job).outputs, visit.request.path_params["name"], visit.service)
 
 
-def _logs(job: Resource, files: dict[str, int], visit: Visit) -> list[Log]:
-    place = SimulationJobDocument.of(job).outputs
-    names = [name for name, size in files.items() if name.startswith("logs/") and size]
+def _logs(place: StoredPlace | None, files: dict[str, int], timeline: JobTimeline, visit: Visit) -> list[Log]:
+    """Returns the ends of a job's logs; a recorded trial has none of its own, so that no line has a time then."""
     if place is None:
         return []
-    return [Log(name, _clean(tail_of(place, name, visit.service, _MOST_LOG_BYTES))) for name in names[:_MOST_LOGS]]
+    names = [name for name, size in files.items() if name.startswith("logs/") and size][:_MOST_LOGS]
+    times = {} if timeline.folder else timeline.logs
+    return [
+        Log(name, lines_of(tail_of(place, name, visit.service, _MOST_LOG_BYTES), files[name], times.get(name)))
+        for name in names
+    ]
+
+
+def _trial_plan(view: Page | None, timeline: JobTimeline | None) -> Markup | None:
+    """Draws the plan of the trial that the time line shows; `None` for a job whose own card has its plan."""
+    if view is None or timeline is None or timeline.trial is None or timeline.result is None:
+        return None
+    title = f"Path of trial {timeline.trial}"
+    world = next(iter(view.worlds), None)
+    if world is None or world.content is None or world.frame is None:
+        return draw_bare_path(timeline.result, title)
+    return draw_job_plan(world.content, world.frame, world.fixtures, timeline.result, title)
+
+
+def _frame(view: Page | None, timeline: JobTimeline | None) -> Frame | None:
+    """Returns the frame of the plan on which the time line shows the robot; `None` without a plan."""
+    if view is None or timeline is None or timeline.result is None:
+        return None
+    world = next(iter(view.worlds), None)
+    if world is not None and world.frame is not None:
+        return world.frame
+    path = finite_path(timeline.result)
+    return Frame.around((x, y) for _, x, y in path) if path else None
 
 
 def _run_folder(job: Resource, visit: Visit) -> Path | None:

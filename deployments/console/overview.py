@@ -8,7 +8,6 @@ from urllib.parse import quote, urlencode
 
 from starlette.responses import RedirectResponse, Response
 
-from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError
@@ -16,6 +15,7 @@ from ...tasks.catalog import Resource
 from ...tasks.service.references import jobs_meant, name_of, worlds_meant
 from .batches import BATCH, batch_lines
 from .job_states import JOB, Look, job_line, look_of_status
+from .pages.failures import failure_groups
 from .rendering import FOLDERS, HOME, address, render
 from .runs import is_known, latest_runs, since_before
 from .streams import Parts
@@ -31,9 +31,11 @@ _MOST_RUNNING = 12
 """Limit of the unfinished resources of each kind that the first page shows."""
 
 _LOOKED_AT = 200
-"""Number of the newest jobs that are searched for failures."""
+"""Number of the newest open resources among which those are searched that a visitor may see."""
 
 _MOST_FAILURES = 8
+"""Limit of the reasons of failures that the first page shows, and of those of known ones."""
+
 _EVERY_S = 2.0
 
 
@@ -58,7 +60,7 @@ def follow(visit: Visit) -> Response:
 
     def look() -> Iterator[tuple[str, Any]]:
         now = render("overview_now.html.j2", **_now(visit))
-        failures = render("failures.html.j2", **_failures(visit))
+        failures = render("failure_groups.html.j2", **_failures(visit))
         return parts.news({"now": now, "failures": failures})
 
     return visit.follow(look, _EVERY_S)
@@ -86,10 +88,14 @@ def _open(visit: Visit) -> list[Resource]:
 
 
 def _failures(visit: Visit) -> dict[str, Any]:
-    page = visit.service.catalog.list(JOB, limit=_LOOKED_AT, members=JobInBrief.members())
-    lines = [job_line(job) for job in visit.seen(page.resources)]
-    failures = [line for line in lines if line.is_failure][:_MOST_FAILURES]
-    return {"failures": failures, "posters": visit.context.posters.of(failures)}
+    groups = failure_groups(visit)
+    shown = [each for each in groups if not each.known][:_MOST_FAILURES]
+    known = [each for each in groups if each.known][:_MOST_FAILURES]
+    return {
+        "groups": [*shown, *known],
+        "more_groups": len(groups) - len(shown) - len(known),
+        "posters": visit.context.posters.of(each.newest for each in groups),
+    }
 
 
 _MOST_CHARACTERS = 1300

@@ -26,12 +26,14 @@ def render(template: str, /, **values: Any) -> str:
 
 @cache
 def asset(name: str) -> str:
-    """Returns the content of the console's style sheet or script.
+    """Returns the content of the console's style sheet or of a script.
 
     Raises:
-        KeyError: the name is that of neither.
+        KeyError: the name is that of none.
     """
-    before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": report_script}
+    before: dict[str, Callable[[], str]] = {
+        "console.css": page_styles, "console.js": report_script, "timeline.js": str
+    }  # fmt: skip
     return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")
 
 

@@ -43,10 +43,12 @@ def show(visit: Visit) -> Response:
     if batches and not is_known(run_id, visit):
         return visit.page("open_run.html.j2", run_id=run_id, batches=batches)
     record = find_record(visit)
+    jobs = sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank)
     return visit.page(
         "run.html.j2",
         run=record,
-        jobs=sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank),
+        jobs=[job for job in jobs if not job.known],
+        known=[job for job in jobs if job.known],
         outcome_of=lambda job: classify(job.status, job.failure_code, job.verdict),
         batches=batches,
         since=since_before(record, visit),
@@ -131,6 +133,21 @@ def is_known(name: str, visit: Visit) -> bool:
     if not is_name or not path.is_file():
         return False
     return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record))
+
+
+def record_of(run_id: str, visit: Visit) -> RunRecord | None:
+    """Returns the record of a run that has ended; `None` if there is none that the visitor may see."""
+    if not is_known(run_id, visit):
+        return None
+    path = _place(run_id, visit)
+    return _read(path, path.stat().st_mtime_ns)
+
+
+def known_of(arn: str, run_id: str | None, visit: Visit) -> str:
+    """Returns owner, last day and reason of a job's known failure; empty if it is not known, or its run goes on."""
+    record = record_of(run_id, visit) if run_id else None
+    jobs = [] if record is None else record.jobs
+    return next((job.known for job in jobs if job.arn == arn), "")
 
 
 def _path(visit: Visit) -> Path:

@@ -265,6 +265,7 @@ class JobInBrief(FailureChanges, Brief):
     )
     outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
     run_id: str | None = optional("Id of the job's last run.")
+    spec_run: str | None = optional("Id of the specification run that created the job.")
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):

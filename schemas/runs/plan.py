@@ -10,6 +10,7 @@
 | `foxglove-layout.json` | how Foxglove shows them |
 | `provenance.json`, `digest.bin` | what its numbers depend on, the digest of its states |
 | `actions.bin` | what a robot application that is a program did, step by step |
+| `timeline.json` | margins and lengths of logs by simulated time, and the times that videos show |
 | `logs/stdout.log`, `logs/stderr.log` | what the applications printed |
 | `logs/<program>.stdout.log`, `….stderr.log` | what a program of the run printed |
 | `video.mp4`, `poster.png` | when asked for |

@@ -19,6 +19,7 @@ from ..catalog import Resource
 from ..inspection.reports import rebuild_report
 from ..runtime.agents.action_log import ACTIONS_FILE
 from ..runtime.episode.run_results import RESULT_FILE
+from ..runtime.episode.run_timeline import TIMELINE_FILE
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.states.provenance import PROVENANCE_FILE
 from ..runtime.video.video_settings import POSTER_FILE
@@ -32,8 +33,8 @@ from ..worlds.archive_places import archive_place
 from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
 
-KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))
-"""Files of a run that are kept when it is thinned: reports, `verify` and `repro` need them."""
+KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, TIMELINE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))
+"""Files of a run that are kept when it is thinned: reports, time lines, `verify` and `repro` need them."""
 
 _LEASE_S = 120.0
 

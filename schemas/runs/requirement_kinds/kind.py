@@ -424,6 +424,20 @@ class Rule(ABC, Generic[Asked]):
             other=None if satisfied else self.other,
         )
 
+    def margin_until(self, time_s: float) -> tuple[float, str | None] | None:  # noqa: ARG002 - for those who need it
+        """Returns the margin, with its unit, that the requirement would have if the run ended now.
+
+        Args:
+            time_s: Simulated time.
+
+        Returns:
+            None where there is none: it cannot be judged, nothing was measured yet, or only the end says it.
+        """
+        if self.error is not None:
+            return None
+        numbers = self._numbers()
+        return None if numbers.margin is None else (numbers.margin, numbers.unit)
+
     def _unjudgeable(self) -> str | None:
         """Returns the reason why the requirement cannot be judged after the run; None if it can."""
         return None

@@ -46,6 +46,10 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
         """Simulated time limit of the run, in seconds."""
         return self.asked.limit_s
 
+    def margin_until(self, time_s: float) -> tuple[float, str | None] | None:
+        """Returns the time that is left, in seconds; negative beyond the limit."""
+        return None if self.error is not None else (self.asked.limit_s - time_s, "s")
+
     def _unjudgeable(self) -> str | None:
         self.update(self._end_s)
         if self.violated_s is None and self._ended_by == RunStop.DURATION_LIMIT:

@@ -199,6 +199,22 @@ class Bag:
             self._reading.remove(reader)
             _closed(reader)
 
+    def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Yields the receive times (ns) and bytes of a topic's messages: decoding takes ten times as long.
+
+        Raises:
+            RecordingFault: The recording is damaged.
+        """
+        reader = self._opened()
+        try:
+            wanted = [each for each in reader.connections if each.topic == topic and each.msgcount]
+            for _, time_ns, data in reader.messages(connections=wanted) if wanted else ():
+                yield time_ns, data
+        except Exception as error:  # see above
+            raise RecordingFault(f"{self.path} is damaged: on {topic}: {_text_of(error)}") from error
+        finally:
+            _closed(reader)
+
     def _read(self, reader: Any, topics: Collection[str]) -> Iterator[Message]:
         wanted: list[Connection] = [each for each in reader.connections if each.topic in topics and each.msgcount]
         store, seen = self._types(wanted), 0

@@ -22,6 +22,7 @@ from ..states.state_log import StateLogger
 from ..video.live_view import LiveView
 from ..video.video import VideoWatcher
 from ..video.video_settings import STATE_LOG_FOLDER, settings_of
+from .timeline_recorder import TimelineRecorder
 
 _PERIOD_S = 0.5
 """Simulated seconds between two points of the path at the beginning."""
@@ -111,9 +112,11 @@ def make_observers(
     found: list[Observer] = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
     if plan.video != "none":  # also for videos that are made afterwards (`failure_videos`)
         found.append(StateLogger(plan.work_dir / STATE_LOG_FOLDER, settings_of(plan).rate_hz))
-    if plan.video == "always":  # before the requirements, so that it shows the state that ended the run
-        found.append(VideoWatcher(plan.output_dir, video_backend, settings_of(plan)))
-    found.append(RequirementsObserver(plan))
+    video = VideoWatcher(plan.output_dir, video_backend, settings_of(plan)) if plan.video == "always" else None
+    if video is not None:  # before the requirements, so that it shows the state that ended the run
+        found.append(video)
+    requirements = RequirementsObserver(plan)
+    found += [requirements, TimelineRecorder(plan.output_dir, requirements, video.times if video is not None else dict)]
     if plan.live_view_port is not None:
         found.append(LiveView(plan, video_backend, settings_of(plan)))
     if plan.world_dir is not None:  # for plans of worlds with the path so far

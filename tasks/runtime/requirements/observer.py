@@ -7,7 +7,7 @@ from typing import Any
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
-from ....schemas.runs.requirement_kinds.kind import Look, NotMeasuredError, RequirementError, Rule
+from ....schemas.runs.requirement_kinds.kind import Look, NotMeasuredError, Requirement, RequirementError, Rule
 from ....schemas.runs.requirement_kinds.off import OffRule
 from ....schemas.runs.requirements import JobRequirement, parse_requirements
 from ....schemas.wire.errors import InvalidParameterException
@@ -44,6 +44,18 @@ class RequirementsObserver(Observer):
         self._world = cache(lambda: _world_of(plan) if world is None else world)
         self._data: Any = None
         self._time_s = 0.0
+        self.judged: list[Requirement] = []
+        """The judged requirements, once the observer is closed."""
+
+    @property
+    def rules(self) -> list[Rule[Any]]:
+        """Rules that judge the run, in the order of the requirements; empty before its first step."""
+        return self._rules or []
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time of the last check, in seconds."""
+        return self._time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Checks the requirements that are due.
@@ -103,7 +115,7 @@ class RequirementsObserver(Observer):
                 rule.fail(_NEVER_BEGAN)
         for check in self._checks:
             check.note_room()
-        judged = [rule.judged(self._time_s, ended_by) for rule in rules]
+        judged = self.judged = [rule.judged(self._time_s, ended_by) for rule in rules]
         notes = [note for rule in rules if (note := rule.remark()) is not None]
         if ended_by == RunStop.DURATION_LIMIT and (cut := self._cut_in_words(rules)):
             notes.append(cut)

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from PIL import Image as PillowImage
 
+from ..episode.run_timeline import FilmTimes, add_videos
 from ..limits.processes import die_with_parent
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError, awake, work_out_places
@@ -47,18 +48,23 @@ def write_videos(request: VideoRequest) -> None:
     clip, video = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
     is_short = log.end_s <= CLIP_S
     # For a short run the clip is the whole video.
-    last = write_video(log, clip, request.settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
+    last, times = write_video(log, clip, request.settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
+    shown = {CLIP_FILE: times}
     poster = request.output_dir / POSTER_FILE
     for path in (poster, video) if request.whole_video else (poster,):
         path.unlink(missing_ok=True)  # programs may have left a link there
     PillowImage.fromarray(last).save(poster)
     if request.whole_video and is_short:
         shutil.copyfile(clip, video)
+        shown[VIDEO_FILE] = times
     elif request.whole_video:
-        write_video(log, video, request.settings, request.backend)
+        _, shown[VIDEO_FILE] = write_video(log, video, request.settings, request.backend)
+    add_videos(shown, request.output_dir)
 
 
-def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
+def write_video(
+    log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0
+) -> tuple[Image, FilmTimes]:
     """Renders one video from a state log, from a start time to the end.
 
     Args:
@@ -69,15 +75,16 @@ def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str
         begin_s: Simulated time of the first image.
 
     Returns:
-        The last picture.
+        The last picture, and the simulated times that the video shows.
 
     Raises:
         Exception: OpenGL does not work here, or the file cannot be written.
     """
     writer: VideoWriter | None = None
     picture: Image | None = None
+    begin = _first_frame(log, settings, begin_s)
     try:
-        for picture in _pictures(log, settings, backend, begin_s):
+        for picture in _pictures(log, settings, backend, begin):
             if writer is None:
                 writer = VideoWriter(path, (picture.shape[1], picture.shape[0]), settings.rate_hz)
             writer.add(picture)
@@ -88,12 +95,16 @@ def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str
         if writer is not None:
             writer.abandon()
         raise
-    return picture
+    return picture, FilmTimes(begins_s=begin / settings.rate_hz, rate_hz=settings.rate_hz, frames=writer.frames)
 
 
-def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin_s: float) -> Iterator[Image]:
-    """Yields the images of the video's frames; at least that of the last state."""
-    begin = min(math.ceil(begin_s * settings.rate_hz - 1e-6), math.floor(log.end_s * settings.rate_hz + 1e-6))
+def _first_frame(log: StateLog, settings: VideoSettings, begin_s: float) -> int:
+    """Returns the number of the first frame, counted from simulated time 0; at the latest that of the last state."""
+    return min(math.ceil(begin_s * settings.rate_hz - 1e-6), math.floor(log.end_s * settings.rate_hz + 1e-6))
+
+
+def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin: int) -> Iterator[Image]:
+    """Yields the images of the video's frames from a number on; at least that of the last state."""
     for segment in log.segments:
         last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)
         if last >= begin:

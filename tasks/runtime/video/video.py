@@ -16,6 +16,7 @@ from PIL import Image as PillowImage
 from ....schemas.worlds.appearance import appearance_named
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
+from ..episode.run_timeline import FilmTimes
 from ..rendering.cameras import Camera, Depths, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import CameraNameError, View, choose_views
@@ -209,6 +210,7 @@ class VideoWatcher(Observer):
         self._renderer: ViewRenderer | None = None
         self._writer: VideoWriter | None = None
         self._poster: Image | None = None
+        self._is_finished = False
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Renders a frame, and repeats it for frames that a long control step skipped."""
@@ -242,6 +244,7 @@ class VideoWatcher(Observer):
         try:
             if self._writer is not None and self._poster is not None:
                 self._writer.close()
+                self._is_finished = True
                 PillowImage.fromarray(self._poster).save(self._output_dir / POSTER_FILE)
         except Exception:
             self._give_up()
@@ -257,6 +260,13 @@ class VideoWatcher(Observer):
         return Findings(
             {"video_backend": self._backend} | ({"video_begins_s": self._begins_s} if self._begins_s else {})
         )
+
+    def times(self) -> dict[str, FilmTimes]:
+        """Returns the simulated times that the finished video shows, by its file name; empty without one."""
+        if self._writer is None or not self._is_finished:
+            return {}
+        times = FilmTimes(begins_s=self._begins_s, rate_hz=self._writer.rate_hz, frames=self._writer.frames)
+        return {VIDEO_FILE: times}
 
     def restore(self, state: float, environment: Any) -> None:
         """Begins a new video for a resumed run, because the earlier one was lost."""

@@ -10,6 +10,7 @@ from helpers.browser import NEEDS_BROWSER, Browser, Page, browsing
 from helpers.console_pages import check_rules
 from helpers.endpoint_process import Serve, Served
 from helpers.small_flat import ROLE
+from helpers.time_lines import check_time_line
 
 pytestmark = [pytest.mark.deep, NEEDS_BROWSER, pytest.mark.usefixtures("known_worlds"), pytest.mark.timeout(1200)]
 JOBS = 2
@@ -55,7 +56,7 @@ def follow_link(page: Page, text: str, links: str = "main a") -> None:
 
 
 def test_a_newcomer_comes_to_the_video_of_the_failing_job(
-    serve: Serve, generate: Any, browser: Browser, prefect_server: str, axe: str
+    serve: Serve, generate: Any, browser: Browser, prefect_server: str, axe: str, tmp_path: Path
 ) -> None:
     world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
     with serve(PREFECT_API_URL=prefect_server) as served, browser.page() as page:
@@ -79,11 +80,12 @@ def test_a_newcomer_comes_to_the_video_of_the_failing_job(
             lambda page: page.evaluate("document.querySelector('video[src$=\"/video.mp4\"]')?.duration") > 0.5, "film"
         )
         assert page.evaluate("document.querySelectorAll('svg .path').length") >= 1
+        check_time_line(page, f"{page.address.partition('#')[0]}/files", tmp_path)
         check_rules(page, axe)
         follow_link(page, "two rooms", "main a[href*='/console/worlds/']")
         page.wait_for_text("all guarantees hold")
         check_rules(page, axe)
-        for path in ("", "/jobs", "/batches", "/worlds", "/runs", "/search?q=nothing"):
+        for path in ("", "/failures", "/jobs", "/batches", "/worlds", "/runs", "/search?q=nothing"):
             page.load(f"{served.url}/console{path}", 1280)
             for width in (1280, 400):
                 page.resize(width)

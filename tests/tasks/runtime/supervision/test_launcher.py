@@ -227,7 +227,8 @@ class TestFailures:
     def test_no_recording_unless_asked(self, launcher: Launcher, make_plan: Plan) -> None:
         plan = make_plan(record=False)
         launcher.run(plan, never)
-        assert sorted(path.name for path in plan.output_dir.iterdir()) == ["logs", "provenance.json", "result.json"]
+        names = ["logs", "provenance.json", "result.json", "timeline.json"]
+        assert sorted(path.name for path in plan.output_dir.iterdir()) == names
 
 
 class TestStopping:

@@ -15,6 +15,7 @@ from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import RunStop
+from prefect_robomaker.tasks.runtime.episode.run_timeline import TIMELINE_FILE, FilmTimes, read_timeline
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.failure_videos import has_failed, record_failure_videos
 
@@ -112,6 +113,9 @@ def test_the_clip_has_the_last_ten_seconds(launcher: Launcher, plan_of: PlanOf) 
     assert (len(film), len(clip)) == (49, 41)
     assert np.abs(film[8].astype(int) - clip[0]).mean() < 4
     assert ball_row(film[0]) < ball_row(clip[0]) - 20
+    times = read_timeline((plan.output_dir / TIMELINE_FILE).read_bytes()).videos
+    assert times["video.mp4"] == FilmTimes(begins_s=0.0, rate_hz=4, frames=len(film))
+    assert times["last-10s.mp4"] == FilmTimes(begins_s=2.0, rate_hz=4, frames=len(clip))
 
 
 @pytest.mark.deep
@@ -147,6 +151,10 @@ def test_with_always_a_run_that_passes_has_no_clip(launcher: Launcher, plan_of: 
     plan = plan_of(video="always", END="pass")
     launcher.run(plan, lambda: None)
     assert films_in(plan) == {"video.mp4", "poster.png"}
+    [times] = read_timeline((plan.output_dir / TIMELINE_FILE).read_bytes()).videos.values()
+    result = json.loads((plan.output_dir / "result.json").read_text())
+    assert times.frames == len(frames(plan.output_dir / "video.mp4"))
+    assert 0 <= times.ends_s - result["sim_time_s"] <= 1.01 / times.rate_hz, "no frame is missing"
 
 
 def test_a_run_that_fails_before_its_first_step_says_why_there_is_no_film(launcher: Launcher, make_plan: Any) -> None:

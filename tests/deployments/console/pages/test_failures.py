@@ -1,0 +1,73 @@
+"""Failures by reason on the first page, and known ones apart."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.tasks.service.service import Service
+
+KNOWN = "anna until 2027-01-15: ticket 512"
+
+
+def rows(page: str) -> list[tuple[str, int]]:
+    """Reason and number of jobs of each row."""
+    found = re.findall(r"<strong>([^<]*)</strong> <span class=\"unit\">(\d+) jobs?</span>", page)
+    return [(reason, int(count)) for reason, count in found]
+
+
+def store_known(service: Service, store_job: Callable[..., str]) -> tuple[str, str]:
+    """Stores a night of which one job failed, another one as its specification knows, and returns their ids."""
+    run_id = make_night("F").run_id
+    ids = [store_job(verdict="FAIL", verdict_reason="gentle: 9 N", spec_run=run_id) for _ in range(2)]
+    jobs = [make_job(index, "F").model_copy(update={"label": each}) for index, each in enumerate(ids)]
+    jobs = [job.model_copy(update={"arn": service.arn("simulation-job", job.label)}) for job in jobs]
+    noisy = Requirement(name="low_noise", satisfied=False, detail="loud")
+    jobs[0] = jobs[0].model_copy(update={"requirements": [*jobs[0].requirements, noisy]})
+    jobs[1] = jobs[1].model_copy(update={"known": KNOWN})
+    store_night(make_night(jobs, runs=service.settings.home / "runs"))
+    return ids[0], ids[1]
+
+
+def test_failures_are_grouped_by_what_was_missed(browser: Any, store_job: Callable[..., str]) -> None:
+    for value in (3, 4):
+        store_job(verdict="FAIL", verdict_reason=f"quick: {value} s; soft: {value} N; 2 harder, 1 allowed: chair 2x")
+    newest = store_job(verdict="FAIL", verdict_reason="quick: 5 s; soft: 5 N", files={"poster.png": b"p"})
+    store_job("Failed", failure_code="RobotApplicationCrash", failure_reason="boom")
+    store_job(verdict="PASS")
+    page = browser.get("/console").text
+    assert sorted(rows(page)) == [("RobotApplicationCrash", 1), ("quick, soft", 3)]
+    assert f'Newest: <a href="/console/jobs/{newest}">' in page
+    assert f'src="/console/jobs/{newest}/files/poster.png"' in page
+    [address] = re.findall(r'href="(/console/failures\?[^"]*)"', page)
+    every = browser.get(address.replace("&amp;", "&")).text
+    assert len(set(re.findall(r'href="/console/jobs/(sim-\w+)"', every))) == 3
+    assert sorted(rows(browser.get("/console/failures").text)) == sorted(rows(page))
+
+
+def test_known_failures_stand_apart(browser: Any, service: Service, store_job: Callable[..., str]) -> None:
+    failed, known = store_known(service, store_job)
+    red, _, apart = browser.get("/console").text.partition('id="known-failures"')
+    assert ">nightly</h3>" in red
+    assert rows(red) == [("gentle, low noise", 1)], "in the words of the report's table"
+    assert failed in red
+    assert known not in red.partition('id="failures"')[2]
+    assert rows(apart.partition("</section>")[0]) == [("gentle", 1)]
+    assert KNOWN in apart
+    assert "badge failed" not in apart.partition("</section>")[0]
+
+
+def test_the_page_of_a_run_and_of_a_job_says_what_is_known(
+    browser: Any, service: Service, store_job: Callable[..., str]
+) -> None:
+    failed, known = store_known(service, store_job)
+    run_id = make_night("F").run_id
+    others, _, apart = browser.get(f"/console/runs/{run_id}").text.partition('id="known-title"')
+    assert "1 failure known" in others
+    assert failed in others
+    assert known not in others
+    assert known in apart
+    assert KNOWN in apart
+    assert "badge failed" not in apart

@@ -1,0 +1,159 @@
+"""The time line of a job's page: what is in step, and what it says of parts that are missing."""
+
+import json
+import re
+from collections.abc import Callable
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult
+from prefect_robomaker.tasks.runtime.episode.run_timeline import FilmTimes, LogSeries, MarginSeries, RunTimeline
+from prefect_robomaker.tasks.runtime.recording import messages as ros
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+
+END_S = 40.0
+RESULT = RunResult(
+    verdict="FAIL", sim_time_s=END_S, wall_time_s=1, real_time_factor=20, ended_by="environment", seed=1,
+    rooms=[RoomVisit(name="Hall", visited=True, first_visit_s=3)],
+    collisions=[Collision(time_s=12.5, duration_s=0.1, x=0, y=0, other="chair_3", max_force_N=12.34)],
+    requirements=[
+        Requirement(name="soft", satisfied=False, detail="12 N", first_violation_s=12.5, margin=-7, unit="N"),
+    ],
+    path=[(0.0, 0.0, -1.0), (20.0, 2.0, -1.0), (40.0, 4.0, -1.0)],
+)  # fmt: skip
+TIMELINE = RunTimeline(
+    margins=[MarginSeries(requirement="soft", unit="N", samples=[(0.0, 5.0), (12.5, -7.0)])],
+    logs=[LogSeries(name="logs/stdout.log", samples=[(0.0, 6), (12.5, 12)])],
+    videos={
+        "video.mp4": FilmTimes(begins_s=0, rate_hz=10, frames=401),
+        "last-10s.mp4": FilmTimes(begins_s=30, rate_hz=10, frames=101),
+    },
+)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> bytes:
+    """A recording of 40 s at 50 Hz, with more poses than a page gets: at `t` the robot is at x = t / 10."""
+    path = tmp_path / "recorded" / "recording.mcap"
+    path.parent.mkdir()
+    with McapRecorder(path) as recorder:
+        for index in range(501):
+            time_s = index * END_S / 500
+            pose = ros.Pose(ros.Vector3(time_s / 10, -1.0, 0.0), ros.Quaternion(0.0, 0.0, 1.0, 0.0))
+            header = ros.Header(ros.Time.from_seconds(time_s), "odom")
+            recorder.write("/odom", ros.Odometry(header, "base_link", pose, ros.Twist()), time_s)
+    return path.read_bytes()
+
+
+def outputs(result: RunResult | None = RESULT, timeline: RunTimeline | None = TIMELINE, **files: bytes) -> Any:
+    """Files of a run, with underscores for dots in the names of further ones."""
+    found = {name.replace("_", "."): content for name, content in files.items()}
+    if result is not None:
+        found["result.json"] = result.model_dump_json().encode()
+    if timeline is not None:
+        found["timeline.json"] = timeline.model_dump_json().encode()
+    return found
+
+
+def gaps(page: str) -> list[str]:
+    found = re.search(r'id="gaps">(.*?)</ul>', page, re.DOTALL)
+    return [] if found is None else [unescape(each) for each in re.findall(r"<li>(.*?)</li>", found[1])]
+
+
+def test_a_page_has_poses_marks_margins_and_times_of_lines_and_videos(
+    browser: Any, store_job: Callable[..., str], recording: bytes
+) -> None:
+    files = outputs(recording_mcap=recording, video_mp4=b"film") | {
+        "last-10s.mp4": b"film", "logs/stdout.log": b"first\ntouch\nlast\n",
+    }  # fmt: skip
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert gaps(page) == []
+    assert re.findall(r'href="#t=([\d.]+)"', page) == ["3.0", "12.5", "12.5"]
+    assert "robot touches chair_3, 12.3 N" in page
+    assert "Jump to the first violation" in page
+    assert '<span data-t="0.0">first\n</span><span data-t="12.5">touch\n</span><span>last\n</span>' in page
+    assert 'data-begins="0.0" data-rate="10.0" data-frames="401"' in page
+    assert 'data-begins="30.0" data-rate="10.0" data-frames="101"' in page
+    assert json.loads(unescape(re.findall(r'data-samples="([^"]*)"', page)[0])) == [[0.0, 5.0], [12.5, -7.0]]
+    sent = browser.get(f"/console/jobs/{job}/timeline").json()
+    assert sent["missing"] == []
+    assert sent["end_s"] == END_S
+    assert [pose[1] for pose in sent["poses"]] == pytest.approx([pose[0] / 10 for pose in sent["poses"]])
+    assert all(abs(abs(pose[3]) - 3.1416) < 1e-3 for pose in sent["poses"])
+    assert "style=" not in page.partition('id="timeline"')[2].partition("</section>")[0], "the policy allows none"
+
+
+def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: Callable[..., str]) -> None:
+    bare = store_job(verdict="FAIL", files=outputs(timeline=None))
+    page = browser.get(f"/console/jobs/{bare}").text
+    assert [each.partition(":")[0].partition(",")[0] for each in gaps(page)] == [
+        "There are no margins", "There is no video.",
+    ]  # fmt: skip
+    assert "robot touches chair_3" in page
+    sent = browser.get(f"/console/jobs/{bare}/timeline").json()
+    assert sent["missing"] == ["There is no recording. The plan has the places of result.json, without headings."]
+    assert sent["poses"] == [[0.0, 0.0, -1.0, None], [20.0, 2.0, -1.0, None], [40.0, 4.0, -1.0, None]]
+    nothing = store_job("Failed", files={"logs/stderr.log": b"boom"})
+    assert gaps(browser.get(f"/console/jobs/{nothing}").text) == [
+        "There is no time line: the run left no simulated time."
+    ]
+    running = store_job("Running")
+    assert "The time line comes" in browser.get(f"/console/jobs/{running}").text
+    assert browser.get(f"/console/jobs/{running}/timeline").json()["poses"] == []
+
+
+@pytest.mark.parametrize("path", [[(0.0, 0.0, -1.0), (20.0, 2.4, -1.0)], [(40.0, 4.0, 0.0)], []])
+def test_places_of_another_odometry_are_not_shown(
+    browser: Any, store_job: Callable[..., str], recording: bytes, path: list[tuple[float, float, float]]
+) -> None:
+    job = store_job(verdict="FAIL", files=outputs(RESULT.model_copy(update={"path": path}), recording_mcap=recording))
+    sent = browser.get(f"/console/jobs/{job}/timeline").json()
+    assert sent["missing"][0].startswith("The places on /odom are not those of result.json.")
+    assert [tuple(pose[:3]) for pose in sent["poses"]] == path
+
+
+@pytest.mark.parametrize(("frames", "is_in_step"), [(401, True), (395, False), (410, False), (800, False)])
+def test_a_video_that_lasts_otherwise_than_the_run_is_not_in_step(
+    browser: Any, store_job: Callable[..., str], frames: int, is_in_step: bool
+) -> None:
+    videos = {"video.mp4": FilmTimes(begins_s=0, rate_hz=10, frames=frames)}
+    job = store_job(verdict="FAIL", files=outputs(timeline=RunTimeline(videos=videos), video_mp4=b"film"))
+    page = browser.get(f"/console/jobs/{job}").text
+    assert ("data-begins" in page) == is_in_step
+    assert any("video.mp4 does not follow" in each for each in gaps(page)) != is_in_step
+    assert "/files/video.mp4" in page
+
+
+def test_a_video_without_recorded_times_is_not_in_step(browser: Any, store_job: Callable[..., str]) -> None:
+    job = store_job(verdict="FAIL", files=outputs(timeline=RunTimeline(), video_mp4=b"film"))
+    assert "video.mp4 does not follow: its simulated times are not recorded." in gaps(
+        browser.get(f"/console/jobs/{job}").text
+    )
+
+
+def test_a_job_with_trials_shows_one_that_was_recorded(
+    browser: Any, store_job: Callable[..., str], recording: bytes
+) -> None:
+    summary = {"planned": 3, "counts": {"passed": 2, "failed": 1}, "recorded": [1, 2]}
+    whole = RESULT.model_copy(update={"rooms": [], "collisions": [], "path": [], "extra": {"trials": summary}})
+    files = outputs(whole, None, video_mp4=b"film of nobody knows what")
+    for trial in (1, 2):
+        end_s = END_S if trial == 2 else 20.0
+        own = RESULT.model_copy(update={"sim_time_s": end_s})
+        files |= {f"trials/{trial:06d}/{name}": data for name, data in outputs(own, recording_mcap=recording).items()}
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert "Time line of trial 1" in page
+    assert f'data-poses="/console/jobs/{job}/timeline?trial=1" data-end="20.0"' in page
+    assert "Path of trial 1" in page
+    assert 'aria-current="page">trial 1' in page
+    other = browser.get(f"/console/jobs/{job}?trial=2").text
+    assert f'timeline?trial=2" data-end="{END_S}"' in other
+    assert browser.get(f"/console/jobs/{job}/timeline?trial=2").json()["end_s"] == END_S
+    summary["recorded"] = []
+    bare = store_job(verdict="FAIL", files=outputs(whole.model_copy(update={"extra": {"trials": summary}})))
+    assert gaps(browser.get(f"/console/jobs/{bare}").text)[0].startswith("None of its trials was recorded")
