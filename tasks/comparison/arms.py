@@ -22,7 +22,7 @@ from ..results.rates import share_of
 from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
 from .e_processes import fewest_worlds
-from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
+from .pairing import BROKEN, FAILED, PASSED, CellPlace, Pair, TrialPairs, outcomes_of, pair_trials, place_beside
 
 ALPHA = 0.05
 """Error probability of all comparisons of a run together; the intervals have it each."""
@@ -30,9 +30,6 @@ MOST_COMPARED = 20
 """Values of an axis that are compared with its first one; with more, Holm's method finds little."""
 MOST_SHOWN = 50
 """Values of an axis that have a row of their own."""
-
-_Place = tuple[str, int | None, tuple[tuple[str, Value], ...]]
-"""World, seed and values of the other axes: what a pair has in common."""
 
 
 def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
@@ -203,19 +200,12 @@ class _Axis:
             self.states[old] is not None and self.states[old] == self.states[new] for old, new in rows
         )
 
-    def _placed(self, value: Value) -> dict[_Place, JobRecord]:
-        return {_place(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
+    def _placed(self, value: Value) -> dict[CellPlace, JobRecord]:
+        return {place_beside(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
 
     @property
     def _of_step(self) -> set[str]:
         return {name for job in self.jobs for name in job.axes}
-
-
-def _place(job: JobRecord, axis: str) -> _Place:
-    others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
-    # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
-    inputs = job.inputs
-    return (inputs.world or "", inputs.seed, others) if inputs else (job.label, None, others)
 
 
 def _rate(trials: TrialPairs) -> RateChange | None:
