@@ -123,14 +123,21 @@ def compared_page(
     )
 
 
-def further_lines(sides: Sides, shown: int) -> list[PairLine]:
-    """Returns the pairs behind the first ones as rows of a table.
+def compared_file(sides: Sides, service: Service) -> ComparisonPage:
+    """Makes the values of a page that is a file: cards of the first pairs, and rows of the others.
 
     Args:
         sides: Both sides.
-        shown: Number of pairs that have cards.
+        service: Service that stores outputs and worlds.
     """
-    return [PairLine(name_of(pair.after).title, (pair.before, pair.after)) for pair in sides.pairs[shown:]]
+    lines = [PairLine(name_of(pair.after).title, (pair.before, pair.after)) for pair in sides.pairs[MOST_CARDS:]]
+    return compared_page(sides, service, _local_link, lines=lines)
+
+
+def _local_link(job: JobRecord, file: ReportedFile) -> str:
+    """Returns the URL of a video on this machine; one in another object store has none that a browser opens."""
+    del job
+    return file.uri if file.uri.startswith("file:///") else ""
 
 
 def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool]) -> Drive:

@@ -33,6 +33,11 @@ class StepAxis:
     titles: tuple[str, ...]
     """The values in words; of worlds, which are called after their content, the names that they have in the run."""
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The values as texts, as the results of axes have them."""
+        return tuple(map(value_text, self.values))
+
 
 def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
     """Returns the axes of a run's steps that have two values or more.

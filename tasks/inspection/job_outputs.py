@@ -91,6 +91,21 @@ def drive_of(job: JobRecord, service: Service) -> Drive:
     )
 
 
+def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:
+    """Returns the digests of all states that jobs with axes went through, by label, as far as results have them.
+
+    Args:
+        jobs: Records of a run's jobs.
+        service: Service that stores their outputs.
+    """
+    drives = {job.label: drive_of(job, service) for job in jobs if job.axes}
+    return {
+        label: drive.result.state_digest
+        for label, drive in drives.items()
+        if drive.result is not None and drive.result.state_digest
+    }
+
+
 def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | None, str, str]:
     """Returns the description of the world that a request names, the digest of its content, and why there is none."""
     arn = world_arn(request)
