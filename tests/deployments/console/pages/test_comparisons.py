@@ -9,6 +9,9 @@ import pytest
 from helpers.driven_runs import content_of, drive, two_runs
 from helpers.night_records import make_job, make_night, store_night
 
+from prefect_robomaker.deployments.compared_pages import Sides, compared_page
+from prefect_robomaker.schemas.reports.run_record import UsedApplication
+from prefect_robomaker.tasks.reporting.nights.beside import PairView
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = pytest.mark.usefixtures("known_worlds")
@@ -137,3 +140,37 @@ def test_the_page_of_a_run_leads_to_others_and_to_its_axes(browser: Any, service
     assert len(cards_of(cells)) == 1
     assert browser.get("/console/compare/cells?run=none&step=drive&axis=robot&first=0&other=1").status_code == 404
     assert browser.get(link.replace("robot", "gripper")).status_code == 404
+
+
+def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_jobs(
+    service: Service, tmp_path: Path
+) -> None:
+    def cards(digests: str, is_seen: bool = True) -> list[PairView]:
+        jobs = [
+            drive(service, tmp_path / f"{digests}-{is_seen}", "P", world=None, night=night)
+            for night in (0, 1)
+        ]  # fmt: skip
+        jobs = [
+            job.model_copy(
+                update={"inputs": job.inputs and job.inputs.model_copy(update={"applications": [simulation(digest)]})}
+            )
+            for job, digest in zip(jobs, digests, strict=True)
+        ]
+        sides = Sides.of_runs(*(make_night([job], night) for night, job in enumerate(jobs)))
+        return list(compared_page(sides, service, lambda *_: "", is_seen=lambda _: is_seen).cards)
+
+    [same], [other], [hidden] = cards("aa"), cards("ab"), cards("cc", is_seen=False)
+
+    assert str(same.plan).count("data-times=") == 2
+    assert "<use" not in str(same.plan)
+    assert same.note == "The jobs drove in no generated world, so that there is no plan."
+    assert other.plan is None
+    assert "it is not known that their simulation applications are the same" in other.note
+    assert hidden.plan is None
+    assert hidden.before.no_film == "This job is not shown to your access key."
+    assert hidden.end_s == 0.0
+
+
+def simulation(digest: str) -> UsedApplication:
+    """A simulation application of some content."""
+    return UsedApplication(role="simulation", name="arena", digest=digest)
