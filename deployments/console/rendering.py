@@ -11,7 +11,7 @@ from urllib.parse import quote
 import jinja2
 
 from ...schemas.wings import parts_of_wings
-from ...tasks.reporting import outcomes, page_environment, page_styles, report_script
+from ...tasks.reporting import outcomes, page_environment, page_script, page_styles
 
 _FOLDER = Path(__file__).parent
 HOME = "/console"
@@ -31,9 +31,7 @@ def asset(name: str) -> str:
     Raises:
         KeyError: the name is that of none.
     """
-    before: dict[str, Callable[[], str]] = {
-        "console.css": page_styles, "console.js": report_script, "timeline.js": str
-    }  # fmt: skip
+    before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": page_script}
     return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")
 
 

@@ -15,7 +15,8 @@ from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
 from ...tasks.comparison.compared_runs import NightRun
-from ...tasks.inspection.run_records import RECORD_NAME, read_record, since_last
+from ...tasks.comparison.side_by_side import axes_of
+from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, read_record, since_last
 from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing, read_standing
 from .batches import batches_of_run
@@ -26,6 +27,13 @@ _MOST_LATEST = 5
 _MOST_SHOWN = 40
 _MOST_LOOKED_AT = 200
 """Number of the newest runs that are searched for those that a visitor may see."""
+
+_MOST_OTHERS = 100
+_MOST_OTHERS_SEEN = 20
+"""Limit of the runs offered to an access key with restricted resources, as each job of each run is looked up."""
+
+_MOST_VALUES = 21
+"""Values of an axis that are linked: the first one and twenty others, as in reports."""
 
 _FILE_LINK = re.compile(r'href="(file://[^"]*)"')
 _OPEN_PAGE = {"content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}
@@ -55,7 +63,20 @@ def show(visit: Visit) -> Response:
         why=view_why(read_why(_path(visit).parent)),
         job_links={job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn},
         has_report=_path(visit).with_name("report.html").is_file(),
+        others=_others(record, visit),
+        axes=axes_of(record.jobs),
+        most_values=_MOST_VALUES,
     )
+
+
+def _others(record: RunRecord, visit: Visit) -> list[str]:
+    """Returns the ids of other runs of the specification that the visitor may see, the run before first."""
+    ids = ids_of_runs(visit.service.settings.home / "runs", record.name)
+    place = ids.index(record.run_id) if record.run_id in ids else -1
+    nearest = [*ids[place + 1 :], *reversed(ids[: max(place, 0)])]  # those before it, then those after it
+    if visit.sees_all:
+        return nearest[:_MOST_OTHERS]
+    return [run_id for run_id in nearest[:_MOST_OTHERS_SEEN] if is_known(run_id, visit)]
 
 
 def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:

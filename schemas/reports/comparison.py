@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from ..runs.requirement_kinds.kind import Requirement
 from ..wire.base import Model, optional
 from .against import Answer
 from .changes import CellName, ChangedInput, Losses, RequirementChange
@@ -32,6 +33,20 @@ class PairedJob(Model):
     after_job: str = Field(description="Id of the job in the second run.")
     reason: str = Field(default="", description="Reason why the job did not pass, from the run in which it did not.")
     newly_missed: list[str] = Field(default=[], description="Requirements that it met before, and misses after.")
+
+
+RequirementTurn = Literal["better", "worse", "unchanged", "not comparable"]
+"""Change of one requirement of a job from one run to another."""
+
+
+class RequirementBeside(Model):
+    """A requirement of two paired jobs, with its outcome in each and what changed."""
+
+    name: str = Field(description="The requirement.")
+    before: Requirement | None = optional("Its outcome in the first job; absent: that job's result has none.")
+    after: Requirement | None = optional("Its outcome in the second job; absent: that job's result has none.")
+    turn: RequirementTurn = Field(description="Whether the second job meets it better than the first.")
+    why: str = Field(default="", description="Change of the margin, or the reason why nothing can be said, as text.")
 
 
 Test = Literal["exact McNemar", "sign flip of worlds"]

@@ -26,7 +26,7 @@ from ..results.rates import share_of
 from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
 from .e_processes import fewest_worlds
-from .pairing import BROKEN, FAILED, PASSED, Pair, TrialPairs, outcomes_of, pair_trials
+from .pairing import BROKEN, FAILED, PASSED, CellPlace, Pair, TrialPairs, outcomes_of, pair_trials, place_beside
 
 ALPHA = 0.05
 """Error probability of all comparisons of a run together, and of those of each axis that varies the world."""
@@ -34,9 +34,6 @@ MOST_COMPARED = 20
 """Values of an axis that are compared with its first one; with more, Holm's method finds little."""
 MOST_SHOWN = 50
 """Values of an axis that have a row of their own."""
-
-_Place = tuple[str, int | None, tuple[tuple[str, Value], ...]]
-"""World, seed and values of the other axes: what a pair has in common; no world where the axis varies it."""
 
 
 def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
@@ -218,59 +215,12 @@ class _Axis:
             self.states[old] is not None and self.states[old] == self.states[new] for old, new in rows
         )
 
-    def _pairs(self, baseline: Value, value: Value) -> list[Pair]:
-        """Pairs of jobs in the same world; where there are none, the axis varies the world, and they share all else."""
-        for with_world in (True, False):
-            first, other = (self._placed(each, with_world=with_world) for each in (baseline, value))
-            if pairs := [Pair(first[place], job) for place, job in other.items() if place in first]:
-                return pairs
-        return []
-
-    def _placed(self, value: Value, *, with_world: bool) -> dict[_Place, JobRecord]:
-        jobs = [job for job in self.jobs if job.axes.get(self.name) == value]
-        places = [_place(job, self.name, with_world=with_world) for job in jobs]
-        times = Counter(places)
-        # Jobs of one place in several worlds do not have theirs from the axes, so that nothing says which are a pair.
-        return {place: job for place, job in zip(places, jobs, strict=True) if with_world or times[place] == 1}
+    def _placed(self, value: Value) -> dict[CellPlace, JobRecord]:
+        return {place_beside(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
 
     @property
     def _of_step(self) -> set[str]:
         return {name for job in self.jobs for name in job.axes}
-
-
-def joined(links: Sequence[tuple[str, str]]) -> list[int]:
-    """Numbers the clusters that links make: those that share an end, directly or through others, are one.
-
-    Args:
-        links: Both ends of each link.
-
-    Returns:
-        For each link the number of its cluster, from 0.
-    """
-    leads: dict[str, str] = {}
-
-    def root(end: str) -> str:
-        while (above := leads.setdefault(end, end)) != end:
-            end = above
-        return end
-
-    for one, other in links:
-        leads[root(one)] = root(other)
-    numbers: dict[str, int] = {}
-    return [numbers.setdefault(root(one), len(numbers)) for one, _ in links]
-
-
-def _world_of(job: JobRecord) -> str:
-    return (job.inputs and job.inputs.world) or ""
-
-
-def _place(job: JobRecord, axis: str, *, with_world: bool) -> _Place:
-    others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
-    # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
-    inputs = job.inputs
-    if inputs is None:
-        return job.label, None, others
-    return (inputs.world or "") if with_world else "", inputs.seed, others
 
 
 def _rate(trials: TrialPairs) -> RateChange | None:

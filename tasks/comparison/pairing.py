@@ -94,6 +94,23 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
     return Pairing(pairs, [job for job in before if id(job) not in paired], only_after)
 
 
+CellPlace = tuple[str, int | None, tuple[tuple[str, Value], ...]]
+"""World, seed and values of the other axes: what two cells of an axis have in common."""
+
+
+def place_beside(job: JobRecord, axis: str) -> CellPlace:
+    """Returns what a job of a step has in common with those that differ from it in one axis only.
+
+    Args:
+        job: The job.
+        axis: Name of the axis in which they differ.
+    """
+    others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
+    # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
+    inputs = job.inputs
+    return (inputs.world or "", inputs.seed, others) if inputs else (job.label, None, others)
+
+
 def _own(job: JobRecord) -> frozenset[Asked]:
     """Returns the names of the environment's own requirements, whether they count or not."""
     return frozenset((item.name, None) for item in job.requirements if item.kind is None)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
-from ...schemas.operations.registry import SEED_TAG
+from ...schemas.operations.registry import SEED_TAG, VIDEO_TAG
 from ...schemas.reports.report import ReportedFile, ReportedJob
 from ...schemas.reports.run_record import JobInputs, JobRecord, UsedApplication
 from ...schemas.runs.axes import cell_in_tags
@@ -23,10 +23,16 @@ from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
+from ...schemas.wire.json_values import is_mapping
+from ...schemas.worlds.world import WORLD_FILE
 from ..comparison.compared_runs import TRIALS
+from ..reporting import Drive
 from ..results.columns import read_trials
 from ..results.table import RESULTS_FILE, ResultTable
 from ..service.service import Service
+from ..simulations.inputs.bundles import world_bundle
+from ..simulations.planning.job_contents import requirements_in
+from ..simulations.planning.run_plans import world_arn
 from ..storage import read_manifest, removed_before
 from ..storage.object_store import join_key
 
@@ -57,6 +63,60 @@ def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[Report
         for entry in entries
     ]
     return files, parsed, poster, removed_before(manifest)[0]
+
+
+def drive_of(job: JobRecord, service: Service) -> Drive:
+    """Reads what a job left of its drive, for a page that shows it beside another one.
+
+    Args:
+        job: Record of the job.
+        service: Service that stores its outputs and its world.
+    """
+    stored = service.catalog.get_many([job.arn] if job.arn else [])
+    if not stored:
+        return Drive(trouble="No job came of the request." if job.arn is None else "The job is deleted.")
+    document = SimulationJobDocument.of(next(iter(stored.values())))
+    files, result, _, _ = outputs_of(document.outputs, service)
+    world_json, content, trouble = _stored_world(document.request, service)
+    return Drive(
+        result=result,
+        files=files,
+        asked={str(each.get("name")): each for each in requirements_in(document.request) if is_mapping(each)},
+        video_policy=str(
+            document.request.get("video") or (document.request.get("tags") or {}).get(VIDEO_TAG) or "none"
+        ),
+        world_json=world_json,
+        world_content=content,
+        trouble=trouble,
+    )
+
+
+def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:
+    """Returns the digests of all states that jobs with axes went through, by label, as far as results have them.
+
+    Args:
+        jobs: Records of a run's jobs.
+        service: Service that stores their outputs.
+    """
+    drives = {job.label: drive_of(job, service) for job in jobs if job.axes}
+    return {
+        label: drive.result.state_digest
+        for label, drive in drives.items()
+        if drive.result is not None and drive.result.state_digest
+    }
+
+
+def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | None, str, str]:
+    """Returns the description of the world that a request names, the digest of its content, and why there is none."""
+    arn = world_arn(request)
+    world = service.catalog.get_many([arn]).get(arn) if arn else None
+    bundle = WorldDocument.of(world).bundle if world is not None else None
+    if world is None or bundle is None:
+        return None, "", ""
+    try:
+        return world_bundle(world, service) / WORLD_FILE, bundle.last_part, ""
+    except StorageError as error:
+        return None, "", f"The world cannot be read: {error}."
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:

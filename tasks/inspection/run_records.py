@@ -116,6 +116,16 @@ def since_last_good(record: RunRecord) -> SinceLastRun:
     return since_last_good_run(list(map(NightRun.of, [*earlier, record])))
 
 
+def ids_of_runs(runs: Path, name: str) -> list[str]:
+    """Lists the ids of all runs of a specification that have a record, the latest first; no record is read.
+
+    Args:
+        runs: Folder of all runs.
+        name: Name of the specification.
+    """
+    return [path.parent.name for path in _latest_first(runs, name)]
+
+
 def _latest_first(runs: Path, name: str) -> list[Path]:
     """Returns the paths of a specification's run records, the latest first, by the times in their folders' names."""
     return sorted((path for path in _records(runs) if _name_of(path) == name), reverse=True)

@@ -27,6 +27,7 @@ from .nights.changes import (
     trend_in_words,
     value_change_in_words,
 )
+from .nights.comparison_view import ComparisonPage
 from .nights.history_view import view_history
 from .view import view_report
 from .worlds import axes_in_words
@@ -60,7 +61,28 @@ def render_history(history: History, folder: Path) -> str:
     return render_page("history.html.j2", ("history.css",), view_history(history, folder))
 
 
-def render_page(template: str, styles: Sequence[str], page: object, *folders: Path) -> str:
+def write_comparison(page: ComparisonPage, path: Path) -> Path:
+    """Writes two runs side by side to an HTML file, atomically.
+
+    Args:
+        page: Values of the page.
+        path: Path of the file; its folder is created if needed.
+
+    Returns:
+        The path.
+    """
+    styles, scripts = ("history.css", "comparison.css"), ("beside.js",)
+    return write_page(render_page("comparison.html.j2", styles, page, scripts=scripts, media="file:"), path)
+
+
+def render_page(
+    template: str,
+    styles: Sequence[str],
+    page: object,
+    *folders: Path,
+    scripts: Sequence[str] = (),
+    media: str = "",
+) -> str:
     """Renders a template as one self-contained HTML document.
 
     Args:
@@ -68,13 +90,15 @@ def render_page(template: str, styles: Sequence[str], page: object, *folders: Pa
         styles: File names of style sheets, which follow the style sheet of reports.
         page: Object with the values for the template.
         folders: Further folders of templates and style sheets, searched before those of reports.
+        scripts: File names of scripts, which follow the script of reports.
+        media: Origins of videos, as in a content security policy; empty: there are none.
     """
     style = "".join(_asset(name, *folders) for name in ("report.css", *styles))
-    script = _asset("report.js")
+    script = "".join(map(_asset, ("report.js", *scripts)))
     # Only the page's own style sheet and script may run, and nothing may be fetched.
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
-        "base-uri 'none'; form-action 'none'"
+        f"{f'media-src {media}; ' if media else ''}base-uri 'none'; form-action 'none'"
     )
     filled = _environment(*folders).get_template(template)
     return filled.render(page=page, policy=policy, style=Markup(style), script=Markup(script))  # noqa: S704
@@ -133,12 +157,12 @@ def _digest(text: str) -> str:
 def page_styles() -> str:
     """Returns the CSS of reports, for other pages that look like them."""
     own = [path.read_text(encoding="utf-8") for part in parts_of_wings("tasks", "reporting") for path in part.STYLES]
-    return "".join([*map(_asset, ("report.css", "history.css")), *own])
+    return "".join([*map(_asset, ("report.css", "history.css", "comparison.css")), *own])
 
 
-def report_script() -> str:
-    """Returns the JavaScript of HTML reports: it sorts tables, copies commands, and converts times to local ones."""
-    return _asset("report.js")
+def page_script() -> str:
+    """Returns the JavaScript of reports, for other pages: it sorts tables, and plays two videos in step."""
+    return "".join(map(_asset, ("report.js", "beside.js")))
 
 
 @cache

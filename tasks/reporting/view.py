@@ -1,12 +1,13 @@
 """View model of the report page, computed from the report; the template only places its values."""
 
+import shlex
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportSummary, Share
+from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
 from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ..results.table import ResultTable
@@ -116,6 +117,19 @@ class Page:
     def anchor_links(self) -> dict[str, str]:
         """Links to the jobs' cards, by job label."""
         return {title: f"#{anchor}" for title, anchor in self.anchors.items()}
+
+    @property
+    def beside_last(self) -> str:
+        """Command that shows the run and the one before side by side; empty: there is none before."""
+        since = self.report.since_last
+        if since is None or since.previous_run_id is None or not since.paired:
+            return ""
+        return f"robomaker compare {since.previous_run_id} {self.report.run_id} --report compared.html"
+
+    def beside_first(self, axis: AxisResult) -> str:
+        """Returns the command that shows two values of an axis side by side."""
+        cell = f"{axis.step}.{axis.axis}={axis.comparisons[0].value}"
+        return shlex.join(["robomaker", "compare", self.report.run_id, "--axis", cell, "--report", "compared.html"])
 
     @property
     def failures(self) -> list[JobView]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from markupsafe import Markup
 from pydantic import ValidationError
@@ -67,7 +68,7 @@ def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:
 
 
 def _view_world(world: ReportedWorld, index: int, driven_by: list[int], budget_bytes: int) -> WorldView:
-    content, note = _read(world)
+    content, note = read_world(world.world_json)
     fixtures = f"world-{index}-fixtures"
     frame = drawing = own_plan = None
     plan_uri = ""
@@ -89,19 +90,27 @@ def _view_world(world: ReportedWorld, index: int, driven_by: list[int], budget_b
     )  # fmt: skip
 
 
-def _read(world: ReportedWorld) -> tuple[World | None, str]:
+def read_world(path: Path) -> tuple[World | None, str]:
+    """Reads the description of a world (`world.json`) that can be drawn.
+
+    Args:
+        path: Path of the file.
+
+    Returns:
+        The world, or None and the reason as a sentence.
+    """
     try:
-        content = World.model_validate_json(world.world_json.read_bytes())
+        content = World.model_validate_json(path.read_bytes())
     except OSError as error:
-        return None, f"{world.world_json} cannot be read ({error.strerror})."
+        return None, f"{path} cannot be read ({error.strerror})."
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the document"
-        return None, f"{world.world_json} is not a world: {place}: {first['msg']}."
+        return None, f"{path} is not a world: {place}: {first['msg']}."
     try:
         Frame.of_world(content)
     except ValueError as error:
-        return None, f"{world.world_json} cannot be drawn: {error}."
+        return None, f"{path} cannot be drawn: {error}."
     return content, ""
 
 

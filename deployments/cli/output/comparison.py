@@ -6,6 +6,7 @@ from pathlib import Path
 from ....schemas.reports.changes import CellChange, RequirementChange, SinceLastRun
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, MissedNight, Night
+from ....schemas.reports.report import ArmComparison
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
 from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
@@ -56,6 +57,21 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         lines += _paired(title, jobs)
     lines += [f"  {line}" for line in losses_in_words(comparison, _MOST_JOBS)]
     return lines + _changes("margins", comparison.margins) + _changes("metrics", comparison.metrics)
+
+
+def arm_lines(run_id: str, axis: str, arm: ArmComparison) -> list[str]:
+    """Formats the comparison of two values of an axis as text lines, the result first."""
+    lines = [
+        f"{axis} of {run_id}: {arm.value} compared with {arm.baseline}",
+        f"{arm.result.capitalize()}: {arm.why}",
+        "",
+    ]
+    if rate := arm.rate:
+        lines.append(
+            f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
+            f"(95% interval {_points(rate.low)} to {_points(rate.high)})"
+        )
+    return [*lines, f"  pairs         {_counted(arm.pairs, 'trial')} of both values"]
 
 
 def history_lines(history: History, page: Path) -> list[str]:

@@ -1,6 +1,5 @@
-"""Pages with the history of a specification night by night, and the comparison of two runs."""
+"""Pages with the history of a specification night by night."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -8,17 +7,15 @@ from pathlib import Path
 
 from starlette.responses import RedirectResponse, Response
 
-from ....schemas.reports.comparison import MetricChange
 from ....schemas.reports.run_record import RunRecord
 from ....schemas.specs.specification import is_spec_name
 from ....schemas.wire.errors import ResourceNotFoundException
-from ....tasks.comparison.better_or_worse import compare
 from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.comparison.history import history_of
-from ....tasks.inspection.run_records import find_records, names_of_specifications, read_record
+from ....tasks.inspection.run_records import find_records, names_of_specifications
 from ....tasks.reporting import HistoryPage, view_history
 from ..rendering import HOME
-from ..runs import is_known, names_of_seen, sees_run
+from ..runs import names_of_seen, sees_run
 from ..visit import Visit
 
 _MOST_NIGHTS = 60
@@ -51,20 +48,6 @@ def show(visit: Visit) -> Response:
     return visit.page("history_page.html.j2", page=replace(page, nights=nights))
 
 
-def compare_runs(visit: Visit) -> Response:
-    """Web page that compares two runs job by job."""
-    names = [visit.parameter(which) for which in ("before", "after")]
-    for name in names:
-        if not is_known(name, visit):
-            raise ResourceNotFoundException(f"there is no run {name!r} in the data home of this server")
-    if names[0] == names[1]:
-        raise ResourceNotFoundException(f"both runs are {names[0]}; name two")
-    before, after = (NightRun.of(read_record(_runs(visit) / name / "run.json")) for name in names)
-    comparison = compare(before, after, alpha=0.05, difference=None)
-    bars = [(metric, _bar(metric)) for metric in comparison.metrics]
-    return visit.page("comparison.html.j2", comparison=comparison, bars=bars)
-
-
 def _runs(visit: Visit) -> Path:
     return visit.service.settings.home / "runs"
 
@@ -83,19 +66,8 @@ def _view(name: str, runs: Path, records: Sequence[RunRecord], left_out: int = 0
     return view_history(history_of(name, [NightRun.of(each) for each in records], left_out), runs)
 
 
-def _bar(metric: MetricChange) -> tuple[float, float, float] | None:
-    """Scales a metric's change and its interval to a plot from -100 to 100; `None`: it has no interval."""
-    if metric.low is None or metric.high is None:
-        return None
-    reach = max(abs(metric.low), abs(metric.high)) * 1.1
-    if not math.isfinite(reach) or reach == 0:
-        return None
-    return tuple(100 * value / reach for value in (metric.low, metric.difference, metric.high))  # type: ignore[return-value]
-
-
 MENU = (5, "history", "History")
 PAGES = {
     "/history": show_all,
     "/history/{name}": show,
-    "/compare": compare_runs,
 }

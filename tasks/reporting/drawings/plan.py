@@ -1,6 +1,7 @@
 """Floor plans of the report: a world's fixed parts with furniture, and what one job visited."""
 
 import math
+from collections.abc import Container, Sequence
 
 from markupsafe import Markup
 
@@ -163,13 +164,59 @@ def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive:
     return _plan(frame, title, *ground, element("g", id=drive), group(labels, class_="labels"))
 
 
+def draw_shared_plan(
+    world: World,
+    frame: Frame,
+    fixtures: str,
+    title: str,
+    crowd: Sequence[Point],
+    asked: Container[str],
+    *,
+    below: Markup,
+    above: Markup,
+) -> Markup:
+    """Draws the floor plan of a world around marks of more than one job.
+
+    Args:
+        world: The world.
+        frame: The drawing.
+        fixtures: Id of the SVG group with walls and furniture.
+        title: Description of the drawing.
+        crowd: Points of the drawing that the rooms' names should not cover.
+        asked: Names of the rooms that are goals.
+        below: Lines, to go below the rooms' names.
+        above: Marks, to go above them.
+    """
+    rooms = world.floorplan.rooms
+    furniture = _furniture_points(world, frame)
+    floors = [_floor(room, "floor asked" if room.name in asked else "floor", frame) for room in rooms]
+    labels = (
+        draw_label(room.called, "goal" if room.name in asked else "", room.polygon, frame, [*furniture, *crowd])
+        for room in rooms
+    )
+    return _plan(
+        frame,
+        title,
+        group(floors, class_="floors"),
+        element("use", href=f"#{fixtures}"),
+        below,
+        group(labels, class_="labels"),
+        above,
+    )
+
+
+def draw_on_ground(frame: Frame, title: str, *content: Markup) -> Markup:
+    """Draws something on empty ground, with a scale bar."""
+    return _plan(frame, title, *content)
+
+
 def draw_bare_path(result: RunResult, title: str) -> Markup | None:
     """Draws a robot's path without a world; `None` if there is no path."""
     path = trajectory.finite_path(result)
     if not path:
         return None
     frame = Frame.around((x, y) for _, x, y in path)
-    return _plan(frame, title, *trajectory.draw_trajectory(result, frame))
+    return draw_on_ground(frame, title, *trajectory.draw_trajectory(result, frame))
 
 
 def _plan(frame: Frame, title: str, *content: Markup) -> Markup:

@@ -122,7 +122,7 @@ def contents_of_request(
     robot, simulation = contents.get("robot"), contents.get("simulation")
     if robot is None and (policy := policy_in(request)) is not None:
         robot = _content_of_policy(policy)
-    return _made_of(_world(request, service), robot, simulation, _requirements_in(request), program, request)
+    return _made_of(_world(request, service), robot, simulation, requirements_in(request), program, request)
 
 
 def _made_of(
@@ -162,7 +162,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     imports_own = False
     used: set[tuple[str, ApplicationRole, str | None]] = set()
     for request in requests:
-        kinds = _judging_packages(_requirements_in(request), package_content) | _axis_packages(request, package_content)
+        kinds = _judging_packages(requirements_in(request), package_content) | _axis_packages(request, package_content)
         packages |= {name.removeprefix("package "): content for name, content in kinds.items()}
         packages |= _package_of_policy(request)
         for role, config in application_configs(request):
@@ -244,11 +244,11 @@ def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
         yield from axes.values() if is_mapping(axes) else ()
 
 
-def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
-    """Yields the requirements of a request, as written in the request."""
+def requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
+    """Yields the requirements of a request, as its member and its launch variables have them."""
     yield from request.get("requirements") or ()
     for _, config in application_configs(request):
-        text = (config["launchConfig"].get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
+        text = ((config.get("launchConfig") or {}).get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
         with suppress(ValueError):  # ordering the job says that it is no JSON
             found = json.loads(text) if text else None
             yield from found if is_list(found) else ()

@@ -3,22 +3,30 @@
 Jobs are paired by step, world and seed, and their trials by seed and axes. The answer is that of the exact
 McNemar test of the pairs that were judged in both runs, or where six worlds or more have several trials, of a test
 that flips whole worlds. It is also the exit code: 0 better, or with `--margin` not worse, 1 worse, 6 no difference
-shown, 7 not comparable.
+shown, 7 not comparable. `--axis` compares two values of an axis within one run instead. `--report` writes both side by
+side as a page: paths on one plan, videos in step, and what changed in each requirement.
 """
 
 import argparse
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_output
-from ...inputs.options import find_record, percentage
-from ...output.answers import print_either
+from ...arguments import add_open, add_output
+from ...inputs.options import find_record, open_service, output_file, percentage
+from ...output.answers import open_file, print_either
+
+if TYPE_CHECKING:
+    from .....schemas.reports.run_record import RunRecord
+    from .....tasks.comparison.side_by_side import StepAxis
+    from ....compared_pages import Sides
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker compare` to its parser."""
-    parser.add_argument("before", metavar="A", help="id of the run to compare with")
-    parser.add_argument("after", metavar="B", help="id of the run that may be better, or latest")
+    parser.add_argument("before", metavar="A", help="id of the run to compare with; with --axis, the only run")
+    parser.add_argument("after", metavar="B", nargs="?", help="id of the run that may be better, or latest")
     parser.add_argument(
         "--alpha",
         type=float,
@@ -38,7 +46,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="fall of the pass rate, in percentage points, that would matter: B is not worse, exit code 0, where it is "
         "shown to have fallen by less",
     )
+    parser.add_argument(
+        "--axis",
+        metavar="[STEP.]NAME=VALUE",
+        help="compare the first value of an axis of run A with another one, such as robot=rover",
+    )
+    parser.add_argument("--report", metavar="FILE", help="write both side by side as an HTML page")
     add_output(parser, "text", "json")
+    add_open(parser, "show the page of --report in a browser")
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -46,7 +61,14 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
 
     difference, margin = _shares(arguments)
+    page = output_file(arguments.report, "--report")
+    if arguments.open and page is None:
+        raise ConfigurationError("--open shows the page of --report; name its file, such as --report compared.html")
     runs = Settings.from_environment(os.environ).home / "runs"
+    if arguments.axis is not None:
+        return _compare_cells(arguments, runs, page)
+    if arguments.after is None:
+        raise ConfigurationError("B is missing; name the run that may be better, or a value of an axis with --axis")
     files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
 
     from .....tasks.comparison.better_or_worse import compare
@@ -54,12 +76,89 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.inspection.run_records import read_record
     from ...output.comparison import comparison_lines
 
-    before, after = (NightRun.of(read_record(file)) for file in files)
+    before, after = map(read_record, files)
     if before.run_id == after.run_id:
         raise ConfigurationError(f"both runs are {before.run_id}; name two")
-    comparison = compare(before, after, alpha=arguments.alpha, difference=difference, margin=margin)
-    print_either(arguments.output, comparison, comparison_lines(comparison))
+    comparison = compare(
+        NightRun.of(before), NightRun.of(after), alpha=arguments.alpha, difference=difference, margin=margin
+    )
+    told = []
+    if page is not None:
+        from ....compared_pages import Sides
+
+        told = _write(Sides.of_runs(before, after, comparison), page, arguments.open)
+    print_either(arguments.output, comparison, [*comparison_lines(comparison), *told])
     return comparison.exit_code
+
+
+def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None) -> int:
+    """Compares the first value of an axis with another one within a run; returns the exit code of the answer."""
+    wrong = next((name for name in ("after", "difference", "margin") if getattr(arguments, name) is not None), None)
+    if wrong is not None:
+        given = "B" if wrong == "after" else f"--{wrong}"
+        raise ConfigurationError(f"{given} is for two runs, and --axis compares two values within one; leave one out")
+    if arguments.alpha != 0.05:  # that of the run's report, whose answer is given
+        raise ConfigurationError("--alpha is for two runs; the values of an axis are compared at 0.05, as in reports")
+    path = find_record(runs, arguments.before)
+
+    from .....schemas.reports.report import ArmComparison
+    from .....schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
+    from .....tasks.comparison.arms import axis_results
+    from .....tasks.comparison.compared_runs import NightRun
+    from .....tasks.inspection.job_outputs import digests_of
+    from .....tasks.inspection.run_records import read_record
+    from ....compared_pages import Sides
+    from ...output.comparison import arm_lines
+
+    record = read_record(path)
+    axis, other = _cell(arguments.axis, record)
+    results = axis_results(NightRun.of(record), digests_of(record.jobs, open_service()))
+    found = next((each for each in results if (each.step, each.axis) == (axis.step, axis.name)), None)
+    arms = {each.value: each for each in found.comparisons} if found else {}
+    sides = Sides.of_cells(record, axis, 0, other)
+    arm = arms.get(axis.texts[other]) or ArmComparison(
+        baseline=axis.texts[0], value=axis.texts[other], answer="not comparable",
+        why=(found and found.note) or "they have no pairs", pairs=0, unpaired=len(sides.before.alone),
+        unjudged=0, other_requirements=0,
+    )  # fmt: skip
+    told = _write(sides, page, arguments.open) if page is not None else []
+    print_either(arguments.output, arm, [*arm_lines(record.run_id, axis.name, arm), *told])
+    return ANSWER_EXIT_CODES[arm.answer]
+
+
+def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
+    """Returns the axis that an option names, and the index of its value.
+
+    Raises:
+        ConfigurationError: the run has no such axis or value, or several steps have one.
+    """
+    from .....tasks.comparison.side_by_side import axes_of
+
+    axes = axes_of(record.jobs)
+    name, _, value = given.partition("=")
+    found = [axis for axis in axes if name in (axis.name, f"{axis.step}.{axis.name}")]
+    if len(found) != 1:
+        known = ", ".join(f"{axis.step}.{axis.name}" for axis in axes) or "none of two values or more"
+        problem = f"is of {len(found)} steps" if found else "is no axis"
+        raise ConfigurationError(f"--axis is {given!r}: {name!r} {problem} of {record.run_id}; it has {known}")
+    [axis] = found
+    if value not in axis.titles[1:]:
+        raise ConfigurationError(
+            f"--axis is {given!r}: {value!r} is no value beside the first one, {axis.titles[0]}; "
+            f"{', '.join(axis.titles[1:])} would be right"
+        )
+    return axis, axis.titles.index(value, 1)
+
+
+def _write(sides: "Sides", page: Path, opens: bool) -> list[str]:
+    """Writes both sides as a page, opens it if asked, and returns the line that names it."""
+    from .....tasks.reporting import write_comparison
+    from ....compared_pages import compared_file
+
+    path = write_comparison(compared_file(sides, open_service()), page)
+    if opens:
+        open_file(path)
+    return [f"  page          {path}"]
 
 
 def _shares(arguments: argparse.Namespace) -> tuple[float | None, float | None]:

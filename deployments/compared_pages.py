@@ -1,0 +1,158 @@
+"""Pages that show two runs, or two cells of an axis of one run, side by side: of the console, and as a file."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ..schemas.reports.changes import ChangedInput
+from ..schemas.reports.comparison import Comparison
+from ..schemas.reports.report import ReportedFile
+from ..schemas.reports.run_record import JobRecord, RunRecord
+from ..tasks.comparison.better_or_worse import compare
+from ..tasks.comparison.compared_runs import NightRun, name_of
+from ..tasks.comparison.failure_starts import changed_nights
+from ..tasks.comparison.pairing import Pair, pair_jobs
+from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside
+from ..tasks.inspection.job_outputs import drive_of
+from ..tasks.reporting import ComparedSide, ComparisonPage, Drive, PairLine, PairPainter, change_in_words, outcomes
+from ..tasks.service.service import Service
+
+MOST_CARDS = 60
+"""Pairs that a file shows with plans and videos: with two paths of 600 points each it has about 2 MB then."""
+_MOST_TOLD = 2
+"""Parameters that a legend names; the head of the page has all differences."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Two runs, or two cells of an axis, with their pairs: those whose jobs ended differently come first."""
+
+    name: str
+    before: ComparedSide
+    after: ComparedSide
+    pairs: Sequence[Pair]
+    comparison: Comparison | None
+    differences: Sequence[str]
+
+    @classmethod
+    def of_runs(cls, before: RunRecord, after: RunRecord, comparison: Comparison | None = None) -> "Sides":
+        """Puts two runs side by side.
+
+        Args:
+            before: First run, A.
+            after: Second run, B.
+            comparison: Their comparison; None: it is made, with an error probability of 5 %.
+        """
+        runs = NightRun.of(before), NightRun.of(after)
+        pairing = pair_jobs(before.jobs, after.jobs)
+        changed = changed_nights(*runs)
+        titles = [_title(run, changed, is_first) for run, is_first in ((before, True), (after, False))]
+        if titles[0] == titles[1]:
+            titles = [before.run_id, after.run_id]
+        return cls(
+            name=after.name,
+            before=ComparedSide("A", titles[0], before.run_id, pairing.only_before),
+            after=ComparedSide("B", titles[1], after.run_id, pairing.only_after),
+            pairs=by_change(pairing.pairs),
+            comparison=comparison or compare(*runs, alpha=0.05, difference=None),
+            differences=[change_in_words(each) for each in changed],
+        )
+
+    @classmethod
+    def of_cells(cls, record: RunRecord, axis: StepAxis, first: int, other: int) -> "Sides":
+        """Puts the jobs of two values of an axis side by side.
+
+        Args:
+            record: The run.
+            axis: The axis.
+            first: Index of the value that is A.
+            other: Index of the value that is B.
+        """
+        pairing = pair_cells(record.jobs, axis, axis.values[first], axis.values[other])
+        titles = [f"{axis.name} {axis.titles[index]}" for index in (first, other)]
+        return cls(
+            name=record.name,
+            before=ComparedSide("A", titles[0], record.run_id, pairing.only_before),
+            after=ComparedSide("B", titles[1], record.run_id, pairing.only_after),
+            pairs=by_change(pairing.pairs),
+            comparison=None,
+            differences=[f"{axis.name} of {axis.step}: {axis.titles[first]} → {axis.titles[other]}"],
+        )
+
+
+def compared_page(
+    sides: Sides,
+    service: Service,
+    video_link: Callable[[JobRecord, ReportedFile], str],
+    *,
+    first: int = 1,
+    most: int = MOST_CARDS,
+    is_seen: Callable[[JobRecord], bool] = lambda _: True,
+    **more: object,
+) -> ComparisonPage:
+    """Makes the values of the page, with the cards of some pairs.
+
+    Args:
+        sides: Both sides.
+        service: Service that stores outputs and worlds.
+        video_link: Function that returns the URL of a job's video; empty where browsers cannot open it.
+        first: Number of the first pair that has a card, from 1.
+        most: Maximum number of cards.
+        is_seen: Function that returns whether the visitor may see a job.
+        **more: Further values of the page.
+    """
+    painter = PairPainter(video_link)
+    shown = sides.pairs[first - 1 : first - 1 + most]
+    cards = []
+    for number, pair in enumerate(shown, start=first):
+        drives = _drive(pair.before, service, is_seen), _drive(pair.after, service, is_seen)
+        asked = (drives[0].asked, drives[1].asked) if all(drive.asked for drive in drives) else None
+        rows = requirements_beside(pair, asked)
+        cards.append(painter.card(number, (pair.before, pair.after), name_of(pair.after).title, rows, drives))
+    return ComparisonPage(
+        name=sides.name,
+        before=sides.before,
+        after=sides.after,
+        comparison=sides.comparison,
+        differences=sides.differences,
+        pairs=len(sides.pairs),
+        changed=sum(map(has_changed, sides.pairs)),
+        first=first,
+        cards=cards,
+        worlds=list(painter.worlds.values()),
+        **more,  # type: ignore[arg-type] - they are those of the page
+    )
+
+
+def compared_file(sides: Sides, service: Service) -> ComparisonPage:
+    """Makes the values of a page that is a file: cards of the first pairs, and rows of the others.
+
+    Args:
+        sides: Both sides.
+        service: Service that stores outputs and worlds.
+    """
+    lines = [PairLine(name_of(pair.after).title, (pair.before, pair.after)) for pair in sides.pairs[MOST_CARDS:]]
+    return compared_page(sides, service, _local_link, lines=lines)
+
+
+def _local_link(job: JobRecord, file: ReportedFile) -> str:
+    """Returns the URL of a video on this machine; one in another object store has none that a browser opens."""
+    del job
+    return file.uri if file.uri.startswith("file:///") else ""
+
+
+def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool]) -> Drive:
+    if not is_seen(job):
+        return Drive(trouble="This job is not shown to your access key.")
+    return drive_of(job, service)
+
+
+def _title(run: RunRecord, changed: Sequence[ChangedInput], is_first: bool) -> str:
+    """Returns the name of a run in legends: when it began, and what tells it from the other one."""
+    values = [
+        f"{each.name}={'none' if (value := each.before if is_first else each.after) is None else value}"
+        for each in changed
+        if each.what == "parameter"
+    ]
+    commits = [each.before if is_first else each.after for each in changed if each.what == "commit"]
+    told = values[:_MOST_TOLD] or [f"commit {commit[:8]}" for commit in commits if commit]
+    return ", ".join([outcomes.minute(run.started_at), *told])

@@ -1,0 +1,188 @@
+"""Two runs, or two cells of an axis, side by side: which jobs to look at first, and how each requirement changed."""
+
+import json
+from collections import defaultdict, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...schemas.reports.comparison import RequirementBeside, RequirementTurn
+from ...schemas.reports.run_record import JobRecord
+from ...schemas.runs.axes import value_text
+from ...schemas.runs.axis_kinds.kind import Value
+from ...schemas.runs.requirement_kinds.kind import Requirement
+from ...schemas.specs.batch_splitting import step_of
+from ..reporting import Outcome, outcomes
+from .compared_runs import HEALTH, JUDGED, outcome_of
+from .pairing import CellPlace, Pair, Pairing, place_beside
+
+Asked = Mapping[str, Mapping[str, Any]]
+"""Requirements of a job's request by name, as the request has them."""
+
+_YES_OR_NO = "predicate"
+"""Kind of requirements whose margins say no more than whether they are met."""
+
+
+@dataclass(frozen=True)
+class StepAxis:
+    """An axis of a step, with its values in the order of the step's jobs."""
+
+    step: str
+    name: str
+    values: tuple[Value, ...]
+    titles: tuple[str, ...]
+    """The values in words; of worlds, which are called after their content, the names that they have in the run."""
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The values as texts, as the results of axes have them."""
+        return tuple(map(value_text, self.values))
+
+
+def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
+    """Returns the axes of a run's steps that have two values or more.
+
+    Args:
+        jobs: All jobs of the run.
+    """
+    values: dict[tuple[str, str], dict[Value, str]] = {}
+    for job in jobs:
+        for name, value in job.axes.items():
+            title = (_is_world(job, name) and job.world_title) or value_text(value)
+            values.setdefault((step_of(job.step or ""), name), {}).setdefault(value, title)
+    return [
+        StepAxis(step, name, tuple(found), tuple(found.values()))
+        for (step, name), found in values.items()
+        if len(found) > 1
+    ]
+
+
+def pair_cells(jobs: Sequence[JobRecord], axis: StepAxis, baseline: Value, other: Value) -> Pairing:
+    """Matches the jobs of two values of an axis that differ in nothing else.
+
+    Jobs of an axis of worlds are matched by all but their worlds, which a page of them has to say.
+
+    Args:
+        jobs: All jobs of the run.
+        axis: The axis.
+        baseline: The value whose jobs come first in the pairs.
+        other: The value whose jobs come second.
+    """
+    here = [job for job in jobs if step_of(job.step or "") == axis.step]
+    first, second = ([job for job in here if job.axes.get(axis.name) == value] for value in (baseline, other))
+    waiting: dict[CellPlace, deque[JobRecord]] = defaultdict(deque)
+    for job in first:
+        waiting[_place(job, axis.name)].append(job)
+    pairs, alone = [], []
+    for job in second:
+        if found := waiting.get(_place(job, axis.name)):
+            pairs.append(Pair(found.popleft(), job))
+        else:
+            alone.append(job)
+    paired = {id(pair.before) for pair in pairs}
+    return Pairing(pairs, [job for job in first if id(job) not in paired], alone)
+
+
+def by_change(pairs: Sequence[Pair]) -> list[Pair]:
+    """Sorts pairs: newly failing ones first, then other changed verdicts, then changed requirements, then the rest."""
+    return sorted(pairs, key=_rank)
+
+
+def has_changed(pair: Pair) -> bool:
+    """Returns whether the two jobs of a pair ended differently: passed, failed, broke, or had no verdict."""
+    before, after = pair.outcomes
+    return before is not after
+
+
+def requirements_beside(pair: Pair, asked: tuple[Asked, Asked] | None = None) -> list[RequirementBeside]:
+    """Compares two jobs requirement by requirement.
+
+    Args:
+        pair: The two jobs.
+        asked: What both requests ask for, if it is known: a requirement that is asked for otherwise is not comparable.
+            Without it, requirements of the same kind and limit are taken for the same.
+
+    Returns:
+        One entry for each requirement of either job, in the order of the first job and then of the second.
+    """
+    before, after = ({item.name: item for item in job.requirements} for job in (pair.before, pair.after))
+    return [
+        _compared(name, before.get(name), after.get(name), pair, asked) for name in dict.fromkeys([*before, *after])
+    ]
+
+
+def _is_world(job: JobRecord, axis: str) -> bool:
+    return job.inputs is not None and job.inputs.world is not None and job.axes.get(axis) == job.inputs.world
+
+
+def _place(job: JobRecord, axis: str) -> CellPlace:
+    world, seed, others = place_beside(job, axis)
+    return ("" if _is_world(job, axis) else world), seed, others
+
+
+def _rank(pair: Pair) -> int:
+    before, after = pair.outcomes
+    if before is not after:
+        return 0 if after.is_failure and not before.is_failure else 1
+    met, now = ({item.name: item.satisfied for item in job.requirements} for job in (pair.before, pair.after))
+    return 2 if met != now else 3
+
+
+def _compared(
+    name: str, before: Requirement | None, after: Requirement | None, pair: Pair, asked: tuple[Asked, Asked] | None
+) -> RequirementBeside:
+    turn, why = _turn(before, after, pair)
+    if before is not None and after is not None and not _asks_for_the_same(before, after, pair, asked):
+        turn, why = "not comparable", "the two jobs are asked for something else"
+    return RequirementBeside(name=name, before=before, after=after, turn=turn, why=why)
+
+
+def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> tuple[RequirementTurn, str]:
+    """Returns how a requirement changed and why, as far as the results say."""
+    if before is None or after is None:
+        return _turn_of_one(before, after, pair)
+    for letter, item in (("A", before), ("B", after)):
+        if item.error is not None:
+            return "not comparable", f"it broke in {letter}"
+    if before.satisfied != after.satisfied:
+        return ("better", "newly met") if after.satisfied else ("worse", "newly missed")
+    return _turn_of_margin(before, after)
+
+
+def _turn_of_one(before: Requirement | None, after: Requirement | None, pair: Pair) -> tuple[RequirementTurn, str]:
+    """Returns how a requirement changed that only one of the jobs has in its result."""
+    letter, job = ("A", pair.before) if before is None else ("B", pair.after)
+    item = before or after
+    outcome = outcome_of(job)
+    if outcome not in JUDGED:
+        words = {Outcome.BROKEN: "broke", Outcome.CANCELED: "was canceled", Outcome.UNFINISHED: "has not ended"}
+        return "not comparable", f"{letter} {words.get(outcome, 'has no verdict')}"
+    if item is not None and item.kind == HEALTH and item.error is None:  # results have it only where it was missed
+        return ("worse", "newly missed") if before is None else ("better", "no longer missed")
+    return "not comparable", f"it is not asked of {letter}"
+
+
+def _turn_of_margin(before: Requirement, after: Requirement) -> tuple[RequirementTurn, str]:
+    """Returns how the margin changed of a requirement that both jobs meet, or both miss."""
+    still = "" if after.satisfied else "still missed"
+    if before.margin is None or after.margin is None or after.kind == _YES_OR_NO:
+        return "unchanged", still
+    if before.unit != after.unit:  # a goal that was reached has seconds left, another one lacks metres
+        return "not comparable", f"margins in {before.unit or 'no unit'} and in {after.unit or 'no unit'}"
+    if outcomes.compact(before.margin) == outcomes.compact(after.margin):  # what is shown as the same is the same
+        return "unchanged", still
+    change = outcomes.compact(after.margin - before.margin)
+    words = f"margin {'+' if after.margin > before.margin else ''}{change} {after.unit or ''}".rstrip()
+    turn: RequirementTurn = "better" if after.margin > before.margin else "worse"
+    return turn, f"{still}, {words}" if still else words
+
+
+def _asks_for_the_same(before: Requirement, after: Requirement, pair: Pair, asked: tuple[Asked, Asked] | None) -> bool:
+    if pair.asks_for_the_same:
+        return True
+    if asked is not None and before.name in asked[0] and before.name in asked[1]:
+        ours, theirs = (json.dumps(each[before.name], sort_keys=True, default=str) for each in asked)
+        return ours == theirs
+    if before.kind is None and after.kind is None:  # the environment's own, whose limits may depend on the run
+        return True
+    return before.kind == after.kind and (before.limit == after.limit or before.limit is None or after.limit is None)

@@ -1,0 +1,109 @@
+"""compare --report and --axis: two sides as a page that opens without a server, and as text."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.browser import NEEDS_BROWSER, browsing
+from helpers.driven_runs import drive, two_runs
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.schemas.reports.report import ArmComparison
+from prefect_robomaker.tasks.service.service import Service
+
+
+@pytest.fixture
+def home(service: Service) -> Path:
+    """The data home of the service that has the jobs."""
+    return service.settings.home
+
+
+@pytest.fixture
+def axes(home: Path) -> str:
+    """A stored run of eight pairs of two robots; rover fails all but one."""
+    jobs = [
+        make_job(index, letter, world=f"flat {index}", seed=index).model_copy(
+            update={"label": f"sim-{robot}-{index}", "axes": {"robot": robot}}
+        )
+        for robot, letters in (("scout", "PPPPPPPP"), ("rover", "FFFFFFFP"))
+        for index, letter in enumerate(letters)
+    ]
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    return run.run_id
+
+
+def test_many_pairs_are_a_page_with_cards_of_those_that_changed(robomaker: Any, home: Path, tmp_path: Path) -> None:
+    for night, letters in enumerate(("P" * 80, "P" * 79 + "F")):
+        store_night(make_night(letters, night, runs=home / "runs"))
+    first, second = sorted(folder.name for folder in (home / "runs").iterdir())
+    page = tmp_path / "compared.html"
+    told = robomaker("compare", first, second, "--report", page)
+    text = page.read_text()
+
+    assert told.code == 6
+    assert told.out.endswith(f"  page          {page}\n")
+    assert text.count('<article class="card beside') == 60
+    assert text.index("sim-1-79") < text.index("sim-1-0<")
+    assert re.search(r'Other pairs <span class="count">20<', text)
+    assert "media-src file:; " in text
+    assert re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', text) == []
+
+
+def test_two_values_of_an_axis_are_compared_within_one_run(robomaker: Any, axes: str, tmp_path: Path) -> None:
+    page = tmp_path / "robots.html"
+    told = robomaker("compare", axes, "--axis", "robot=rover", "--report", page)
+    machine = robomaker("compare", "latest", "--axis", "drive.robot=rover", "-o", "json")
+
+    assert told.code == machine.code == 1
+    assert f"robot of {axes}: rover compared with scout\nPasses less often: 8 pairs judged" in told.out
+    assert ArmComparison.model_validate_json(machine.out).answer == "worse"
+    assert "7 of 8 pairs ended differently" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--axis", "gripper=x"), "--axis is 'gripper=x': 'gripper' is no axis of nightly-20260301T020000000"),
+        (("--axis", "robot=husky"), "'husky' is no value beside the first one, scout; rover would be right"),
+        (("latest", "--axis", "robot=rover"), "B is for two runs, and --axis compares two values within one"),
+        (("--axis", "robot=rover", "--margin", "5"), "--margin is for two runs"),
+        (("--axis", "robot=rover", "--alpha", "0.1"), "--alpha is for two runs"),
+        ((), "B is missing; name the run that may be better, or a value of an axis with --axis"),
+        (("latest", "--open"), "--open shows the page of --report; name its file"),
+        (("latest", "--report", "/nowhere/page.html"), "--report is /nowhere/page.html; it has to be a file"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_named(robomaker: Any, axes: str, words: tuple[str, ...], said: str) -> None:
+    told = robomaker("compare", axes, *words)
+    assert told.code == 2
+    assert said in told.err
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.usefixtures("known_worlds")
+def test_the_file_plays_videos_where_they_are_and_says_where_it_cannot(
+    robomaker: Any, generate: Any, service: Service, tmp_path: Path
+) -> None:
+    world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
+    jobs = [
+        drive(service, tmp_path, letter, world=world, night=night, end_s=3.0, video="video.mp4")
+        for night, letter in enumerate("PF")
+    ]
+    runs = two_runs(service, jobs[:1], jobs[1:])
+    page = tmp_path / "compared.html"
+    robomaker("compare", runs[0].run_id, runs[1].run_id, "--report", page)
+    [gone] = (service.settings.home).rglob("outputs-0-0-P-False/video.mp4")
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(page.as_uri(), 400)
+        ready = "[...document.querySelectorAll('video')].every((each) => each.readyState > 1)"
+        tab.wait(lambda tab: tab.evaluate(ready), "videos")
+        assert tab.evaluate("document.querySelectorAll('.way').length") > 2
+        assert tab.evaluate("document.documentElement.scrollWidth") <= 400
+        assert tab.complaints == []
+        gone.unlink()
+        tab.load(f"{page.as_uri()}?again", 1280)
+        tab.wait_for_text("The video of A cannot be played here.")
+        assert "The video of B cannot be played here." not in tab.text

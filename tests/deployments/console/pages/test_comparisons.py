@@ -1,0 +1,176 @@
+"""Two runs side by side in the console: pairs that changed first, one plan for both paths, nothing hidden."""
+
+import html
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.driven_runs import content_of, drive, two_runs
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.deployments.compared_pages import Sides, compared_page
+from prefect_robomaker.schemas.reports.run_record import UsedApplication
+from prefect_robomaker.tasks.reporting.nights.beside import PairView
+from prefect_robomaker.tasks.service.service import Service
+
+pytestmark = pytest.mark.usefixtures("known_worlds")
+
+
+@pytest.fixture
+def worlds(generate: Any) -> list[str]:
+    """ARNs of two worlds of two rooms."""
+    count = {"floorplanCount": 2, "interiorCountPerFloorplan": 1}
+    return generate(worldCount=count)["finishedWorldsSummary"]["succeededWorlds"]
+
+
+def cards_of(page: str) -> list[str]:
+    """The cards of a page's pairs."""
+    return re.findall(r'<article class="card beside.*?</article>', page, re.DOTALL)
+
+
+def test_both_paths_are_on_the_plan_of_their_world_with_what_changed(
+    browser: Any, worlds: list[str], service: Service, tmp_path: Path
+) -> None:
+    steady = [drive(service, tmp_path, "P", world=worlds[0], night=night, index=1) for night in (0, 1)]
+    before = drive(service, tmp_path, "P", world=worlds[1], night=0)
+    after = drive(service, tmp_path, "F", world=worlds[1], night=1, end_s=6.0, margin=-3.5, video="video.mp4")
+    broken = [drive(service, tmp_path, each, world=worlds[0], night=night, index=2, seed=9)
+              for night, each in enumerate("PE")]  # fmt: skip
+    alone = make_job(8, "P", night=1)
+    runs = two_runs(
+        service, [steady[0], before, broken[0]], [steady[1], after, broken[1], alone], parameters={"gain": "-1"}
+    )
+
+    page = html.unescape(browser.get(f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}").text)
+    failing, crashed, same = cards_of(page)
+
+    assert "2 of 3 pairs ended differently; they come first." in page
+    assert "parameter gain: none → -1" in page
+    assert "A: 2026-03-01 02:00, gain=none" in failing
+    assert failing.count("data-times=") == 2
+    assert "B first missed gentle at 3.0 s, wall" in failing
+    assert failing.count('<g class="goal"') == 1
+    assert f'src="/console/jobs/{after.label}/files/video.mp4"' in failing
+    assert "No video: it was asked for failures only (on-failure)." in failing
+    assert 'data-end="6.00"' in failing
+    assert re.search(r"gentle.*?margin 2 N.*?margin -3.5 N.*?>worse<.*?newly missed", failing, re.DOTALL)
+    assert re.search(r"there.*?>unchanged<", failing, re.DOTALL)
+    assert "RobotApplicationCrash: ZeroDivisionError" in crashed
+    assert re.search(r"gentle.*?>not comparable<.*?B broke", crashed, re.DOTALL)
+    assert "changed" not in re.findall(r'<article class="([^"]*)"', same)[0]
+    assert re.search(r"Without a partner.*?sim-1-8.*?>B<", page, re.DOTALL)
+    assert page.count('id="beside-1-fixtures"') == page.count('id="beside-2-fixtures"') == 1
+    assert "style=" not in page
+
+
+def test_cells_in_other_worlds_have_no_plan_in_common(
+    browser: Any, worlds: list[str], service: Service, tmp_path: Path
+) -> None:
+    jobs = [drive(service, tmp_path, "P", world=each, night=0, index=index) for index, each in enumerate(worlds)]
+    jobs = [
+        job.model_copy(update={"axes": {"world": content_of(each, service)}})
+        for job, each in zip(jobs, worlds, strict=True)
+    ]
+    run = make_night(jobs, runs=service.settings.home / "runs")
+    store_night(run)
+
+    address = f"/console/compare/cells?run={run.run_id}&step=drive&axis=world"
+    [card] = cards_of(browser.get(f"{address}&first=0&other=1").text)
+
+    assert "Not the same world: A drove in generation-0/world-1, B in generation-0/world-2." in card
+    assert "<polyline" not in card
+    assert 'class="plan"' not in card
+    assert browser.get(f"{address}&first=0&other=2").status_code == 400
+    assert browser.get(f"{address}&first=0&other=0").status_code == 404
+
+
+def test_another_world_that_is_stored_instead_is_not_drawn(
+    browser: Any, worlds: list[str], service: Service, tmp_path: Path
+) -> None:
+    jobs = [drive(service, tmp_path, "P", world=worlds[0], night=night) for night in (0, 1)]
+    claimed = content_of(worlds[1], service)
+    jobs = [job.model_copy(update={"inputs": job.inputs and job.inputs.model_copy(update={"world": claimed})})
+            for job in jobs]  # fmt: skip
+    runs = two_runs(service, jobs[:1], jobs[1:])
+    [card] = cards_of(browser.get(f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}").text)
+
+    assert "The world that is stored is not the one that both jobs drove in" in card
+    assert "<polyline" not in card
+
+
+def test_many_pairs_are_shown_page_by_page(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    ids = []
+    for night, letters in enumerate(("P" * 500, "P" * 499 + "F")):
+        record = make_night(letters, night, runs=runs)
+        store_night(record)
+        ids.append(record.run_id)
+    address = f"/console/compare?before={ids[0]}&after={ids[1]}"
+    first, last = browser.get(address).text, browser.get(f"{address}&from=491").text
+
+    assert "1 of 500 pairs ended differently" in first
+    assert "sim-1-499" in cards_of(first)[0]
+    assert len(cards_of(first)) == len(cards_of(last)) == 10
+    assert "The job is deleted." in cards_of(first)[0]
+    assert "from=11#beside" in first
+    assert "Next pairs" not in last
+    assert "sim-1-498" in cards_of(last)[-1]
+    assert browser.get(f"{address}&from=501").status_code == 400
+
+
+def test_the_page_of_a_run_leads_to_others_and_to_its_axes(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    for night in range(3):
+        jobs = [
+            make_job(index, "P", night=night, world="flat").model_copy(update={"axes": {"robot": each}})
+            for index, each in enumerate(("scout", "rover"))
+        ]
+        store_night(make_night(jobs, night, runs=runs))
+    first, middle, last = sorted(folder.name for folder in runs.iterdir())
+    page = html.unescape(browser.get(f"/console/runs/{middle}").text)
+    offered = re.findall(r'<option value="([^"]+)"( selected)?', page)
+    [link] = re.findall(r'href="(/console/compare/cells[^"]+)">rover<', page)
+    cells = html.unescape(browser.get(link).text)
+
+    assert offered == [(first, " selected"), (last, "")]
+    assert f'<input type="hidden" name="after" value="{middle}">' in page
+    assert "robot scout" in cells
+    assert "the run's report says whether" in cells
+    assert len(cards_of(cells)) == 1
+    assert browser.get("/console/compare/cells?run=none&step=drive&axis=robot&first=0&other=1").status_code == 404
+    assert browser.get(link.replace("robot", "gripper")).status_code == 404
+
+
+def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_jobs(
+    service: Service, tmp_path: Path
+) -> None:
+    def cards(digests: str, is_seen: bool = True) -> list[PairView]:
+        jobs = [
+            drive(service, tmp_path / f"{digests}-{is_seen}", "P", world=None, night=night)
+            for night in (0, 1)
+        ]  # fmt: skip
+        jobs = [
+            job.model_copy(
+                update={"inputs": job.inputs and job.inputs.model_copy(update={"applications": [simulation(digest)]})}
+            )
+            for job, digest in zip(jobs, digests, strict=True)
+        ]
+        sides = Sides.of_runs(*(make_night([job], night) for night, job in enumerate(jobs)))
+        return list(compared_page(sides, service, lambda *_: "", is_seen=lambda _: is_seen).cards)
+
+    [same], [other], [hidden] = cards("aa"), cards("ab"), cards("cc", is_seen=False)
+
+    assert str(same.plan).count("data-times=") == 2
+    assert "<use" not in str(same.plan)
+    assert same.note == "The jobs drove in no generated world, so that there is no plan."
+    assert other.plan is None
+    assert "it is not known that their simulation applications are the same" in other.note
+    assert hidden.plan is None
+    assert hidden.before.no_film == "This job is not shown to your access key."
+    assert hidden.end_s == 0.0
+
+
+def simulation(digest: str) -> UsedApplication:
+    """A simulation application of some content."""
+    return UsedApplication(role="simulation", name="arena", digest=digest)

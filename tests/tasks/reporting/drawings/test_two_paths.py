@@ -1,0 +1,58 @@
+"""Two paths on one plan: where each robot was, and the marks of both."""
+
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.reporting.drawings.svg_writing import Frame
+from prefect_robomaker.tasks.reporting.drawings.two_paths import (
+    Goal,
+    Miss,
+    Way,
+    draw_bare_paths,
+    draw_two_paths,
+    place_at,
+)
+
+
+@given(st.lists(st.integers(0, 100), min_size=1, max_size=20, unique=True), st.floats(-1, 101))
+def test_a_place_is_between_two_points_of_the_path(times: list[int], time_s: float) -> None:
+    path = [(float(each), 2.0 * each, -1.0 * each) for each in sorted(times)]
+    place = place_at(path, time_s)
+    if min(times) <= time_s <= max(times):
+        assert place == pytest.approx((2 * time_s, -time_s))
+    else:
+        assert place is None
+
+
+def test_both_ways_their_misses_and_goals_are_drawn_where_they_are(make_world: Any, make_result: Any) -> None:
+    world = World.model_validate_json(make_world().world_json.read_bytes())
+    frame = Frame.of_world(world)
+    late = make_result("PASS", 22)
+    missed = Miss("gentle", late.path[30][0])
+    ways = [Way("A", make_result("FAIL", 12)), Way("B", late, missed)]
+    goals = [Goal("there", (1.0, 1.0), 0.5), Goal("sleep", room="Bedroom")]
+    root = ElementTree.fromstring(draw_two_paths(world, frame, "w", ways, goals, "Paths of <A> and B"))
+    by_class = {node.get("class"): node for node in root.iter() if node.get("class")}
+
+    x, y = frame.at(late.path[30][1:])
+    assert by_class["miss side-b"].get("transform") == f"translate({x:.1f} {y:.1f})".replace(".0 ", " ").replace(
+        ".0)", ")"
+    )
+    assert "miss side-a" not in by_class
+    for letter, way in zip("ab", ways, strict=True):
+        line = by_class[f"way side-{letter}"]
+        assert len(line.get("points", "").split()) == len(line.get("data-times", "").split()) == len(way.path)
+        assert by_class[f"robot side-{letter}"].get("visibility") == "hidden"
+    assert len([node for node in root.iter() if node.get("class") == "floor asked"]) == 1
+    assert "goal" in by_class
+    assert root.findtext("title") == "Paths of <A> and B"
+
+
+def test_nothing_is_drawn_of_no_path(make_result: Any) -> None:
+    still = make_result("FAIL", 0)
+    assert draw_bare_paths([Way("A", still)], [Goal("there", (1.0, 1.0))], "Paths") is None
