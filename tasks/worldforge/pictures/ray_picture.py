@@ -181,7 +181,7 @@ class _Shot:
 
 def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Marks the pixels around marked ones as well."""
-    return ndimage.binary_dilation(marked, iterations=_SUN_EDGE_PX)
+    return np.asarray(ndimage.binary_dilation(marked, iterations=_SUN_EDGE_PX), np.bool_)
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:

@@ -53,7 +53,7 @@ _FOREGROUND_M = 1.7
 """Furniture that is nearer hides what lies behind it."""
 _BUILDING = ("wall_", "floor_", "ceiling_", "window_", "curtain_", "blind_", "skirting_", "doorframe_")
 """Beginnings of the names of what a room is made of: it may be near."""
-_BESIDE_M, _BEFORE_SHARE = 2.2, 0.65
+_BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
 """Distance of such things at the sides that is too near, and the share of the usual distance that is in the middle."""
 _TALL_M, _BEFORE_M = 1.15, 2.6
 """Height and distance of furniture, such as a floor lamp, that stands before the eyes in the middle of a picture."""
@@ -213,7 +213,7 @@ class _View:
         score -= 2.0 * float((furniture & (ahead < _FOREGROUND_M)).mean())
         tall = self._thing[known] & met & (places[:, 2] > _TALL_M)
         before = max(_BEFORE_M, _BEFORE_SHARE * float(np.median(seen)))
-        score -= 10.0 * float((tall & (ahead < np.where(self._center, before, _BESIDE_M))).mean())
+        score -= 30.0 * float((tall & (ahead < np.where(self._center, before, _BESIDE_M))).mean())
         near = met & (ahead < _NEAR_M)
         return score - 3.0 * float(near.mean()) - 8.0 * float((near & (ahead < _BEFORE_EYES_M)).mean())
 
