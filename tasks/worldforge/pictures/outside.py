@@ -18,11 +18,11 @@ _HEDGE_M = (11.0, 1.25)
 _SIDE = 64
 """Cells of the noise table each way; a power of two, so that remainders are cheap."""
 
-_ZENITH, _HORIZON, _CLOUD = np.array([0.42, 0.63, 0.92]), np.array([0.84, 0.91, 0.97]), np.array([1.0, 1.0, 1.0])
-_HILLS, _WOODS, _WOODS_LIT = np.array([0.60, 0.70, 0.74]), np.array([0.27, 0.40, 0.25]), np.array([0.52, 0.64, 0.36])
-_LEAF, _LEAF_LIT, _BARK = np.array([0.20, 0.33, 0.16]), np.array([0.56, 0.68, 0.32]), np.array([0.36, 0.28, 0.22])
-_GRASS, _GRASS_LIT, _HAZE = np.array([0.36, 0.52, 0.22]), np.array([0.56, 0.68, 0.36]), np.array([0.72, 0.80, 0.70])
-_PLASTER, _ROOF, _PANE = np.array([0.93, 0.90, 0.83]), np.array([0.62, 0.36, 0.28]), np.array([0.34, 0.42, 0.48])
+_ZENITH, _HORIZON, _CLOUD = np.array([0.50, 0.66, 0.88]), np.array([0.86, 0.91, 0.95]), np.array([0.99, 0.99, 0.99])
+_HILLS, _WOODS, _WOODS_LIT = np.array([0.62, 0.69, 0.72]), np.array([0.30, 0.37, 0.28]), np.array([0.54, 0.60, 0.42])
+_LEAF, _LEAF_LIT, _BARK = np.array([0.13, 0.19, 0.10]), np.array([0.56, 0.62, 0.34]), np.array([0.30, 0.26, 0.22])
+_GRASS, _GRASS_LIT, _HAZE = np.array([0.36, 0.45, 0.24]), np.array([0.55, 0.61, 0.38]), np.array([0.74, 0.80, 0.76])
+_PLASTER, _ROOF, _PANE = np.array([0.88, 0.86, 0.82]), np.array([0.47, 0.36, 0.32]), np.array([0.34, 0.40, 0.44])
 
 
 class _Tree(NamedTuple):
@@ -68,9 +68,8 @@ def _sky(rays: Array, rise: Array) -> Array:
 def _woods(colors: Array, azimuth: Array, rise: Array) -> Array:
     """Adds the edge of a far wood."""
     line = 0.07 + 0.05 * _ridge(azimuth, 5) + 0.025 * _ridge(azimuth, 24)
-    crowns = noise(azimuth * 26, rise * 30)
-    leaves = (_WOODS + (_WOODS_LIT - _WOODS) * (0.65 * crowns + 0.35 * noise(azimuth * 90, rise * 90))[:, None]) * 0.92
-    hazy = leaves + (_HAZE - leaves) * 0.25
+    leaves = _WOODS + (_WOODS_LIT - _WOODS) * _leaves(azimuth * 22, rise * 26)[:, None]
+    hazy = leaves + (_HAZE - leaves) * 0.3
     return _over(colors, hazy, _soft(line - rise, 0.006))
 
 
@@ -98,33 +97,48 @@ def _house(colors: Array, turned: Array, rise: Array, away_m: float) -> Array:
 
 
 def _hedge(colors: Array, azimuth: Array, rise: Array) -> Array:
+    """Adds shrubs of different heights at the end of the lawn."""
     away, tall = _HEDGE_M
     across, up = azimuth * away, rise * away + _EYE_M
-    edge = tall + 0.16 * (_ridge(azimuth, 2.5 * away) - 0.5) + 0.1 * (_ridge(azimuth, 9 * away) - 0.5)
-    light = 0.25 + 0.5 * noise(across * 7, up * 7) * np.clip(up / tall, 0, 1) + 0.25 * np.clip(up - 0.8, 0, 1)
-    leaves = _LEAF + (_LEAF_LIT - _LEAF) * light[:, None]
-    return _over(colors, leaves, _soft(edge - up, 0.05) * (up > 0))
+    edge = tall * (0.55 + 0.9 * _ridge(azimuth, 0.45 * away)) + 0.35 * (_ridge(azimuth, 2.5 * away) - 0.5)
+    edge = edge + 0.3 * (_leaves(across * 2.2, up * 2.2) - 0.5)
+    light = 0.12 + 0.75 * _leaves(across * 1.6, up * 1.6) * np.clip(0.25 + up / tall, 0, 1)
+    leaves = _LEAF + (_LEAF_LIT - _LEAF) * np.clip(light, 0, 1)[:, None]
+    hazy = leaves + (_HAZE - leaves) * 0.08
+    return _over(colors, hazy, _soft(edge - up, 0.08) * (up > 0))
 
 
 def _tree(colors: Array, turned: Array, rise: Array, tree: _Tree) -> Array:
-    """Adds a tree: a crown of several lumps, lit from above, over a trunk."""
+    """Adds a tree: a crown of many leaves, lit from above and aside, with holes and a ragged outline."""
     across, up = turned * tree.away_m, rise * tree.away_m + _EYE_M
-    near = (np.abs(across) < tree.wide_m) & (up > 0) & (up < tree.tall_m * 1.1)
+    near = (np.abs(across) < tree.wide_m * 0.75) & (up > 0) & (up < tree.tall_m * 1.15)
     if not near.any():
         return colors
     x, z = across[near], up[near]
-    trunk = np.abs(x) < 0.16 + 0.05 * np.clip(1 - z, 0, 1)
-    middle, half = tree.tall_m * 0.62, tree.tall_m * 0.38
-    lumps = 0.55 * noise(x * 1.1 + tree.azimuth * 7, z * 1.1) + 0.25 * noise(x * 3.1, z * 3.1)
-    crown = np.hypot(x / (tree.wide_m * 0.5), (z - middle) / half) + 0.75 * (lumps - 0.4)
-    detail = noise(x * 4 + 3, z * 4) * 0.5 + noise(x * 11, z * 11 + 7) * 0.5
-    light = np.clip(0.18 + 0.45 * (z - middle + half) / (2 * half) + 0.7 * (detail - 0.5) + 0.12 * (lumps - 0.4), 0, 1)
+    sway = 0.25 * (noise(z * 0.8 + tree.azimuth, z * 0.3) - 0.5)
+    trunk = np.abs(x - sway) < 0.11 + 0.05 * np.clip(1 - z, 0, 1)
+    middle, half = tree.tall_m * 0.6, tree.tall_m * 0.42
+    shift = tree.azimuth * 7
+    lumps = 0.6 * noise(x * 0.8 + shift, z * 0.8) + 0.4 * noise(x * 2.1 + shift, z * 2.1)
+    leaves = _leaves(x * 2.6 + shift, z * 2.6)
+    crown = np.hypot(x / (tree.wide_m * 0.5), (z - middle) / half) + 0.95 * (lumps - 0.45) + 0.5 * (leaves - 0.5)
+    lit = 0.34 * (z - middle) / half + 0.16 * x / tree.wide_m
+    light = np.clip(0.28 + lit + 0.9 * (leaves - 0.5) + 0.5 * (lumps - 0.5), 0, 1)
     seen = _over(colors[near], _BARK, (trunk & (z < middle)).astype(float))
-    holes = np.clip((detail - 0.22) / 0.1, 0, 1) * 0.25 + 0.75
-    seen = _over(seen, _LEAF + (_LEAF_LIT - _LEAF) * light[:, None], _soft(1 - crown, 0.07) * holes)
+    hue = _LEAF_LIT * (0.85 + 0.3 * noise(np.full(1, tree.azimuth * 5), np.zeros(1)))
+    paint = _LEAF + (hue - _LEAF) * light[:, None]
+    hazy = paint + (_HAZE - paint) * min(0.3, tree.away_m / 110)
+    holes = np.clip((leaves - 0.26) / 0.12, 0, 1) * 0.6 + 0.4
+    seen = _over(seen, hazy, _soft(1 - crown, 0.12) * holes)
     colors = colors.copy()
     colors[near] = seen
     return colors
+
+
+def _leaves(u: Array, v: Array) -> Array:
+    """Returns noise of leaves and of the branches that they are on, 0 to 1."""
+    total = 0.4 * noise(u, v) + 0.27 * noise(u * 2.3 + 5, v * 2.3) + 0.19 * noise(u * 5.1, v * 5.1 + 3)
+    return total + 0.14 * noise(u * 11.7 + 9, v * 11.7)
 
 
 def _trees() -> list[_Tree]:
@@ -132,12 +146,12 @@ def _trees() -> list[_Tree]:
     rng = np.random.default_rng(21)
     made = [
         _Tree(
-            (number + 0.75 * float(rng.random())) * 2 * pi / 13,
-            float(rng.uniform(14, 30)),
-            float(rng.uniform(5, 9)),
-            float(rng.uniform(4, 7)),
+            (number + 0.75 * float(rng.random())) * 2 * pi / 17,
+            float(rng.uniform(13, 32)),
+            float(rng.uniform(5, 10)),
+            float(rng.uniform(4.5, 8.5)),
         )
-        for number in range(13)
+        for number in range(17)
     ]
     return sorted(made, key=lambda tree: -tree.away_m)
 

@@ -22,6 +22,8 @@ Flags = NDArray[np.bool_]
 _CUTOFF_M = 80.0
 """Rays end here: far beyond the largest building."""
 _HIDDEN_GROUP, _GLASS_GROUP = 3, 5
+_ON_PLANE_M = 0.003
+"""Distance up to which something that stands out of a plane is part of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,8 @@ class Camera:
     drop: float = 0.0
     """Distance of the picture's middle below the direction of view, over that to the picture. A lens that is moved
     down, as photographers of buildings do it, sees more floor and keeps upright edges upright."""
+    front: tuple[Vector, Vector] | None = None
+    """A place on a plane and its normal, ahead: the camera does not see what is on its own side of the plane."""
 
     def rays(self, width: int, height: int, columns: Array, rows: Array) -> Array:
         """Returns unit direction vectors through pixel positions, shape (n, 3)."""
@@ -85,6 +89,7 @@ class RayCaster:
             alpha = np.where(model.geom_matid >= 0, model.mat_rgba[model.geom_matid, 3], alpha)
         self._is_glass = (alpha < 0.99) & (model.geom_group < _HIDDEN_GROUP)
         model.geom_group[self._is_glass] = _GLASS_GROUP
+        self._near_sides: dict[tuple[float, ...], Flags] = {}
         self._seen = np.array([1, 1, 1, 0, 1, 0], np.uint8)
         self._glass = np.array([0, 0, 0, 0, 0, 1], np.uint8)
 
@@ -118,6 +123,30 @@ class RayCaster:
         panes, near, _ = self.trace(origin, rays, self._glass)
         distances = np.linalg.norm(hits.places - np.array(origin), axis=1)
         return ((panes >= 0) & ((hits.geoms < 0) | (near < distances))).astype(float)
+
+    @contextmanager
+    def beyond(self, place: Array, normal: Array) -> Iterator[None]:
+        """Lets rays go through everything that is on the far side of a plane for a while.
+
+        Args:
+            place: a place on the plane.
+            normal: unit vector towards the side that stays.
+        """
+        key = (*np.round(normal, 6).tolist(), round(float(place @ normal), 6))
+        if key not in self._near_sides:
+            self._near_sides[key] = self._stand_out(place, normal) < _ON_PLANE_M
+        with self.without(self._near_sides[key]):
+            yield
+
+    def _stand_out(self, place: Array, normal: Array) -> NDArray[Any]:
+        """Distance by which geoms stand out of a plane, towards its normal."""
+        turns = self._data.geom_xmat.reshape(-1, 3, 3)
+        box = self._model.geom_aabb
+        middle = self._data.geom_xpos + np.einsum("gij,gj->gi", turns, box[:, :3])
+        reach = np.abs(np.einsum("gij,i->gj", turns, normal))
+        top = (middle - place) @ normal + np.sum(reach * box[:, 3:], axis=1)
+        is_plane = self._model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        return np.where(is_plane, (self._data.geom_xpos - place) @ normal, top)
 
     @contextmanager
     def without(self, geoms: NDArray[Any]) -> Iterator[None]:

@@ -15,6 +15,10 @@ STEP = 3
 
 _SLOTS = 4
 """Neighbouring pixels look at different lamps in squares of this side."""
+SUNS = _SLOTS * _SLOTS
+"""Places on the sun's disc."""
+_LEAST_TURNED, _MOST_TURNED = 0.3, 2.0
+"""Bounds of what a surface's light is multiplied by where it is turned a little."""
 _SKIN_M = 0.004
 _LEAST_LIT = 8e-4
 """Light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
@@ -57,18 +61,18 @@ class Lighting:
     """Sets of lamps; a pixel looks at one lamp of each set and at the others through its neighbours."""
     ambient: Vector = (0.1, 0.1, 0.1)
     """Light that comes from everywhere."""
-    sun: Callable[[Hits], Array] | None = None
-    """Further light at places, shape (n, 3), whose edges are sharp."""
+    sun: Callable[[Hits, NDArray[np.int64]], Array] | None = None
+    """Further light at places, shape (n, 3), from one of `SUNS` places on the sun's disc, by numbers."""
+    toward_sun: Vector = (0.0, 0.0, 1.0)
+    """Direction of the sun, a unit vector."""
     outside: Callable[[Array], Array] | None = None
     """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
     shaded_m: float = 0.0
     """Distance up to which things take light from each other; 0: they do not."""
     exposed: bool = False
     """Whether the picture becomes as bright as a photographer makes it; else lamps say how bright it is."""
-    floors: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """Geoms of floors; their tops are at the height 0."""
-    smooth: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """Those of them that mirror what is above them."""
+    gloss: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2); absent: none does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,11 @@ class LightGrid:
     hits: Hits
     light: Array
     """Shape (rows * columns, 3)."""
+    lean: Array
+    """Change of the light's brightness by the direction of the surface, shape (rows * columns, 3)."""
     shape: tuple[int, int]
+    step: int = STEP
+    """Pixels from one of the grid to the next."""
 
     @classmethod
     def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
@@ -92,52 +100,78 @@ class LightGrid:
         """
         index = np.arange(shape[0] * shape[1]).reshape(shape)[::STEP, ::STEP]
         few = hits[index.ravel()]
-        rows, columns = (axis.ravel() for axis in np.indices(index.shape))
-        slots = (rows % _SLOTS) * _SLOTS + columns % _SLOTS
-        light = np.zeros((len(rows), 3))
+        size = (index.shape[0], index.shape[1])
+        slots = slots_of(size)
+        light, lean = np.zeros((len(slots), 3)), np.zeros((len(slots), 3))
         for group in lighting.lamps:
             for number, lamp in enumerate(group):
                 mine = np.flatnonzero((slots % len(group) == number) & (few.geoms >= 0))
-                light[mine] += _shine(caster, lamp, few[mine])
+                strength, toward = _shine(caster, lamp, few[mine])
+                light[mine] += strength[:, None] * np.array(lamp.color)
+                lean[mine] += toward
         light += np.array(lighting.ambient)
-        size = (index.shape[0], index.shape[1])
-        open_share = _openness(few, size, lighting.shaded_m) if lighting.shaded_m else np.ones(len(rows))
-        return cls(few, _shared(light * open_share[:, None], few, size), size)
+        open_share = _openness(few, size, lighting.shaded_m) if lighting.shaded_m else np.ones(len(slots))
+        both = _shared(np.hstack([light, lean]) * open_share[:, None], few, size)
+        return cls(few, both[:, :3], both[:, 3:], size)
 
     def with_light(self, light: Array) -> "LightGrid":
-        """Returns the same grid with other light, shared among neighbours."""
-        return LightGrid(self.hits, _shared(light, self.hits, self.shape), self.shape)
+        """Returns the same grid with other light, shared among neighbours, that is alike in all directions."""
+        return LightGrid(self.hits, _shared(light, self.hits, self.shape), np.zeros_like(light), self.shape, self.step)
 
-    def at(self, hits: Hits, rows: Array, columns: Array) -> Array:
-        """Returns the light at points, smoothed over neighbouring pixels of the same surface."""
-        total, weight = np.zeros((len(hits.geoms), 3)), np.zeros(len(hits.geoms))
-        row, column = np.floor(rows / STEP).astype(np.int64), np.floor(columns / STEP).astype(np.int64)
+    def at(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
+        """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface."""
+        both, weight = np.zeros((len(hits.geoms), 6)), np.zeros(len(hits.geoms))
+        row, column = np.floor(rows / self.step).astype(np.int64), np.floor(columns / self.step).astype(np.int64)
         height, width = self.shape
         for down in (0, 1):
             for right in (0, 1):
                 other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
-                share = np.abs(1 - down - (rows / STEP - row)) * np.abs(1 - right - (columns / STEP - column))
+                share = np.abs(1 - down - (rows / self.step - row)) * np.abs(1 - right - (columns / self.step - column))
                 near = _alike(hits, self.hits, other) * (share + 1e-3)
-                total += self.light[other] * near[:, None]
+                both += self._for(hits.normals, other) * near[:, None]
                 weight += near
-        found = total / np.maximum(weight, 1e-9)[:, None]
+        both /= np.maximum(weight, 1e-9)[:, None]
         # Narrow surfaces have no pixel of the grid near by: the most similar ones around have their light.
         lost = np.flatnonzero(weight < _LOST)
-        found[lost] = self._around(hits[lost], row[lost], column[lost])
-        return found
+        both[lost] = self._around(hits[lost], row[lost], column[lost])
+        return both[:, :3], both[:, 3:]
 
     def _around(self, hits: Hits, row: NDArray[np.int64], column: NDArray[np.int64]) -> Array:
         height, width = self.shape
-        total, weight = np.zeros((len(row), 3)), np.full(len(row), 1e-9)
+        total, weight = np.zeros((len(row), 6)), np.full(len(row), 1e-9)
         for down in range(-_AROUND, _AROUND + 2):
             for right in range(-_AROUND, _AROUND + 2):
                 other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
                 turned = np.clip(np.einsum("ij,ij->i", hits.normals, self.hits.normals[other]), 0, 1)
                 away = np.sum((hits.places - self.hits.places[other]) ** 2, axis=1)
-                near = (turned**4 + 1e-4) / (1 + away / _AROUND_M**2) ** 2 * (self.hits.geoms[other] >= 0)
-                total += self.light[other] * near[:, None]
+                near = (turned**4 + 0.02) / (1 + away / _AROUND_M**2) ** 2 * (self.hits.geoms[other] >= 0)
+                total += self._for(hits.normals, other) * near[:, None]
                 weight += near
         return total / weight[:, None]
+
+    def _for(self, normals: Array, others: NDArray[np.int64]) -> Array:
+        """Light of pixels of the grid, and how it leans, as surfaces of other directions would have it."""
+        lean = self.lean[others]
+        share = turned_light(self.light[others], lean, normals - self.hits.normals[others])
+        return np.hstack([self.light[others] * share[:, None], lean])
+
+
+def slots_of(shape: tuple[int, int]) -> NDArray[np.int64]:
+    """Returns a number below `SUNS` for each pixel; each square of four by four pixels has them all."""
+    rows, columns = (axis.ravel() for axis in np.indices(shape))
+    return (rows % _SLOTS) * _SLOTS + columns % _SLOTS
+
+
+def turned_light(light: Array, lean: Array, turned: Array) -> Array:
+    """Returns what light is multiplied by on a surface that is turned a little.
+
+    Args:
+        light: light on the surface, shape (n, 3).
+        lean: how it leans.
+        turned: the new unit normal less the old one, shape (n, 3).
+    """
+    share = 1 + np.einsum("ij,ij->i", lean, turned) / np.maximum(light.mean(axis=1), 1e-4)
+    return np.clip(share, _LEAST_TURNED, _MOST_TURNED)
 
 
 def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
@@ -148,20 +182,21 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
     return turned**8 / (1 + (apart / 0.02) ** 2) ** 2
 
 
-def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> Array:
-    """Light of one lamp at places."""
+def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
+    """Brightness of the light of one lamp at places, and how it leans."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
     distances = np.linalg.norm(ways, axis=1)
     ways = ways / np.maximum(distances, 1e-6)[:, None]
-    strength = np.clip(-np.sum(ways * hits.normals, axis=1), 0, 1)
+    cosine = np.clip(-np.sum(ways * hits.normals, axis=1), 0, 1)
+    power = lamp.power * 2 / (1 + distances**2)
     if lamp.facing is not None:
-        strength = strength * np.clip(ways @ np.array(lamp.facing), 0, 1)
-    strength = strength * (lamp.power * 2 / (1 + distances**2))
+        power = power * np.clip(ways @ np.array(lamp.facing), 0, 1)
+    strength = cosine * power
     lit = np.flatnonzero(strength > _LEAST_LIT)
     if len(lit):
         _, met, _ = caster.trace(lamp.place, ways[lit])
         strength[lit[(met >= 0) & (met < distances[lit] - 0.012)]] = 0
-    return strength[:, None] * np.array(lamp.color)
+    return strength, ways * (-power * (strength > 0) * float(np.mean(lamp.color)))[:, None]
 
 
 def _openness(hits: Hits, shape: tuple[int, int], reach_m: float) -> Array:
@@ -212,9 +247,40 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
                 if step > 1:
                     # Light that differs much is a shadow's edge, which stays.
                     near = near / (
-                        1 + (np.abs(light[other] - light).sum(axis=1) / (0.15 * light.sum(axis=1) + 1e-3)) ** 2
+                        1
+                        + (
+                            np.abs(light[other, :3] - light[:, :3]).sum(axis=1)
+                            / (0.15 * light[:, :3].sum(axis=1) + 1e-3)
+                        )
+                        ** 2
                     )
                 total += light[other] * near[:, None]
                 weight += near
         light = total / np.maximum(weight, 1e-6)[:, None]
     return light
+
+
+def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray[np.int64]) -> Array:
+    """Evens out light among neighbouring pixels of one surface that looked at different places on the sun.
+
+    Args:
+        hits: what all pixels show.
+        light: their light, shape (n, 3).
+        shape: rows and columns of the picture.
+        chosen: the pixels that may have some; others have none.
+    """
+    height, width = shape
+    rows, columns = chosen // width, chosen % width
+    half = _SLOTS // 2
+    mine = hits[chosen]
+    total, weight = np.zeros((len(chosen), 3)), np.zeros(len(chosen))
+    for down in range(-half, half + 1):
+        for right in range(-half, half + 1):
+            other = np.clip(rows + down, 0, height - 1) * width + np.clip(columns + right, 0, width - 1)
+            share = (0.5 if abs(down) == half else 1.0) * (0.5 if abs(right) == half else 1.0)
+            near = _alike(mine, hits, other) * share
+            total += light[other] * near[:, None]
+            weight += near
+    even = np.zeros_like(light)
+    even[chosen] = total / np.maximum(weight, 1e-6)[:, None]
+    return even

@@ -9,27 +9,37 @@ shadows are soft without tracing every lamp from everywhere. Smooth floors mirro
 # pyright: reportAttributeAccessIssue=false
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ..geometry.parts import Vector
 from .ray_casting import Array, Camera, Hits, RayCaster
-from .ray_light import STEP, LightGrid, Lighting
+from .ray_light import STEP, LightGrid, Lighting, slots_of, soft_light, turned_light
+from .reflections import Reflections, Shade
 
 GAMMA = 2.2
 """Power that turns colours, as screens have them, into amounts of light."""
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
-_MIDDLE = 0.25
+_MIDDLE = 0.46
 """Light in the middle of a well exposed picture of a bright room, of 1."""
-_MIRRORED, _GRAZING = 0.03, 0.5
-"""Share of light that lacquer and glaze mirror: seen from straight above, and more of it along the floor."""
 _LINE_PX = 8
 """Gaps up to twice as long in lines as thin as a pixel are looked at closely."""
-_SUN_EDGE = 0.1
-"""Difference of sunlight between neighbours that is an edge."""
+_SUN_EDGE_PX = 3
+"""Pixels beside sunny ones that may have some sun: as far as neighbours share it."""
+
+_FILM = np.array([[0.842479, 0.0423283, 0.0423756], [0.0784336, 0.878469, 0.0784336], [0.0792237, 0.0791661, 0.879142]])
+"""Mixture of red, green and blue light on film, a row for each."""
+_PAPER = np.linalg.inv(_FILM)
+_DARKEST_EV, _BRIGHTEST_EV = -12.47393, 4.026069
+"""Ends of the film's range, in doublings of light."""
+_CONTRAST, _COLORFUL = 1.24, 1.22
+"""A little more of both than film has: rooms are less bright than landscapes."""
+_BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722))
 
 Look = Callable[[Hits], Array]
 """Function that returns the colours at ray hits, 0 to 1 in sRGB, shape (n, 3).
@@ -45,11 +55,18 @@ class RayPicture(RayCaster):
         model: the compiled world.
         look: tells the colours of places.
         background: colour where a ray meets nothing, 0 to 1.
+        bend: tells the directions that surfaces have at places for light, which are not flat; absent: the same.
     """
 
-    def __init__(self, model: mujoco.MjModel, look: Look, background: Vector = (0.86, 0.91, 0.95)) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        look: Look,
+        background: Vector = (0.86, 0.91, 0.95),
+        bend: Callable[[Hits], Array] | None = None,
+    ) -> None:
         super().__init__(model)
-        self._look = look
+        self._look, self._bend = look, bend
         self._background = np.array(background) ** GAMMA
 
     def draw(self, camera: Camera, lighting: Lighting, width: int, height: int) -> NDArray[np.uint8]:
@@ -65,37 +82,63 @@ class RayPicture(RayCaster):
             Red, green, blue, shape (height, width, 3).
         """
         rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:height, 0:width])
-        rays = camera.rays(width, height, columns, rows)
-        hits = self.hits(camera.place, rays)
-        glass = self.through_glass(camera.place, rays, hits)
-        grid = LightGrid.cast(self, hits, lighting, (height, width))
-        shot = _Shot(camera, lighting, grid, self._mirror(camera, lighting, grid))
-        sun = lighting.sun(hits) if lighting.sun else np.zeros((1, 1))
-        common = grid.at(hits, rows, columns) + sun
-        mirrored = shot.mirror.at(hits, rows, columns) if shot.mirror else None
+        with self.before(camera):
+            hits = self.hits(camera.place, camera.rays(width, height, columns, rows))
+            glass = self.through_glass(camera.place, camera.rays(width, height, columns, rows), hits)
+        shape = (height, width)
+        grid = LightGrid.cast(self, hits, lighting, shape)
+        sun = self._sun(hits, lighting, shape)
+        shot = _Shot(camera, lighting, grid, sun)
+        shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
+        common = shot.light(hits, rows, columns)
+        # Bumps and rounded edges are the same for all rays of a pixel.
+        common = common * self._turned(hits, common)[:, None]
         scale = self._scale(shot, hits, common) if lighting.exposed else None
-        edge = _edges(hits, glass, sun[:, 0] if lighting.sun else None, (height, width)).ravel()
+        edge = _edges(hits, glass, shape).ravel()
         total = np.zeros((height * width, 3))
         for right, down in _SUB_PIXELS:
             rays = camera.rays(width, height, columns + right, rows + down)
-            seen = self._light_of(shot, Hits(hits.geoms, _on_plane(camera, rays, hits), hits.normals), common, mirrored)
-            colors = _finished(seen, glass, scale)
-            again = self.hits(camera.place, rays[edge])
-            lit = grid.at(again, rows[edge], columns[edge]) + (lighting.sun(again) if lighting.sun else 0.0)
-            shown = shot.mirror.at(again, rows[edge], columns[edge]) if shot.mirror else None
-            seen = self._light_of(shot, again, lit, shown)
-            colors[edge] = _finished(seen, self.through_glass(camera.place, rays[edge], again), scale)
+            seen = self._shade(shot, Hits(hits.geoms, _on_plane(camera, rays, hits), hits.normals), common)
+            colors = _finished(shot.mirror.added(seen, hits, rows, columns), glass, scale)
+            with self.before(camera):
+                again = self.hits(camera.place, rays[edge])
+                clear = self.through_glass(camera.place, rays[edge], again)
+            lit = shot.light(again, rows[edge] + down, columns[edge] + right)
+            seen = self._shade(shot, again, lit * self._turned(again, lit)[:, None])
+            seen = shot.mirror.added(seen, again, rows[edge], columns[edge])
+            colors[edge] = _finished(seen, clear, scale)
             total += colors
         return np.rint(total.reshape(height, width, 3) * (255 / len(_SUB_PIXELS))).astype(np.uint8)
 
-    def _light_of(self, shot: "_Shot", hits: Hits, light: Array, mirrored: Array | None) -> Array:
+    def before(self, camera: Camera) -> AbstractContextManager[None]:
+        """Lets a camera that stands behind a wall see through it."""
+        if camera.front is None:
+            return nullcontext()
+        place, normal = camera.front
+        return self.beyond(np.array(place), np.array(normal))
+
+    def _sun(self, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> LightGrid | None:
+        """Sunlight at each pixel, with the soft edges that the sun's width makes."""
+        if lighting.sun is None:
+            return None
+        light = lighting.sun(hits, slots_of(shape))
+        lit = (light[:, 0] > 0).reshape(shape)
+        light = soft_light(hits, light, shape, np.flatnonzero(_widened(lit)))
+        lean = light.mean(axis=1)[:, None] * np.array(lighting.toward_sun)
+        facing = np.clip(hits.normals @ np.array(lighting.toward_sun), 0.05, 1)[:, None]
+        return LightGrid(hits, light, lean / facing, shape, 1)
+
+    def _turned(self, hits: Hits, light: Array) -> Array:
+        """Share of light that places have on the bumps and rounded edges of their surfaces."""
+        if self._bend is None:
+            return np.ones(len(light))
+        return turned_light(light[:, :3], light[:, 3:], self._bend(hits) - hits.normals)
+
+    def _shade(self, shot: "_Shot", hits: Hits, light: Array) -> Array:
         """Light that comes from places to the camera."""
         colors = self._look(hits)
         bright = np.abs(colors) ** GAMMA
-        seen = np.where(colors[:, :1] < 0, bright, bright * light)
-        if mirrored is not None:
-            floor = np.flatnonzero(shot.is_floor(hits))
-            seen[floor] += mirrored[floor] * _fresnel(shot.camera, hits[floor])[:, None]
+        seen = np.where(colors[:, :1] < 0, bright, bright * light[:, :3])
         nothing = np.flatnonzero(hits.geoms < 0)
         if shot.lighting.outside is None:
             seen[nothing] = self._background
@@ -103,29 +146,10 @@ class RayPicture(RayCaster):
             seen[nothing] = shot.lighting.outside(hits.places[nothing] - np.array(shot.camera.place))
         return seen
 
-    def _mirror(self, camera: Camera, lighting: Lighting, grid: LightGrid) -> LightGrid | None:
-        """Light that floors mirror at the grid's pixels, as a camera that is as far below them would see it."""
-        floor = np.flatnonzero(np.isin(grid.hits.geoms, lighting.smooth))
-        if len(floor) == 0:
-            return None
-        below = (camera.place[0], camera.place[1], -camera.place[2])
-        rays = grid.hits.places[floor] - np.array(below)
-        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        with self.without(lighting.floors):
-            hits = self.hits(below, rays)
-        colors = self._look(hits)
-        bright = np.abs(colors) ** GAMMA
-        seen = np.where(colors[:, :1] < 0, bright, bright * grid.light[grid.hits.geoms >= 0].mean(axis=0))
-        nothing = hits.geoms < 0
-        seen[nothing] = lighting.outside(rays[nothing]) if lighting.outside else self._background
-        light = np.zeros_like(grid.light)
-        light[floor] = seen
-        return grid.with_light(light)
-
     def _scale(self, shot: "_Shot", hits: Hits, light: Array) -> float:
         """Returns what light is multiplied by for a picture that is neither dark nor pale."""
         few = np.flatnonzero(hits.geoms >= 0)[:: STEP * STEP]
-        bright = self._light_of(shot, hits[few], light[few], None).mean(axis=1)
+        bright = self._shade(shot, hits[few], light[few]).mean(axis=1)
         # Few bright places, such as patches of sun, do not darken the room.
         return _MIDDLE / max(float(np.minimum(bright, 1.5 * np.median(bright)).mean()), 1e-3)
 
@@ -133,19 +157,31 @@ class RayPicture(RayCaster):
 class _Shot:
     """A camera with its light, while a picture is drawn."""
 
-    def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, mirror: LightGrid | None) -> None:
-        self.camera, self.lighting, self.grid, self.mirror = camera, lighting, grid, mirror
+    mirror: Reflections
 
-    def is_floor(self, hits: Hits) -> NDArray[np.bool_]:
-        """Tells which places are on floors that mirror."""
-        return np.isin(hits.geoms, self.lighting.smooth)
+    def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, sun: LightGrid | None) -> None:
+        self.camera, self.lighting, self._grid, self._sun_at = camera, lighting, grid, sun
+
+    def light(self, hits: Hits, rows: Array, columns: Array) -> Array:
+        """Returns the light at places and how it leans, shape (n, 6)."""
+        light = np.hstack(self._grid.at(hits, rows, columns))
+        if self._sun_at is not None:
+            grid = self._sun_at
+            height, width = grid.shape
+            row, column = (np.clip(np.floor(axis).astype(np.int64), 0, most - 1)
+                           for axis, most in ((rows, height), (columns, width)))  # fmt: skip
+            near = np.flatnonzero(_widened(grid.light[:, 0].reshape(grid.shape) > 0)[row, column])
+            light[near] += np.hstack(grid.at(hits[near], rows[near], columns[near]))
+        return light
+
+    def shader(self, shade: "Callable[[_Shot, Hits, Array], Array]") -> Shade:
+        """Returns a function that shades what this shot's surfaces mirror."""
+        return lambda hits, light: shade(self, hits, light)
 
 
-def _fresnel(camera: Camera, hits: Hits) -> Array:
-    """Share of light that a level floor mirrors at places."""
-    ways = hits.places - np.array(camera.place)
-    facing = np.clip(-ways[:, 2] / np.maximum(np.linalg.norm(ways, axis=1), 1e-6), 0, 1)
-    return _MIRRORED + _GRAZING * (1 - facing) ** 5
+def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Marks the pixels around marked ones as well."""
+    return np.asarray(ndimage.binary_dilation(marked, iterations=_SUN_EDGE_PX), np.bool_)
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
@@ -155,8 +191,29 @@ def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
     if scale is None:
         # Highlights are compressed as film does.
         return np.clip(seen * (1 + seen / 6.0) / (1 + seen * 0.72), 0, 1) ** (1 / GAMMA)
-    # A film's curve by K. Narkowicz: shadows are a little deeper, and highlights never end abruptly.
-    return np.clip(seen * (2.51 * seen + 0.03) / (seen * (2.43 * seen + 0.59) + 0.14), 0, 1) ** (1 / GAMMA)
+    return _developed(seen)
+
+
+def _developed(seen: Array) -> Array:
+    """Colours of light on film: bright places become pale slowly, and dark ones keep their drawing.
+
+    It is the curve of T. Sobotka's AgX, by the fit of B. Wrensch, with a little more colour.
+    """
+    mixed = np.clip((np.log2(np.maximum(seen @ _FILM, 1e-9)) - _DARKEST_EV) / (_BRIGHTEST_EV - _DARKEST_EV), 0, 1)
+    square = mixed * mixed
+    curve = (
+        15.5 * square**3
+        - 40.14 * square * square * mixed
+        + 31.96 * square * square
+        - 6.868 * square * mixed
+        + 0.4298 * square
+        + 0.1191 * mixed
+        - 0.00232
+    )
+    curve = np.clip(curve, 0, 1) ** _CONTRAST
+    bright = (curve @ _BRIGHTNESS)[:, None]
+    colors = (bright + (curve - bright) * _COLORFUL) @ _PAPER
+    return np.clip(colors, 0, 1)
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
@@ -167,11 +224,10 @@ def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
     return np.array(camera.place) + rays * reach[:, None]
 
 
-def _edges(hits: Hits, glass: Array, sun: Array | None, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Finds the pixels that show another geom, surface direction or sunlight than a neighbour."""
+def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Finds the pixels that show another geom or surface direction than a neighbour."""
     kinds = (hits.geoms.astype(np.int64) * 2 + (glass > 0)).reshape(shape)
     normals = hits.normals.reshape(*shape, 3)
-    sunny = None if sun is None else sun.reshape(shape)
     edge = np.zeros(shape, np.bool_)
     for axis in (0, 1):
         first = [slice(None), slice(None)]
@@ -179,8 +235,6 @@ def _edges(hits: Hits, glass: Array, sun: Array | None, shape: tuple[int, int]) 
         first[axis], second[axis] = slice(0, -1), slice(1, None)
         a, b = tuple(first), tuple(second)
         differ = (kinds[a] != kinds[b]) | (np.sum(normals[a] * normals[b], axis=-1) < 0.8)
-        if sunny is not None:
-            differ |= np.abs(sunny[a] - sunny[b]) > _SUN_EDGE
         edge[a] |= differ
         edge[b] |= differ
     return edge | _thin(kinds)

@@ -5,13 +5,14 @@ from math import cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ....schemas.worlds.world import Room, Window, World, contains
 from ..decor.faces import window_heights
 from ..decor.lights import lamp_spots
 from .outside import outside
 from .ray_casting import Array, Flags, Hits, RayCaster
-from .ray_light import Lamp, Lighting
+from .ray_light import SUNS, Lamp, Lighting
 from .ray_picture import GAMMA, Look
 from .room_looks import Looks
 
@@ -26,17 +27,24 @@ _LAMP_POWER, _LAMP_ONLY_POWER = 0.45, 1.6
 _LAMP_COLOR = (1.0, 0.9, 0.76)
 _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
 """Radius of a lamp and its distance from the ceiling, under its shade."""
-_SUN_POWER = 3.2
+_SUN_POWER = 1.9
 """Light of the sun on a white sheet that faces it."""
 _SUN_COLOR = np.array((1.0, 0.92, 0.78))
 _SUN_RISE = 0.75
 """Tangent of the sun's height: its patches lie in the half of the room that is near the window."""
 _SUN_FAR_M = 60.0
-_AMBIENT = 0.15
+_SUN_RADIUS = 0.022
+"""Radius of the sun, as one sees it through thin clouds, over its distance: edges of its patches are soft."""
+_AMBIENT = 0.045
 """Light that was thrown back more than once."""
-_OUTSIDE = 2.3
+_AGAIN_SETS = 3
+"""Sets of lamps for light that was thrown back twice."""
+_BLUR_RAD = 0.005
+_BLUR = ((0.0, 0.0), (0.9, 0.2), (-0.3, 0.8), (-0.8, -0.5), (0.4, -0.9))
+"""Directions around that of a view whose light comes to the same place, in `_BLUR_RAD`."""
+_OUTSIDE = 3.2
 """Light of a white thing in the garden: cameras that see a room well show the day outside pale."""
-_PALE = 0.22
+_PALE = 0.04
 """Share of white in the colours of the garden."""
 _SHADED_M = 0.55
 """Things take light from what is nearer than this: a table from the floor below it."""
@@ -45,7 +53,7 @@ _SLACK_M = 0.15
 _SEED = 5
 
 
-class _Opening(NamedTuple):
+class Opening(NamedTuple):
     """A window that lights a room."""
 
     start: Array
@@ -58,6 +66,7 @@ class _Opening(NamedTuple):
 
     @property
     def wide_m(self) -> float:
+        """Width of the window."""
         return float(np.linalg.norm(self.along))
 
 
@@ -77,25 +86,33 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
     power = _LAMP_POWER if openings or beyond else _LAMP_ONLY_POWER
     lamps = _ceiling_lamps(world, [room], power)
     lamps += _one_set(_ceiling_lamps(world, further, power))
-    sun = _Sun(caster, [*openings, *beyond])
+    sun = Sun(caster, [*openings, *beyond])
     rng = np.random.default_rng(_SEED)
     thrown = [_thrown_back(caster, looks.colors, group, _spread(group, rng)) for group in (*sky, *lamps)]
     thrown += [_thrown_back(caster, looks.colors, patches, sun.rays) for patches in _one_set(sun.patches(rng))]
+    # Light that was thrown back twice fills what neither windows nor lamps see.
+    again = [_thrown_back(caster, looks.colors, group, _spread(group, rng)) for group in thrown if group]
+    thrown += _one_set([group for group in again if group], _AGAIN_SETS)
     return Lighting(
         lamps=[*sky, *lamps, *(group for group in thrown if group)],
         ambient=(_AMBIENT, _AMBIENT, _AMBIENT),
         sun=sun.light if sun.openings else None,
+        toward_sun=_vector(sun.toward),
         outside=_garden,
         shaded_m=_SHADED_M,
         exposed=True,
-        floors=looks.floors(),
-        smooth=looks.floors(smooth=True),
+        gloss=looks.gloss(),
     )
 
 
 def _garden(rays: Array) -> Array:
-    """Light of the view from windows: pale, as it is brighter by far than the room."""
-    return (outside(rays) * (1 - _PALE) + _PALE) ** GAMMA * _OUTSIDE
+    """Light of the view from windows: pale and not quite sharp, as cameras see it that look at a room."""
+    light = np.zeros((len(rays), 3))
+    across = np.stack([-rays[:, 1], rays[:, 0], np.zeros(len(rays))], axis=1)
+    for right, up in _BLUR:
+        away = rays + _BLUR_RAD * (right * across + np.array((0.0, 0.0, up)))
+        light += (outside(away / np.linalg.norm(away, axis=1, keepdims=True)) * (1 - _PALE) + _PALE) ** GAMMA
+    return light * (_OUTSIDE / len(_BLUR))
 
 
 def _neighbours(world: World, room: Room) -> list[Room]:
@@ -104,10 +121,10 @@ def _neighbours(world: World, room: Room) -> list[Room]:
     return [other for other in world.floorplan.rooms if other != room and any(other.name in way for way in ways)]
 
 
-def _openings(world: World, room: Room) -> list[_Opening]:
+def _openings(world: World, room: Room) -> list[Opening]:
     sill, head = window_heights(world)
     return [
-        _Opening(
+        Opening(
             np.array([*window.start, sill]),
             np.array([window.end[0] - window.start[0], window.end[1] - window.start[1], 0.0]),
             head - sill,
@@ -126,7 +143,7 @@ def _inward(window: Window, room: Room) -> Array:
     return np.array((1.0 if contains(room.polygon, x + 0.3, y) else -1.0, 0.0, 0.0))
 
 
-def _window_lamps(opening: _Opening) -> list[Lamp]:
+def _window_lamps(opening: Opening) -> list[Lamp]:
     """Lamps all over a window that shine into the room like the sky outside."""
     facing = (float(opening.inward[0]), float(opening.inward[1]), 0.0)
     lamps: list[Lamp] = []
@@ -157,13 +174,16 @@ def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[li
     return sets
 
 
-def _one_set(sets: Sequence[list[Lamp]]) -> list[list[Lamp]]:
-    """Merges sets of lamps into one that gives as much light; none stays none."""
+def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:
+    """Merges sets of lamps into one, or a few, that give as much light; none stays none."""
     if not sets:
         return []
     # One of each set in turn, and from different parts of them.
-    chosen = [sets[n % len(sets)][(n * 5 + n // _PER_SET) % len(sets[n % len(sets)])] for n in range(_PER_SET)]
-    return [[Lamp(lamp.place, lamp.power * len(sets), lamp.color, lamp.facing) for lamp in chosen]]
+    most = _PER_SET * count
+    chosen = [sets[n % len(sets)][(n * 5 + n // _PER_SET) % len(sets[n % len(sets)])] for n in range(most)]
+    share = len(sets) / count
+    made = [Lamp(lamp.place, lamp.power * share, lamp.color, lamp.facing) for lamp in chosen]
+    return [made[first::count] for first in range(count)]
 
 
 def _spread(lamps: Sequence[Lamp], rng: np.random.Generator) -> Array:
@@ -195,7 +215,7 @@ def _vector(values: Array) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-class _Sun:
+class Sun:
     """Sunlight that falls through windows onto furniture and floors.
 
     Args:
@@ -203,50 +223,59 @@ class _Sun:
         openings: the windows; those that look away from the sun have none.
     """
 
-    def __init__(self, caster: RayCaster, openings: Sequence[_Opening]) -> None:
+    def __init__(self, caster: RayCaster, openings: Sequence[Opening]) -> None:
         self._caster = caster
         toward = _toward(openings)
         self.openings = [each for each in openings if -(each.inward @ toward) > 0.1]
-        self._toward = toward
+        self.toward = toward
         self.rays = -toward
         middle = np.mean([each.start + each.along / 2 for each in openings], axis=0) if openings else np.zeros(3)
-        self._place = middle + toward * _SUN_FAR_M
+        across = np.cross(toward, np.array((0.0, 0.0, 1.0)))
+        across /= max(float(np.linalg.norm(across)), 1e-6)
+        up = np.cross(across, toward)
+        disc = [(_SUN_FAR_M * _SUN_RADIUS * sqrt((n + 0.5) / SUNS), n * 2.399963) for n in range(SUNS)]
+        self._places = [
+            middle + toward * _SUN_FAR_M + out * (cos(turn) * across + sin(turn) * up) for out, turn in disc
+        ]
 
     def patches(self, rng: np.random.Generator) -> list[list[Lamp]]:
         """Returns lamps in each window that have the power of the sunlight through it."""
         sets: list[list[Lamp]] = []
         for each in self.openings:
-            power = _SUN_POWER * -float(each.inward @ self._toward) * each.wide_m * each.up_m / (2 * pi)
+            power = _SUN_POWER * -float(each.inward @ self.toward) * each.wide_m * each.up_m / (2 * pi)
             color = _vector(_SUN_COLOR)
             spots = [
                 each.start + a * each.along + np.array((0, 0, b * each.up_m)) for a, b in rng.random((_PER_SET, 2))
             ]
             sets.append(
-                [Lamp(_vector(spot + 0.1 * each.inward), power, color, _vector(-self._toward)) for spot in spots]
+                [Lamp(_vector(spot + 0.1 * each.inward), power, color, _vector(-self.toward)) for spot in spots]
             )
         return sets
 
-    def light(self, hits: Hits) -> Array:
-        """Returns the sunlight at points, shape (n, 3)."""
+    def light(self, hits: Hits, numbers: NDArray[np.int64]) -> Array:
+        """Returns the sunlight at points from one of the places on the sun's disc each, shape (n, 3)."""
         light = np.zeros((len(hits.geoms), 3))
-        ways = self._place - hits.places
-        distances = np.linalg.norm(ways, axis=1)
-        ways /= distances[:, None]
-        facing = np.sum(ways * hits.normals, axis=1)
-        through = np.zeros(len(hits.geoms), np.bool_)
-        for each in self.openings:
-            through |= _passes(each, hits.places, ways)
-        lit = np.flatnonzero(through & (facing > 0) & (hits.geoms >= 0))
-        if len(lit):
-            start = hits.places[lit] + hits.normals[lit] * 0.004 - self._place
+        facing = hits.normals @ self.toward
+        may = (facing > 0) & (hits.geoms >= 0)
+        for number, place in enumerate(self._places):
+            mine = np.flatnonzero(may & (numbers == number))
+            ways = place - hits.places[mine]
+            ways /= np.linalg.norm(ways, axis=1)[:, None]
+            through = np.zeros(len(mine), np.bool_)
+            for each in self.openings:
+                through |= _passes(each, hits.places[mine], ways)
+            lit = mine[through]
+            if len(lit) == 0:
+                continue
+            start = hits.places[lit] + hits.normals[lit] * 0.004 - place
             reach = np.linalg.norm(start, axis=1)
-            _, met, _ = self._caster.trace(_vector(self._place), start / reach[:, None])
+            _, met, _ = self._caster.trace(_vector(place), start / reach[:, None])
             lit = lit[(met < 0) | (met > reach - 0.015)]
             light[lit] = _SUN_POWER * facing[lit, None] * _SUN_COLOR
         return light
 
 
-def _toward(openings: Sequence[_Opening]) -> Array:
+def _toward(openings: Sequence[Opening]) -> Array:
     """Direction of the sun: the one of sixteen from which most of it comes in."""
     best, most = np.array((0.0, 0.0, 1.0)), -1.0
     for number in range(16):
@@ -262,7 +291,7 @@ def _toward(openings: Sequence[_Opening]) -> Array:
     return best
 
 
-def _passes(opening: _Opening, places: Array, ways: Array) -> Flags:
+def _passes(opening: Opening, places: Array, ways: Array) -> Flags:
     """Whether ways from places lead through a window, or just beside it."""
     slope = ways @ opening.inward
     away = ((opening.start - places) @ opening.inward) / np.where(np.abs(slope) < 1e-6, 1e-6, slope)

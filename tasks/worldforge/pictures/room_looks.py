@@ -3,16 +3,17 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
+import re
+
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ....schemas.worlds.world import Passage, World
 from ..decor.lights import LAMP_SHADE
 from ..decor.openings import LAID
 from ..geometry.boxes import Box, strip
 from ..materials.materials import surface_name
-from ..materials.textures import sample
+from ..materials.textures import sample, texture_size_m
 from .outside import noise
 from .ray_casting import Array, Hits
 
@@ -31,7 +32,26 @@ _WARM, _SATURATED = 0.07, 0.16
 """A plain colour is taken for wood if there is so much more red than green, and red than blue."""
 _EDGE_M = 0.007
 """Width of the rounded edges of furniture, which catch light."""
-_CATCHES = 0.1
+_BUMP_M, _BUMP = 0.004, 0.55
+"""Distance at which a pattern's brightness is compared, and how much a surface turns by it: dark joints lie deeper."""
+_GLOSS = {
+    "mirror": (0.8, 0.9),
+    "screen": (0.05, 0.9),
+    "glaze": (0.035, 0.6),
+    "stone": (0.04, 0.6),
+    "lacquer": (0.03, 0.4),
+    "steel": (0.3, 0.7),
+}
+"""Shares of light that are mirrored, looking straight at a surface and along it."""
+_GLOSSY: tuple[tuple[tuple[str, ...], str], ...] = (
+    ((r"\.mirror$", r"^mirror_.*_glass$"), "mirror"),
+    ((r"\.screen", r"\.television$", r"\.display", r"\.glass", r"\.window", r"\.hob", r"\.door-glass"), "screen"),
+    ((r"\.sink", r"\.spout", r"\.tap"), "steel"),
+    ((r"^(Storage|VanityCounters|KitchenIslands\w*|DishWashers|Wash\w*)_\d+\.top",), "stone"),
+    ((r"^(Fridges|Ovens|DishWashers|Wash\w*)_", r"\.tank", r"^Baths_", r"^Showers_"), "glaze"),
+    ((r"\.(top|front-|body|board)", r"^cabinet_", r"^(Dining|Coffee|Side|Console)Tables_\d+\.top"), "lacquer"),
+)
+"""Beginnings and parts of names of geoms that mirror, by their kind of gloss; the first that fits counts."""
 _NO_WOOD = ("cover", "blanket", "cushion", "pillow", "soft", "shade", "mattress", "throw")
 
 
@@ -64,18 +84,46 @@ class Looks:
         self._places, self._turns = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
         self._thresholds = [threshold(passage) for passage in world.floorplan.passages if has_joint(passage, world)]
 
-    def floors(self, *, smooth: bool = False) -> NDArray[np.int64]:
-        """Returns the numbers of the floors' geoms; of smooth ones only, if wished."""
-        kinds = tuple(f"floor_{kind}_" for kind in SMOOTH)
-        return np.array(
-            [
-                number
-                for number, name in enumerate(self.names)
-                if name.startswith("floor_")
-                and (not smooth or self._surfaces[int(self._materials[number])].startswith(kinds))
-            ],
-            np.int64,
-        )
+    def gloss(self) -> Array:
+        """Returns the shares of light that geoms mirror, straight and along the surface, shape (geoms, 2)."""
+        return np.array([self._gloss(number) for number in range(len(self.names))])
+
+    def _gloss(self, number: int) -> tuple[float, float]:
+        name, material = self.names[number], int(self._materials[number])
+        surface = self._surfaces[material] if material >= 0 else ""
+        if surface.startswith("floor_"):
+            return _GLOSS["glaze"] if surface.startswith(tuple(f"floor_{kind}_" for kind in SMOOTH)) else (0.0, 0.0)
+        if surface.startswith("wall_"):
+            return _GLOSS["glaze"] if surface.startswith("wall_Tiles_") else (0.0, 0.0)
+        part = name.removesuffix("_seen")
+        fits = [kind for words, kind in _GLOSSY if any(re.search(word, part) for word in words)]
+        return _GLOSS[fits[0]] if fits else (0.0, 0.0)
+
+    def bent(self, hits: Hits) -> Array:
+        """Returns the directions that surfaces have for light: edges are round, and patterns have bumps."""
+        known = np.maximum(hits.geoms, 0)
+        bent = hits.normals.copy()
+        mine = np.flatnonzero((hits.geoms >= 0) & self._sharp[known])
+        if len(mine):
+            bent[mine] = self._rounded(hits[mine])
+        materials = np.where(hits.geoms >= 0, self._materials[known], -1)
+        for index in np.unique(materials[materials >= 0]):
+            name = self._surfaces[index]
+            if name.startswith(("floor_", "wall_")) and texture_size_m(name) is not None:
+                mine = np.flatnonzero(materials == index)
+                bent[mine] = _bumpy(name, hits[mine])
+        return bent / np.maximum(np.linalg.norm(bent, axis=1), 1e-6)[:, None]
+
+    def _rounded(self, hits: Hits) -> Array:
+        """Directions of the surfaces of boxes, whose edges are round."""
+        geoms = hits.geoms
+        turns, half = self._turns[geoms], self._half[geoms]
+        inside = np.einsum("nji,nj->ni", turns, hits.places - self._places[geoms]) - self._middle[geoms]
+        radius = np.minimum(_EDGE_M, 0.3 * half)
+        over = np.clip((np.abs(inside) - (half - radius)) / radius, 0, 1)
+        # Twice as deep in the middle of an edge: light changes there, as on a curve that is seen from afar.
+        local = np.sign(inside) * over**1.5
+        return np.einsum("nij,nj->ni", turns, local) + hits.normals * 0.35
 
     def colors(self, hits: Hits) -> Array:
         """Returns the surface colours at ray hits; those of shining surfaces are negative."""
@@ -88,7 +136,7 @@ class Looks:
                 continue
             mine = np.flatnonzero(materials == index)
             colors[mine] = self._floor(name, hits[mine]) if name.startswith("floor_") else _wall(name, hits[mine])
-        special = (hits.geoms >= 0) & (self._wood[known] | self._sharp[known])
+        special = (hits.geoms >= 0) & self._wood[known]
         mine = np.flatnonzero(special)
         colors[mine] *= self._worked(hits[mine])[:, None]
         shades = np.flatnonzero((hits.geoms >= 0) & self._shade[known])
@@ -116,7 +164,7 @@ class Looks:
         return colors
 
     def _worked(self, hits: Hits) -> Array:
-        """Brightness of furniture at places: the grain of its wood, and edges that catch light."""
+        """Brightness of the grain of wood at places."""
         geoms = hits.geoms
         inside = np.einsum("nji,nj->ni", self._turns[geoms], hits.places - self._places[geoms]) - self._middle[geoms]
         half = self._half[geoms]
@@ -126,11 +174,23 @@ class Looks:
         shift = geoms * 7.31
         grain = noise(along * _GRAIN_PER_M[0] + shift, (across + through) * _GRAIN_PER_M[1] + shift * 3)
         rings = noise(along * 0.6 + shift, (across + 0.7 * through) * 9 + shift)
-        bright = np.where(self._wood[geoms], 1 + _GRAIN * (0.55 * grain + 0.45 * rings - 0.5), 1.0)
-        from_edge = np.sort(half - np.abs(inside), axis=1)[:, 1]
-        return bright * np.where(
-            self._sharp[geoms] & (from_edge < _EDGE_M), 1 + _CATCHES * (hits.normals[:, 2] > -0.5), 1.0
-        )
+        return np.where(self._wood[geoms], 1 + _GRAIN * (0.55 * grain + 0.45 * rings - 0.5), 1.0)
+
+
+def _bumpy(name: str, hits: Hits) -> Array:
+    """Directions of a patterned surface: it slopes where its brightness changes."""
+    x, y, z = hits.places.T
+    upright = np.abs(hits.normals[:, 2]) < 0.5
+    on_y = np.abs(hits.normals[:, 0]) > 0.5
+    u, v = np.where(upright & on_y, y, x), np.where(upright, z, y)
+    here = sample(name, u, v).mean(axis=1) / 255.0
+    right = (sample(name, u + _BUMP_M, v).mean(axis=1) / 255.0 - here) * _BUMP
+    up = (sample(name, u, v + _BUMP_M).mean(axis=1) / 255.0 - here) * _BUMP
+    bent = hits.normals.copy()
+    bent[:, 0] -= np.where(upright & on_y, 0.0, right)
+    bent[:, 1] -= np.where(upright, np.where(on_y, right, 0.0), up)
+    bent[:, 2] -= np.where(upright, up, 0.0)
+    return bent
 
 
 def _wall(name: str, hits: Hits) -> Array:

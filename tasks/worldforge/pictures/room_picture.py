@@ -13,10 +13,12 @@ from PIL import Image
 
 from ....schemas.worlds.world import Furniture, GazeboSource, Room, World, contains
 from ..geometry.boxes import box_of, hits
+from ..geometry.parts import Vector
 from ..interiors.placement import room_rects
 from ..materials.texture_files import texture_png
 from ..materials.textures import SKY, texture_size_m
 from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces, world_mjcf
+from .fine_forms import refined
 from .ray_casting import Array, Camera, Flags
 from .ray_picture import RayPicture
 from .room_lights import room_lighting
@@ -25,22 +27,44 @@ from .room_looks import Looks
 EYE_M = 1.45
 """Height of the camera above the floor: that of photographs of rooms."""
 
-_FOV_DEG, _SMALL_FOV_DEG, _SMALL_M2 = 80.0, 92.0, 13.0
-"""Angles of view from left to right, of rooms and of small ones, which are up to so large."""
+_FOV_DEG = 67.0
+"""Angle of view from left to right: wider ones draw things at the edges out of shape."""
 _DROP = 0.15
 """Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
+_BEHIND_M = (0.55, 1.1, 1.7)
+"""Distances behind a wall at which a camera may stand that sees through it: rooms are smaller than views are wide."""
+_ALONG = (0.2, 0.4, 0.6, 0.8)
+"""Places along a wall behind which it may stand."""
+_WALL_COST = 0.1
+"""Less for a view through a wall, for each metre: the camera stands in the room where it can."""
+_WALL_HALF_M = 0.12
+"""Walls, curtains and skirtings are nearer to a room's outline than this."""
 _FROM_WALL_M = 0.28
 _STEP_M, _MOST_STEPS = 0.8, 5
 """Distance between places where the camera might stand, and steps between a room's walls at most."""
-_LOOK = (32, 20)
+_LOOK = (26, 16)
 """Rays of a look from a place where the camera might stand, to the right and down."""
 _TOLD_SHARE, _MAIN_SHARE = 0.012, 0.03
 """Share of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
 _TOLD_FROM_M = 1.0
 """Nearer furniture is cut by the picture's edge."""
-_NEAR_M, _BEFORE_EYES_M = 0.8, 0.45
+_NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
+_FOREGROUND_M = 1.7
+"""Furniture that is nearer hides what lies behind it."""
+_BUILDING = ("wall_", "floor_", "ceiling_", "window_", "curtain_", "blind_", "skirting_", "doorframe_")
+"""Beginnings of the names of what a room is made of: it may be near."""
+_BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
+"""Distance of such things at the sides that is too near, and the share of the usual distance that is in the middle."""
+_TALL_M, _BEFORE_M = 1.15, 2.6
+"""Height and distance of furniture, such as a floor lamp, that stands before the eyes in the middle of a picture."""
+_CUT = 2.0
+"""Loss of what a piece tells, for each share of it that lies at the picture's edge."""
+_FILLS_SHARE = 0.16
+"""Share of the picture above which one piece of furniture hides the rest."""
+_EDGE_ON = 0.25
+"""Sine of the angle along an open door below which one sees its edge only."""
 _FAR_M = 7.0
-_FLOOR_SHARE = 0.2
+_FLOOR_SHARE = 0.26
 """Share of floor that a picture should have: things are seen to stand on it."""
 
 _MAIN = {
@@ -76,7 +100,7 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
         raise ValueError(f"room {room!r}: the world has none of this name; one of {names} would be right")
     model = decorated_model(world)
     looks = Looks(model, world)
-    picture = RayPicture(model, looks.colors)
+    picture = RayPicture(model, looks.colors, bend=looks.bent)
     lighting = room_lighting(picture, looks, world, found)
     pixels = picture.draw(best_camera(picture, looks.names, world, found), lighting, width_px, height_px)
     buffer = io.BytesIO()
@@ -92,7 +116,7 @@ def decorated_model(world: World) -> mujoco.MjModel:
     pictured = [*(name for name in surfaces(world) if texture_size_m(name) is not None), SKY]
     files = {name: content.encode() for name, content in meshes.items()}
     files |= {f"{TEXTURES_FOLDER}/{name}.png": texture_png(name) for name in pictured}
-    return mujoco.MjModel.from_xml_string(text, files)
+    return mujoco.MjModel.from_xml_string(refined(text), files)
 
 
 def best_camera(picture: RayPicture, names: list[str], world: World, room: Room) -> Camera:
@@ -106,18 +130,33 @@ def best_camera(picture: RayPicture, names: list[str], world: World, room: Room)
     """
     pieces = [item for item in world.furniture if item.room == room.name]
     view = _View(picture, names, room, pieces)
-    fov_deg = _SMALL_FOV_DEG if room.area_m2 <= _SMALL_M2 else _FOV_DEG
-    best, best_score = Camera((room.goal[0], room.goal[1], EYE_M), 0.0, 0.0, fov_deg, _DROP), -np.inf
-    for x, y in _spots(room, pieces):
-        for toward in _targets(room, pieces):
-            if hypot(toward[0] - x, toward[1] - y) < _BEFORE_EYES_M:
-                continue
-            yaw = round(atan2(toward[1] - y, toward[0] - x), 4)
-            camera = Camera((x, y, EYE_M), yaw, 0.0, fov_deg, _DROP)
-            score = view.score(camera)
-            if score > best_score + 1e-9:
-                best, best_score = camera, score
+    best, best_score = Camera((room.goal[0], room.goal[1], EYE_M), 0.0, 0.0, _FOV_DEG, _DROP), -np.inf
+    for camera, cost in _cameras(room, pieces):
+        score = view.score(camera) - cost
+        if score > best_score + 1e-9:
+            best, best_score = camera, score
     return best
+
+
+def _cameras(room: Room, pieces: list[Furniture]) -> Iterator[tuple[Camera, float]]:
+    """Yields cameras in a room and behind its walls, each with what its place costs."""
+    targets = list(_targets(room, pieces))
+    for x, y in _spots(room, pieces):
+        for toward in targets:
+            if hypot(toward[0] - x, toward[1] - y) >= _BEFORE_EYES_M:
+                yield _camera((x, y), toward, None), 0.0
+    for (x, y), (nx, ny) in _wall_spots(room):
+        front = ((x, y, EYE_M), (nx, ny, 0.0))
+        for behind in _BEHIND_M:
+            eye = (x - behind * nx, y - behind * ny)
+            straight = (x + nx, y + ny)
+            for toward in (straight, *targets):
+                yield _camera(eye, toward, front), _WALL_COST * behind
+
+
+def _camera(eye: tuple[float, float], toward: tuple[float, float], front: tuple[Vector, Vector] | None) -> Camera:
+    yaw = round(atan2(toward[1] - eye[1], toward[0] - eye[0]), 4)
+    return Camera((*eye, EYE_M), yaw, 0.0, _FOV_DEG, _DROP, front)
 
 
 class _View:
@@ -134,31 +173,49 @@ class _View:
         self._picture, self._room = picture, room
         numbers = {item.id: number for number, item in enumerate(pieces)}
         self._piece = np.array([numbers.get(name.partition(".")[0], -1) for name in names])
-        self._floor = np.array([name.startswith("floor_") for name in names])
+        self._floor = np.array([name.startswith(("floor_", "rug_")) for name in names])
+        self._thing = np.array([not name.startswith(_BUILDING) for name in names])
         self._door = np.array([name.startswith("door-") for name in names])
         main = _MAIN.get(room.type, ())
         self._enough = np.array([_MAIN_SHARE if item.model_type in main else _TOLD_SHARE for item in pieces])
         weights = [0.15 if item.movable else _MAIN_WEIGHT if item.model_type in main else 1.0 for item in pieces]
         self._weights = np.array(weights)
+        rows, columns = (axis.ravel() for axis in np.indices((_LOOK[1], _LOOK[0])))
+        self._rim = (columns == 0) | (columns == _LOOK[0] - 1) | (rows == _LOOK[1] - 1)
+        self._center = np.abs(columns + 0.5 - _LOOK[0] / 2) < _LOOK[0] / 3
         self._rows, self._columns = (axis.ravel().astype(float) for axis in np.mgrid[0 : _LOOK[1], 0 : _LOOK[0]])
 
     def score(self, camera: Camera) -> float:
         """Returns how good a camera's view is; the higher, the better."""
         rays = camera.rays(*_LOOK, self._columns, self._rows)
-        geoms, distances, _ = self._picture.trace(camera.place, rays)
+        with self._picture.before(camera):
+            geoms, distances, normals = self._picture.trace(camera.place, rays)
         places = np.array(camera.place) + rays * np.maximum(distances, 0)[:, None]
-        known = np.maximum(geoms, 0)
-        telling = (geoms >= 0) & (self._piece[known] >= 0) & (distances > _TOLD_FROM_M)
-        shares = np.bincount(self._piece[known][telling], minlength=len(self._weights))
-        told = np.minimum(shares / len(rays) / self._enough, 1)
-        own = self._inside(places) & (geoms >= 0)
-        seen = np.where(geoms < 0, 0.0, np.minimum(distances, _FAR_M))
+        # What lies between a camera behind a wall and that wall is not in the picture.
+        ahead = distances - _to_front(camera, rays)
+        known, met = np.maximum(geoms, 0), geoms >= 0
+        telling = met & (self._piece[known] >= 0) & (ahead > _TOLD_FROM_M)
+        shares = np.bincount(self._piece[known][telling], minlength=len(self._weights)) / len(rays)
+        # Of what the picture's edge cuts one sees too little.
+        cut = np.bincount(self._piece[known][telling & self._rim], minlength=len(self._weights)) / len(rays)
+        told = np.minimum(shares / self._enough, 1) * np.clip(1.15 - _CUT * cut / np.maximum(shares, 1e-6), 0.3, 1)
+        own = self._inside(places) & met
+        seen = np.where(met, np.minimum(distances, _FAR_M), 0.0)
         score = 4.0 * float(told @ self._weights) / max(float(self._weights.sum()), 1.0)
-        score += 1.6 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
-        score += 2.0 * min(float((self._floor[known] & (geoms >= 0)).mean()), _FLOOR_SHARE)
-        score -= 1.5 * float((self._door[known] & (geoms >= 0)).mean()) + 1.0 * float((geoms < 0).mean())
-        near = (distances >= 0) & (distances < _NEAR_M)
-        return score - 2.5 * float(near.mean()) - 6.0 * float((near & (distances < _BEFORE_EYES_M)).mean())
+        score += 1.2 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
+        score += 3.5 * min(float((self._floor[known] & met).mean()), _FLOOR_SHARE)
+        door = self._door[known] & met
+        edge_on = door & (np.abs(np.sum(rays * normals, axis=1)) < _EDGE_ON)
+        score -= 2.0 * float(door.mean()) + 6.0 * float(edge_on.mean()) + 1.0 * float((~met).mean())
+        every = np.bincount(self._piece[known][met & (self._piece[known] >= 0)], minlength=len(self._weights))
+        score -= 3.0 * float(np.clip(every / len(rays) - _FILLS_SHARE, 0, None).sum())
+        furniture = met & (self._piece[known] >= 0)
+        score -= 2.0 * float((furniture & (ahead < _FOREGROUND_M)).mean())
+        tall = self._thing[known] & met & (places[:, 2] > _TALL_M)
+        before = max(_BEFORE_M, _BEFORE_SHARE * float(np.median(seen)))
+        score -= 30.0 * float((tall & (ahead < np.where(self._center, before, _BESIDE_M))).mean())
+        near = met & (ahead < _NEAR_M)
+        return score - 3.0 * float(near.mean()) - 8.0 * float((near & (ahead < _BEFORE_EYES_M)).mean())
 
     def _inside(self, places: Array) -> Flags:
         """Whether places are in the room or on its walls."""
@@ -166,6 +223,26 @@ class _View:
         for x0, y0, x1, y1 in room_rects(self._room):
             inside |= (places[:, 0] >= x0) & (places[:, 0] <= x1) & (places[:, 1] >= y0) & (places[:, 1] <= y1)
         return inside
+
+
+def _to_front(camera: Camera, rays: Array) -> Array:
+    """Distance along rays to the plane from which a camera sees; 0 for a camera without one."""
+    if camera.front is None:
+        return np.zeros(len(rays))
+    place, normal = (np.array(each) for each in camera.front)
+    return float((place - np.array(camera.place)) @ normal) / np.maximum(rays @ normal, 0.05)
+
+
+def _wall_spots(room: Room) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+    """Yields places on the walls of a room's parts, each with the direction into the room."""
+    for x0, y0, x1, y1 in room_rects(room):
+        for share in _ALONG:
+            x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+            for place, into in (((x, y0), (0.0, 1.0)), ((x, y1), (0.0, -1.0)),
+                                ((x0, y), (1.0, 0.0)), ((x1, y), (-1.0, 0.0))):  # fmt: skip
+                spot = (place[0] + _WALL_HALF_M * into[0], place[1] + _WALL_HALF_M * into[1])
+                if not contains(room.polygon, spot[0] - 0.5 * into[0], spot[1] - 0.5 * into[1]):
+                    yield spot, into
 
 
 def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float]]:

@@ -1,11 +1,12 @@
-"""Light at the pixels of pictures: soft shadows below lamps, and shade in corners."""
+"""Light at the pixels of pictures: soft shadows below lamps and in sunlight, and shade in corners."""
 
 import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Camera, RayCaster
-from prefect_robomaker.tasks.worldforge.pictures.ray_light import Lamp, LightGrid, Lighting
+from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Camera, Hits, RayCaster
+from prefect_robomaker.tasks.worldforge.pictures.ray_light import Lamp, LightGrid, Lighting, slots_of, soft_light
+from prefect_robomaker.tasks.worldforge.pictures.room_lights import Opening, Sun
 
 WIDTH, HEIGHT = 480, 360
 BOX_ON_FLOOR = """<mujoco><worldbody>
@@ -49,3 +50,32 @@ def test_the_shadow_of_a_lamp_that_is_wide_has_a_soft_edge() -> None:
     edge = (np.abs(places[:, 2]) < 1e-3) & (places[:, 1] < -0.3) & (places[:, 1] > -0.6)
     values = light[edge] / light[beside].mean()
     assert ((values > 0.25) & (values < 0.75)).sum() > 3
+
+
+SUNLIT = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="9 9 1"/>
+  <geom name="edge" type="box" pos="-1 0 {0}" size="1 1 0.01"/>
+</worldbody></mujoco>"""
+
+
+def penumbra_m(height_m: float) -> float:
+    """Width of the border between sun and shade on the floor below the edge of a board at a height."""
+    caster = RayCaster(mujoco.MjModel.from_xml_string(SUNLIT.format(height_m)))  # pyright: ignore[reportAttributeAccessIssue]
+    opening = Opening(np.array((2.0, -4.0, 0.0)), np.array((0.0, 8.0, 0.0)), 9.0, np.array((-1.0, 0.0, 0.0)))
+    sun = Sun(caster, [opening])
+    rows, columns = 8, 600
+    x = np.linspace(-1.5, 1.5, columns)
+    places = np.stack(
+        [np.tile(x, rows), np.repeat(np.linspace(-0.02, 0.02, rows), columns), np.zeros(rows * columns)], 1
+    )
+    hits = Hits(np.zeros(len(places), np.int32), places, np.tile((0.0, 0.0, 1.0), (len(places), 1)))
+    light = soft_light(hits, sun.light(hits, slots_of((rows, columns))), (rows, columns), np.arange(len(places)))
+    share = light[:, 0].reshape(rows, columns)[rows // 2]
+    share = share / share.max()
+    return float(((share > 0.1) & (share < 0.9)).sum() * (x[1] - x[0]))
+
+
+def test_the_edge_of_sunlight_is_softer_far_from_what_shades_it() -> None:
+    near, far = penumbra_m(0.15), penumbra_m(0.9)
+    assert far > 2.5 * near
+    assert far < 0.2

@@ -13,7 +13,7 @@ from PIL import Image
 
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.worlds.gazebo_notes import GazeboNotes
-from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.schemas.worlds.world import World, contains
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
 from prefect_robomaker.tasks.worldforge.generator import generate_world
@@ -85,16 +85,21 @@ def open_flat() -> World:
     return generate_world(parse_template_body(json.dumps(body)), 3, 4, settle=False)
 
 
-def seen(world: World, room: str, width: int = 96) -> tuple[list[str], LightGrid, Hits]:
-    """Names of the geoms that a room's picture shows, its light without the shade of corners, and the places."""
+def seen(world: World, room: str, width: int = 96, drop: float | None = None) -> tuple[list[str], LightGrid, Hits]:
+    """Names of the geoms that a room's picture shows, its light without the shade of corners, and the places.
+
+    A `drop` of the picture's middle other than the camera's shows more of the ceiling, or of the floor.
+    """
     found = next(each for each in world.floorplan.rooms if each.name == room)
     model = decorated_model(world)
     looks = Looks(model, world)
     picture = RayPicture(model, looks.colors)
     camera = best_camera(picture, looks.names, world, found)
+    camera = camera if drop is None else replace(camera, drop=drop)
     height = width * 5 // 8
     rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:height, 0:width])
-    hits = picture.hits(camera.place, camera.rays(width, height, columns, rows))
+    with picture.before(camera):
+        hits = picture.hits(camera.place, camera.rays(width, height, columns, rows))
     lighting = replace(room_lighting(picture, looks, world, found), shaded_m=0.0)
     grid = LightGrid.cast(picture, hits, lighting, (height, width))
     return [looks.names[each] if each >= 0 else "" for each in hits.geoms], grid, hits
@@ -111,6 +116,24 @@ def test_a_kitchen_that_is_open_to_a_larger_room_is_itself_in_its_picture(open_f
     assert {"Ovens", "Storage"} <= {kinds.get(name.partition(".")[0]) for name in names}
 
 
+def test_nothing_stands_before_the_camera(open_flat: World) -> None:
+    room = next(each for each in open_flat.floorplan.rooms if each.name == "Bedroom")
+    model = decorated_model(open_flat)
+    looks = Looks(model, open_flat)
+    picture = RayPicture(model, looks.colors)
+    camera = best_camera(picture, looks.names, open_flat, room)
+    rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:30, 0:48])
+    with picture.before(camera):
+        hits = picture.hits(camera.place, camera.rays(48, 30, columns, rows))
+    # Also from behind a wall one sees this room, and no wall.
+    inside = [contains(room.polygon, x, y) for x, y, _ in hits.places + 0.15 * hits.normals]
+    assert np.mean(inside) > 0.75
+    away = np.linalg.norm(hits.places - np.array(camera.place), axis=1)
+    assert (away[hits.geoms >= 0] < 1.0).mean() < 0.03
+    names = [looks.names[each] for each in hits.geoms if each >= 0]
+    assert np.mean([each.startswith("door-") for each in names]) < 0.15
+
+
 def test_what_a_room_is_decorated_with_is_in_its_picture(open_flat: World) -> None:
     names = [name for room in open_flat.floorplan.rooms for name in seen(open_flat, room.name)[0]]
     decoration = {name.partition("_")[0] for name in names}
@@ -121,7 +144,7 @@ def test_what_a_room_is_decorated_with_is_in_its_picture(open_flat: World) -> No
 
 
 def test_the_ceiling_has_no_border_between_light_and_dark(open_flat: World) -> None:
-    _, grid, _ = seen(open_flat, "Living", 480)
+    _, grid, _ = seen(open_flat, "Living", 480, drop=-0.25)
     height_m = open_flat.floorplan.ceiling_height_m
     ceiling = ((np.abs(grid.hits.places[:, 2] - height_m) < 0.01) & (grid.hits.normals[:, 2] < -0.9)).reshape(
         grid.shape
