@@ -31,7 +31,7 @@ def asset(name: str) -> str:
     Raises:
         KeyError: the name is that of none.
     """
-    before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": page_script}
+    before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": page_script, "timeline.js": str}
     return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")
 
 

@@ -215,12 +215,50 @@ class _Axis:
             self.states[old] is not None and self.states[old] == self.states[new] for old, new in rows
         )
 
-    def _placed(self, value: Value) -> dict[CellPlace, JobRecord]:
-        return {place_beside(job, self.name): job for job in self.jobs if job.axes.get(self.name) == value}
+    def _pairs(self, baseline: Value, value: Value) -> list[Pair]:
+        """Pairs of jobs in the same world; where there are none, the axis varies the world, and they share all else."""
+        for with_world in (True, False):
+            first, other = (self._placed(each, with_world=with_world) for each in (baseline, value))
+            if pairs := [Pair(first[place], job) for place, job in other.items() if place in first]:
+                return pairs
+        return []
+
+    def _placed(self, value: Value, *, with_world: bool) -> dict[CellPlace, JobRecord]:
+        jobs = [job for job in self.jobs if job.axes.get(self.name) == value]
+        places = [place_beside(job, self.name, with_world=with_world) for job in jobs]
+        times = Counter(places)
+        # Jobs of one place in several worlds do not have theirs from the axes, so that nothing says which are a pair.
+        return {place: job for place, job in zip(places, jobs, strict=True) if with_world or times[place] == 1}
 
     @property
     def _of_step(self) -> set[str]:
         return {name for job in self.jobs for name in job.axes}
+
+
+def joined(links: Sequence[tuple[str, str]]) -> list[int]:
+    """Numbers the clusters that links make: those that share an end, directly or through others, are one.
+
+    Args:
+        links: Both ends of each link.
+
+    Returns:
+        For each link the number of its cluster, from 0.
+    """
+    leads: dict[str, str] = {}
+
+    def root(end: str) -> str:
+        while (above := leads.setdefault(end, end)) != end:
+            end = above
+        return end
+
+    for one, other in links:
+        leads[root(one)] = root(other)
+    numbers: dict[str, int] = {}
+    return [numbers.setdefault(root(one), len(numbers)) for one, _ in links]
+
+
+def _world_of(job: JobRecord) -> str:
+    return (job.inputs and job.inputs.world) or ""
 
 
 def _rate(trials: TrialPairs) -> RateChange | None:

@@ -98,17 +98,20 @@ CellPlace = tuple[str, int | None, tuple[tuple[str, Value], ...]]
 """World, seed and values of the other axes: what two cells of an axis have in common."""
 
 
-def place_beside(job: JobRecord, axis: str) -> CellPlace:
+def place_beside(job: JobRecord, axis: str, *, with_world: bool = True) -> CellPlace:
     """Returns what a job of a step has in common with those that differ from it in one axis only.
 
     Args:
         job: The job.
         axis: Name of the axis in which they differ.
+        with_world: Whether they have their worlds in common; not so where the axis varies the world.
     """
     others = tuple(sorted((name, value) for name, value in job.axes.items() if name != axis))
     # Without inputs nothing is known of its world and seed, so that it has no partner but itself.
     inputs = job.inputs
-    return (inputs.world or "", inputs.seed, others) if inputs else (job.label, None, others)
+    if inputs is None:
+        return job.label, None, others
+    return (inputs.world or "") if with_world else "", inputs.seed, others
 
 
 def _own(job: JobRecord) -> frozenset[Asked]:

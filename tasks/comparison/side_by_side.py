@@ -116,8 +116,7 @@ def _is_world(job: JobRecord, axis: str) -> bool:
 
 
 def _place(job: JobRecord, axis: str) -> CellPlace:
-    world, seed, others = place_beside(job, axis)
-    return ("" if _is_world(job, axis) else world), seed, others
+    return place_beside(job, axis, with_world=not _is_world(job, axis))
 
 
 def _rank(pair: Pair) -> int:
