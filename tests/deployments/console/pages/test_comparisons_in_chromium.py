@@ -49,6 +49,11 @@ def address(generate: Any, service: Service, tmp_path: Path) -> str:
         drive(service, tmp_path, "F", world=world, night=1, index=1, seed=2, margin=-1, video="last-10s.mp4"),
         drive(service, tmp_path, "E", world=world, night=1, index=2, seed=3),
     ]  # fmt: skip
+    robots = ("scout", "rover", "a robot with a long name that has to be broken somewhere")
+    before, after = (
+        [job.model_copy(update={"axes": {"robot": robot}}) for job, robot in zip(jobs, robots, strict=True)]
+        for jobs in (before, after)
+    )
     runs = two_runs(service, before, after, parameters={"gain": "-1"})
     return f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}"
 
@@ -69,6 +74,13 @@ def test_videos_go_in_step_and_the_page_keeps_the_rules(
             tab.load(f"{served.url}{address}", width)
             assert tab.evaluate("document.documentElement.scrollWidth") <= width
         check_rules(tab, axe)
+        run = address.rpartition("=")[2]
+        cells = f"/console/compare/cells?run={run}&step=drive&axis=robot&first=0&other=2"
+        for path, width in itertools.product((f"/console/runs/{run}", cells), (400, 1280)):
+            tab.load(f"{served.url}{path}", width)
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width, path
+            check_rules(tab, axe)
+        tab.load(f"{served.url}{address}", 1280)
         ready = f"[...{CARD}.querySelectorAll('video')].every((each) => each.readyState > 1)"
         tab.wait(lambda page: page.evaluate(ready), "videos")
         assert tab.evaluate(f"[...{CARD}.querySelectorAll('video')].some((each) => each.controls)") is False
