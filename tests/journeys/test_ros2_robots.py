@@ -26,6 +26,8 @@ from helpers.swing_fixtures import outputs_of
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.schemas.specs import sabotages
+from prefect_robomaker.schemas.specs.sabotages import BUILT_IN
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
@@ -89,6 +91,21 @@ def test_a_node_drives_by_a_specification_and_is_repeated_to_the_bit(
     assert verified.code == 0, verified.err
     assert "bit-identical" in verified.out
     assert list((home / "runs").glob("*/report.html"))
+
+
+def test_a_node_is_sabotaged_on_the_simulations_side_of_the_bridge(
+    robomaker_at_server, home: Path, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sabotages, "BUILT_IN", tuple(each for each in BUILT_IN if each.name in ("idle", "blind")))
+    write_files_of_page(tmp_path, rclpy)
+    monkeypatch.chdir(tmp_path)
+    for command in commands_of_page():
+        if not command.startswith("robomaker "):
+            subprocess.run(["bash", "-c", command.replace(_HOME, str(home))], check=True, cwd=tmp_path)
+    challenged = robomaker_at_server("challenge", "drive.yaml", "--jobs", "1")
+    lines = {line.split("  ")[1]: line for line in challenged.out.splitlines() if line.startswith("  ")}
+    assert "caught by the only job" in lines["idle"], challenged.out + challenged.err
+    assert "no effect" not in lines["blind"], "the node drives by the scan"
 
 
 Ending = tuple[dict[str, Any], RunResult | None]
