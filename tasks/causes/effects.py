@@ -28,6 +28,8 @@ def axis_effects(results: ResultTable, states: Sequence[str | None] | None = Non
         results: The run's table of results.
         states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
     """
+    if not results.axes:
+        return []
     evidence = evidence_of(results, states)
     units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
     measured: list[tuple[str, str | None, NDArray[np.float64]]] = [("", None, evidence.failed.astype(np.float64))]

@@ -143,8 +143,11 @@ def _compared(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64
 
 def _is_world(results: ResultTable, axis: str) -> bool:
     """Whether an axis of a step is the world: worlds are looked at by themselves."""
-    pairs = [pair for pair in zip(results.values(axis), results.texts("world"), strict=True) if pair[0] is not None]
-    return bool(pairs) and all(value == world for value, world in pairs)
+    values = results.values(axis)
+    if not isinstance(next((value for value in values if value is not None), None), str):
+        return False
+    pairs = zip(values, results.texts("world"), strict=True)
+    return all(value == world for value, world in pairs if value is not None)
 
 
 def _seeds(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
