@@ -4,7 +4,8 @@
 python tests/endurance/many_worlds.py --templates 100 --worlds 100 --pushed 100 --processes 16
 ```
 
-Runs from a checkout without installing it; needs MuJoCo, NumPy, SciPy, pydantic, Pillow and ruamel.yaml. Ends with 1
+With `--balconies` each template has one or two balconies besides; `--first 100` goes on where such a run ended. Runs
+from a checkout without installing it; needs MuJoCo, NumPy, SciPy, pydantic, Pillow and ruamel.yaml. Ends with 1
 when a target is missed: no overlap deeper than 5 mm, nothing that moves in two seconds, every room reached, all loose
 objects stay when pushed, and at most one world in a thousand that cannot be made.
 """

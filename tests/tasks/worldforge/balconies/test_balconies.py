@@ -235,7 +235,7 @@ def test_a_floor_fits_its_wall_and_is_as_deep_as_a_balcony(longest: int, area_m2
 
 @pytest.mark.deep
 def test_a_robot_enters_all_rooms_of_random_templates_with_balconies() -> None:
-    for number in range(30):
+    for number in range(10):
         body: WorldTemplateBody = random_template(number, balconies=True)
         world = generate_world(body, *seeds_for(number, 0, 0))
         check(world)
