@@ -25,8 +25,8 @@ from ...schemas.specs.batch_splitting import step_of
 from ..results.rates import share_of
 from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
-from .e_processes import fewest_worlds
 from .pairing import BROKEN, FAILED, PASSED, CellPlace, Pair, TrialPairs, outcomes_of, pair_trials, place_beside
+from .statistics.e_processes import fewest_worlds
 
 ALPHA = 0.05
 """Error probability of all comparisons of a run together, and of those of each axis that varies the world."""

@@ -21,12 +21,12 @@ from ..reporting import Outcome
 from ..results.rates import margin_units
 from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
-from .e_processes import fewest_worlds
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_parameters
 from .losses import losses_of, told_losses
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
+from .statistics.e_processes import fewest_worlds
 
 _LARGEST = 1e100
 """Absolute value from which numbers are left out of means, as their squares are not finite."""

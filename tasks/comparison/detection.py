@@ -13,9 +13,9 @@ from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
 from .compared_runs import NightRun
 from .difference_test import POWER, JudgedTrials, pairs_for
-from .e_processes import fewest_worlds
-from .early_plans import pairs_until_decided, worlds_until_decided
 from .margins import margin_power
+from .statistics.e_processes import fewest_worlds
+from .statistics.early_plans import pairs_until_decided, worlds_until_decided
 from .statistics.mcnemar import mcnemar_power
 
 ASSUMED_SHARE = 0.2

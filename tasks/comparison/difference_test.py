@@ -9,8 +9,8 @@ from scipy.special import stdtrit
 
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
-from .e_processes import fewest_worlds
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
+from .statistics.e_processes import fewest_worlds
 from .statistics.intervals import Interval, clustered_mean, mean_difference, paired_rate_difference
 from .statistics.mcnemar import mcnemar_p_value, mcnemar_pairs_needed
 from .statistics.sign_flips import sign_flip_p_value, worlds_needed

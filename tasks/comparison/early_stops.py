@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.against import Against, AgainstAnswer, Answer
 from .compared_runs import NightRun
-from .e_processes import (
+from .pairing import BROKEN, FAILED, PASSED, STOPPED
+from .statistics.e_processes import (
     Numbers,
     best_margin,
     best_sign,
@@ -28,7 +29,6 @@ from .e_processes import (
     sign_wealth,
     threshold,
 )
-from .pairing import BROKEN, FAILED, PASSED, STOPPED
 
 Outcomes = NDArray[np.int8]
 

@@ -26,7 +26,7 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ...schemas.runs.flakiness import Factor
+from ...schemas.flakiness import Factor
 
 Held = frozenset[Factor]
 Level = Literal["bits", "verdict"]

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.flakiness import FACTORS, Flakiness, TriedHold
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RunRecord
-from ...schemas.runs.flakiness import FACTORS, Flakiness, TriedHold
 from ...schemas.wire.errors import RobomakerError
 from ..catalog import Resource
 from ..inspection.found_runs import FoundRun, found_run, scratch_folder

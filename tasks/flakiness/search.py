@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from ...schemas.runs.flakiness import Factor
+from ...schemas.flakiness import Factor
 from .evidence import (
     ENOUGH,
     Decision,

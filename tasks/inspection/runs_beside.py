@@ -17,9 +17,9 @@ from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
 from ..comparison.compared_runs import NightRun
-from ..comparison.e_processes import fewest_pairs
 from ..comparison.early_stops import Outcomes, PairedTrials, decide, told_decision
 from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
+from ..comparison.statistics.e_processes import fewest_pairs
 from ..jobs.request_order import mixed_order
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from helpers.flaky_causes import planted, run_planted, surroundings, upload
 
+from prefect_robomaker.schemas.flakiness import Flakiness
 from prefect_robomaker.schemas.reports.report import ReportedJob
-from prefect_robomaker.schemas.runs.flakiness import Flakiness
 from prefect_robomaker.tasks.flakiness.flaky_jobs import examine
 from prefect_robomaker.tasks.service.service import Service
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prefect_robomaker.tasks.comparison.e_processes import margin_wealth, mixed, sign_wealth, threshold
+from prefect_robomaker.tasks.comparison.statistics.e_processes import margin_wealth, mixed, sign_wealth, threshold
 from prefect_robomaker.tasks.comparison.statistics.mcnemar import mcnemar_pairs_needed
 
 RUNS, AT_ONCE = 20_000, 1_000

@@ -1,1 +1,1 @@
-"""Statistics of pairs: the McNemar test, sign flips of whole worlds, confidence intervals; all with scipy."""
+"""Statistics of pairs: McNemar test, sign flips of whole worlds, intervals, evidence that may be looked at any time."""

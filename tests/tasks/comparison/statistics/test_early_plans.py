@@ -5,8 +5,8 @@ import pytest
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.detection import PlannedTrials, Question, plan_pairs
-from prefect_robomaker.tasks.comparison.e_processes import mixed, sign_wealth, threshold
-from prefect_robomaker.tasks.comparison.early_plans import pairs_until_decided, worlds_until_decided
+from prefect_robomaker.tasks.comparison.statistics.e_processes import mixed, sign_wealth, threshold
+from prefect_robomaker.tasks.comparison.statistics.early_plans import pairs_until_decided, worlds_until_decided
 
 RUNS = 2_000
 TWO_ERRORS = 2 * (0.8 * 0.2 / RUNS) ** 0.5

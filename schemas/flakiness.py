@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..exit_codes import BROKE, OK, VERDICT_FAILED
-from ..wire.base import Model, optional
+from .exit_codes import BROKE, OK, VERDICT_FAILED
+from .wire.base import Model, optional
 
 Factor = Literal["seed", "time", "threads", "order", "files", "hash", "network"]
 FACTORS: tuple[Factor, ...] = ("seed", "time", "threads", "order", "files", "hash", "network")

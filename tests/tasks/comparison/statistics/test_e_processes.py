@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.comparison.e_processes import (
+from prefect_robomaker.tasks.comparison.statistics.e_processes import (
     best_margin,
     best_sign,
     fewest_pairs,
