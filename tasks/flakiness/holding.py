@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...schemas.runs.flakiness import Factor
+from ...schemas.runs.verification import Factor
 from ...schemas.runs.programs import BoxPlan, ProgramPlan
 from ..runtime.process import held_sources
 from ..runtime.process.held_sources import HELD_VARIABLE, MARK_VARIABLE

@@ -12,7 +12,7 @@ import pytest
 from helpers.flaky_causes import planted, run_planted, surroundings, upload
 
 from prefect_robomaker.schemas.reports.report import ReportedJob
-from prefect_robomaker.schemas.runs.flakiness import Flakiness
+from prefect_robomaker.schemas.runs.verification import Flakiness
 from prefect_robomaker.tasks.flakiness.flaky_jobs import examine
 from prefect_robomaker.tasks.service.service import Service
 
