@@ -85,7 +85,27 @@ class ReproductionFolder(Model):
 
 Factor = Literal["seed", "time", "threads", "order", "files", "hash", "network"]
 FACTORS: tuple[Factor, ...] = ("seed", "time", "threads", "order", "files", "hash", "network")
-FACTOR_INFlakyAnswer = Literal["repeats", "decided", "not decided", "not rerun"]
+FACTOR_IN_WORDS: Mapping[Factor, str] = {
+    "seed": "Randomness that no seed repeats",
+    "time": "The clock of the programs",
+    "threads": "The turns of threads",
+    "order": "Another job at the same time",
+    "files": "Files that earlier runs have left",
+    "hash": "The order of hashes and addresses",
+    "network": "The network",
+}
+"""Factors as subjects of a sentence."""
+HELD_IN_WORDS: Mapping[Factor, str] = {
+    "seed": "with the system's randomness seeded",
+    "time": "with a clock that counts looks instead of time",
+    "threads": "with one processor, and threads that take turns only when they wait",
+    "order": "with no other job beside",
+    "files": "with empty folders for temporary files",
+    "hash": "with PYTHONHASHSEED=0 and fixed addresses",
+    "network": "without a network",
+}
+"""Descriptions of how each factor is held in a rerun."""
+FlakyAnswer = Literal["repeats", "decided", "not decided", "not rerun"]
 Side = Literal["robot", "simulation", "one process", "unknown"]
 SIDE_IN_WORDS: Mapping[Side, str] = {
     "robot": "It is robot code: the simulation repeats bit by bit under the same commands.",

@@ -9,8 +9,8 @@ that are known:
   seen `c` times in `n` draws is drawn next with `c / (n + 1)`, a new one with `1 / (n + 1)`.
 
 At first all factors are equally probable; a factor of which the programs made no use, as far as they were watched, has
-the weight `UNUSED`, and "none of them" has `NONE`. Then the posterior follows from the reruns. A flip while a factor is held
-rules that factor out for certain; equal ends only make it more probable. So the answer names a factor where its
+the weight `UNUSED`, and "none of them" has `NONE`. Then the posterior follows from the reruns. A flip while a factor is
+held rules that factor out for certain; equal ends only make it more probable. So the answer names a factor where its
 posterior is at least `ENOUGH`, and where two things were seen, which guard against what the model leaves out (two
 factors, or either of two): the job flips while all but that factor is held, and it does not in the reruns that hold it
 alone.
