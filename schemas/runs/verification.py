@@ -1,5 +1,6 @@
-"""Result of repeating a run and comparing its states (`robomaker verify`)."""
+"""Results of running a run again: whether its states are the same, and what decides how it ends if they are not."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -80,3 +81,127 @@ class ReproductionFolder(Model):
     robot: RobotRepeat = Field(
         default="factory", description="How the robot was repeated in the rerun; see `Verification`."
     )
+
+
+Factor = Literal["seed", "time", "threads", "order", "files", "hash", "network"]
+FACTORS: tuple[Factor, ...] = ("seed", "time", "threads", "order", "files", "hash", "network")
+FACTOR_IN_WORDS: Mapping[Factor, str] = {
+    "seed": "Randomness that no seed repeats",
+    "time": "The clock of the programs",
+    "threads": "The turns of threads",
+    "order": "Another job at the same time",
+    "files": "Files that earlier runs have left",
+    "hash": "The order of hashes and addresses",
+    "network": "The network",
+}
+"""Factors as subjects of a sentence."""
+HELD_IN_WORDS: Mapping[Factor, str] = {
+    "seed": "with the system's randomness seeded",
+    "time": "with a clock that counts looks instead of time",
+    "threads": "with one processor, and threads that take turns only when they wait",
+    "order": "with no other job beside",
+    "files": "with empty folders for temporary files",
+    "hash": "with PYTHONHASHSEED=0 and fixed addresses",
+    "network": "without a network",
+}
+"""Descriptions of how each factor is held in a rerun."""
+FlakyAnswer = Literal["repeats", "decided", "not decided", "not rerun"]
+Side = Literal["robot", "simulation", "one process", "unknown"]
+SIDE_IN_WORDS: Mapping[Side, str] = {
+    "robot": "It is robot code: the simulation repeats bit by bit under the same commands.",
+    "simulation": "It is the simulation: under the same commands it goes another way.",
+    "one process": "Robot and simulation are one process, so that no commands tell them apart.",
+    "unknown": "Whether it is the robot or the simulation is not known.",
+}
+FLAKY_EXIT_CODES: Mapping[FlakyAnswer, int] = {
+    "repeats": OK,
+    "decided": VERDICT_FAILED,
+    "not decided": VERDICT_FAILED,
+    "not rerun": BROKE,
+}
+"""Exit codes of `robomaker flaky`, by answer; of several jobs the greatest."""
+
+
+class TriedHold(Model):
+    """Ends of all reruns of a job that held the same factors."""
+
+    held: list[Factor] = Field(description="Factors that were held; empty: none.")
+    ends: dict[str, int] = Field(description="Number of reruns by verdict, or by failure code.")
+    ways: int = Field(ge=1, description="Number of different ways to the bit, of commands and states.")
+
+
+class Flakiness(Model):
+    """Result of running a job again and again: whether it repeats, which factor decides, and on which side."""
+
+    job: str = Field(description="ARN of the job.")
+    name: str = Field(description="Name of the job for people, or its id.")
+    answer: FlakyAnswer = Field(description="Result of the reruns.")
+    decides: Factor | None = optional("Factor that decides how the job ends.")
+    probability: float | None = optional("Posterior probability of that factor.")
+    side: Side = Field(default="unknown", description="Part of the job in which reruns first differ.")
+    verdict: str | None = optional("Verdict of the run itself, or its failure code.")
+    reruns: int = Field(default=0, ge=0, description="Number of reruns, replays of commands among them.")
+    tried: list[TriedHold] = Field(default=[], description="Reruns by what they held.")
+    first_difference: str | None = optional("Simulated time and place of the first difference between two reruns.")
+    why: str | None = optional("Reason why nothing was decided, or why the job was not run again.")
+    notes: list[str] = Field(default=[], description="Remarks on the job, such as an application that has changed.")
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.name}: {self._finding()}", *(f"  {line}" for line in self._lines())])
+
+    def _finding(self) -> str:
+        free = self._with(())
+        total = sum(free.ends.values()) if free else 0
+        if self.answer == "not rerun" or free is None:
+            return f"not run again: {self.why}"
+        if self.answer == "repeats":
+            return f"repeats bit by bit: {total} of {total} end with {next(iter(free.ends))}"
+        if len(free.ends) > 1:
+            return f"the verdict flips: {_counted(free.ends)} of {total}"
+        end = next(iter(free.ends))
+        if free.ways == 1:
+            return f"{total} of {total} reruns end with {end}, all alike, and the run ended with {self.verdict}"
+        return f"the verdict stays {end} in {total}, which went {free.ways} different ways"
+
+    def _lines(self) -> list[str]:
+        lines: list[str] = []
+        if self.answer == "decided" and self.decides is not None:
+            alone = self._with((self.decides,))
+            lines.append(f"{FACTOR_IN_WORDS[self.decides]} decides ({self.probability:.0%}).")
+            if alone is not None:
+                same = f"{sum(alone.ends.values())} of {sum(alone.ends.values())}"
+                lines.append(f"{HELD_IN_WORDS[self.decides].capitalize()}, {same} end with {next(iter(alone.ends))}.")
+            others = [each for each in self.tried if each.held and self.decides not in each.held]
+            if others:
+                counted = sum(sum(each.ends.values()) for each in others)
+                lines.append(f"In {counted} reruns that held others instead, it went {_most_ways(others)} ways.")
+        elif self.answer == "not decided":
+            lines.append(f"Not decided: {self.why}.")
+        if self.answer in ("decided", "not decided"):
+            lines.append(SIDE_IN_WORDS[self.side])
+        if self.first_difference:
+            lines.append(f"First difference {self.first_difference}.")
+        return [*lines, *self.notes]
+
+    def _with(self, held: tuple[Factor, ...]) -> TriedHold | None:
+        return next((each for each in self.tried if tuple(each.held) == held), None)
+
+
+def _counted(ends: Mapping[str, int]) -> str:
+    return ", ".join(f"{end} in {count}" for end, count in sorted(ends.items()))
+
+
+def _most_ways(tried: list[TriedHold]) -> int:
+    return max(each.ways for each in tried)
+
+
+class FlakyJobs(Model):
+    """Flakiness of jobs of a run (`robomaker flaky -o json`)."""
+
+    run_id: str = Field(description="Id of the run.")
+    jobs: list[Flakiness] = Field(description="Jobs that were run again.")
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of `robomaker flaky`."""
+        return max((FLAKY_EXIT_CODES[each.answer] for each in self.jobs), default=OK)

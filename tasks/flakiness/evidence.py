@@ -5,12 +5,12 @@ that are known:
 
 - While the factor that decides is held, all reruns end alike. Held network, files and neighbours change what a robot
   finds: for reruns that hold others of these three it is only likely (`ALIKE`).
-- While it is free, ends are drawn from one distribution that nobody knows. A Pólya urn stands for it: an end that was
+- While it is free, ends are drawn from one unknown distribution. A Pólya urn stands for it: an end that was
   seen `c` times in `n` draws is drawn next with `c / (n + 1)`, a new one with `1 / (n + 1)`.
 
-At first all factors are equally probable, and "none of them"; but a factor of which the programs made no use, as far as
-they were watched, has the weight `UNUSED`. Then the posterior follows from the reruns. A flip while a factor is held
-rules that factor out for certain; equal ends only make it more probable. So the answer names a factor where its
+At first all factors are equally probable; a factor of which the programs made no use, as far as they were watched, has
+the weight `UNUSED`, and "none of them" has `NONE`. Then the posterior follows from the reruns. A flip while a factor is
+held rules that factor out for certain; equal ends only make it more probable. So the answer names a factor where its
 posterior is at least `ENOUGH`, and where two things were seen, which guard against what the model leaves out (two
 factors, or either of two): the job flips while all but that factor is held, and it does not in the reruns that hold it
 alone.
@@ -26,7 +26,7 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ...schemas.flakiness import Factor
+from ...schemas.runs.verification import Factor
 
 Held = frozenset[Factor]
 Level = Literal["bits", "verdict"]
@@ -42,6 +42,8 @@ of a job that flips every other time, six of one that flips in three of ten. Tho
 """
 ALIKE = 0.8
 """Chance that holding others of network, files and neighbours does not change how reruns end."""
+NONE = 0.25
+"""Weight of "none of them", where that of a factor is 1: most flaky tests of software are put down to one of these."""
 UNUSED = 0.05
 """Weight of a factor that no program was seen to use: not zero, as watching misses what other languages do."""
 _FOUND_BY_ROBOTS: Held = frozenset(("order", "files", "network"))
@@ -50,7 +52,7 @@ _FOUND_BY_ROBOTS: Held = frozenset(("order", "files", "network"))
 
 @dataclass(frozen=True)
 class Observation:
-    """How one rerun ended, and what was held in it."""
+    """End of one rerun, and what was held in it."""
 
     held: Held
     verdict: str
@@ -84,7 +86,7 @@ def posterior(observations: Sequence[Observation], level: Level, factors: Weight
         level: Whether bits or verdicts are compared.
         factors: Factors that were held in some reruns and left free in others.
     """
-    logs: dict[Factor | None, float] = {None: _log_likelihood(observations, level, None)}
+    logs: dict[Factor | None, float] = {None: math.log(NONE) + _log_likelihood(observations, level, None)}
     for factor, weight in factors.items():
         logs[factor] = math.log(weight) + _log_likelihood(observations, level, factor)
     most = max(logs.values())

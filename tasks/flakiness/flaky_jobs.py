@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
-from ...schemas.flakiness import FACTORS, Flakiness, TriedHold
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RunRecord
+from ...schemas.runs.verification import FACTORS, Flakiness, TriedHold
 from ...schemas.wire.errors import RobomakerError
 from ..catalog import Resource
 from ..inspection.found_runs import FoundRun, found_run, scratch_folder
@@ -74,7 +74,7 @@ def examine(
                 return _examined(blank.model_copy(update={"notes": notes}), trials, most)
             except NotRerunError as error:
                 why = f"{error}, so that reruns would say nothing about the run"
-                return blank.model_copy(update={"why": why, "reruns": len(trials.made), "notes": notes})
+                return blank.model_copy(update={"why": why, "reruns": len(trials.made)})
     except RobomakerError as error:
         return blank.model_copy(update={"why": str(error)})
 

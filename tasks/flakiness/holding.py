@@ -1,4 +1,4 @@
-"""How a rerun holds factors: what its processes find on this machine, and what they say that they hold and use.
+"""Requests of reruns that hold factors: what processes find on this machine, and what they say that they hold and use.
 
 The job's request, its application and its plan stay what they were; only the request that starts the processes is
 another one. Randomness, clock and hashes are held inside Python programs (`held_sources`); programs in other languages
@@ -9,8 +9,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...schemas.flakiness import Factor
 from ...schemas.runs.programs import BoxPlan, ProgramPlan
+from ...schemas.runs.verification import Factor
 from ..runtime.process import held_sources
 from ..runtime.process.held_sources import HELD_VARIABLE, MARK_VARIABLE
 from ..runtime.process.run_request import RunRequest

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from ...schemas.flakiness import Factor
+from ...schemas.runs.verification import Factor
 from .evidence import (
     ENOUGH,
     Decision,
@@ -47,7 +47,7 @@ TryOut = Callable[[Held], Sequence[Observation]]
 
 @dataclass(frozen=True)
 class Found:
-    """What the reruns of a job have shown."""
+    """Result of a search: the reruns of a job, and what they have decided."""
 
     observations: tuple[Observation, ...]
     decision: Decision | None

@@ -5,7 +5,7 @@ from itertools import combinations, zip_longest
 
 import numpy as np
 
-from ...schemas.flakiness import Side
+from ...schemas.runs.verification import Side
 from ..runtime.agents.action_log import ActionLog, ActionLogHeader
 from ..runtime.replay.replay import RunOutputs, first_difference
 from .trials import Trial, Trials

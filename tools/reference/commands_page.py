@@ -26,6 +26,7 @@ _LINKS = {
     "call": "operations.md",
     "compare": "comparison.md",
     "deploy": "prefect.md",
+    "flaky": "rerun.md",
     "fleet": "fleet/fleets.md",
     "fsck": "backup.md",
     "history": "comparison.md",

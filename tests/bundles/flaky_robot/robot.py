@@ -236,6 +236,10 @@ def fast():
     return True
 
 
+def crash():
+    raise SystemExit(3)
+
+
 def main():
     choice, noise = (globals().get(name) for name in [*sys.argv, "", ""][1:3])
     is_fast = True if choice is None else choice()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.flakiness import FACTORS, Factor
+from prefect_robomaker.schemas.runs.verification import FACTORS, Factor
 from prefect_robomaker.tasks.flakiness.evidence import Held, Observation, posterior
 from prefect_robomaker.tasks.flakiness.search import MOST_RERUNS, Found, search
 

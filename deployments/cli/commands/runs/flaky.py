@@ -30,7 +30,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker flaky`: runs jobs of a run again, and says what decides how they end."""
-    from .....schemas.flakiness import FlakyJobs
+    from .....schemas.runs.verification import FlakyJobs
     from .....schemas.wire.errors import ConfigurationError
     from .....tasks.flakiness.flaky_jobs import FEWEST_RERUNS, all_jobs, examine, jobs_to_examine
     from .....tasks.flakiness.search import MOST_RERUNS
