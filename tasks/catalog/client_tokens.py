@@ -53,7 +53,7 @@ def tokens_of(owner: str) -> Generator[None]:
 
 @dataclass(frozen=True)
 class ClientToken:
-    """A caller's idempotency token, with its operation and request."""
+    """A caller's idempotency token, with its operation, a hash of its request, and its owner."""
 
     operation: str
     """The operation's name; tokens of different operations have nothing to do with each other."""

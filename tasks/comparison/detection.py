@@ -139,10 +139,20 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
 def _until_decided(
     question: Question, share: float, fixed: int, of_worlds: PlannedTrials | None
 ) -> tuple[int, int | None, int | None, list[str]]:
-    """Returns pairs, worlds and the median of a run that stops when it is decided, and what that supposes.
+    """Plans a run that is compared while it runs and stops as soon as the answer is decided.
+
+    Args:
+        question: The question, with the difference to be shown.
+        share: Share of pairs whose verdicts differ.
+        fixed: Pairs that a test after the run's end needs, for the error's advice.
+        of_worlds: Trials and worlds of one run, if whole worlds decide; None: single pairs do.
+
+    Returns:
+        Pairs by which it is decided with the chance `POWER`, the same in worlds (None: single pairs decide), pairs by which
+        half of such runs are decided, and the assumptions as text.
 
     Raises:
-        ConfigurationError: Its bets are too high for such a difference.
+        ConfigurationError: Such a run seldom or never shows so small a difference among so many differing pairs.
     """
     discordant = max(share, question.share)
     if of_worlds is not None:

@@ -84,10 +84,13 @@ class EarlyEnd:
             thread.join()
 
     def answer(self, steps: Sequence[StepRecord]) -> AgainstAnswer:
-        """Returns the answer at the end of the run; one that was given stays, even if the earlier run is gone since.
+        """Returns whether the run is better or worse than the earlier one, at the run's end, with what an early end saved.
+
+        An answer given while the run ran stays, even if the earlier run was deleted since. If the comparison fails, the
+        answer is `not comparable`, with the reason.
 
         Args:
-            steps: results of its steps.
+            steps: results of the run's steps.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.

@@ -169,5 +169,5 @@ def _code(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Escapes a text so that it cannot end an HTML comment."""
-    return " ".join(text.replace("-->", "").split())
+    """Returns a text in one line without `>`, so that it cannot end an HTML comment."""
+    return " ".join(text.replace(">", "").split())

@@ -48,7 +48,7 @@ class UprightRule(Rule[UprightRequirement]):
         return lambda time_s: self.update(time_s, tilt_deg(orientation))
 
     def update(self, time_s: float, tilt: float) -> None:
-        """Judges a tilt of the body, in degrees; above `max_tilt_deg` it is a violation."""
+        """Records the largest tilt so far, in degrees; one above `max_tilt_deg` is a violation, NaN is ignored."""
         if math.isnan(tilt):
             return
         self.largest_deg = tilt if self.largest_deg is None else max(self.largest_deg, tilt)

@@ -144,7 +144,7 @@ def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
 
 
 def breach_of(rollout: Rollout) -> float | None:
-    """Returns when the failure threshold was reached, in seconds since the epoch; `None` if it was not."""
+    """Returns when a deployment to a fleet failed as too many robots had, in seconds since the epoch; else `None`."""
     return rollout.ended_s if rollout.failure_code == "FailureThresholdBreached" else None
 
 

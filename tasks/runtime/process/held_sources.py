@@ -114,7 +114,7 @@ def _watch_calls(notes):
         if hasattr(_thread, name):
             setattr(_thread, name, _noting_threads(getattr(_thread, name), notes))
     threading = sys.modules.get("threading")  # it took the function when it was imported
-    if hasattr(threading, "_start_new_thread"):
+    if threading is not None and hasattr(threading, "_start_new_thread"):
         threading._start_new_thread = _thread.start_new_thread
 
 

@@ -38,7 +38,11 @@ class _Window(NamedTuple):
 
 
 class RayCamera:
-    """Renderer that casts a ray for each pixel: flat colours, no textures; needs no graphics driver."""
+    """Renders colour and depth images by MuJoCo's rays on the CPU, without a graphics driver: shaded colours, no textures.
+
+    At most `_MAX_RAYS` rays are cast: larger images are made coarser and upscaled. In colour images, pixels inside one flat
+    surface take over the colour of those around them, without a ray of their own.
+    """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         """Computes the colours of the geoms.

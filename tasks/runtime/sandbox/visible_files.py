@@ -65,7 +65,14 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
 
 
 def paths_in(variables: Mapping[str, str]) -> list[Path]:
-    """Returns the folders of programs and libraries that the job worker's environment variables name."""
+    """Returns files and folders that environment variables such as `PATH`, `PYTHONPATH` and `AWS_CONFIG_FILE` name.
+
+    Next to a `bin` folder also `lib` and others that its programs need. Left out is what does not exist, what every run
+    sees as part of the system, and folders such as the home folder that hold much else.
+
+    Args:
+        variables: environment variables of the job worker or of the run.
+    """
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
     return _worth_showing(each for path in named if os.path.isabs(path) for each in (path, *_beside(path)))
 

@@ -150,7 +150,10 @@ def _meaning(words: str) -> tuple[Kind | None, bool]:
 
 
 def is_ifc_container(words: str) -> bool:
-    """Whether a class name is that of an IFC building or storey, which contains all other elements."""
+    """Whether a name is that of an IFC project, site, building or storey, such as `IfcBuildingStorey`.
+
+    These contain all other elements. `IfcBuildingElementProxy` is none.
+    """
     found = set(plain_words(words))
     return "ifc" in found and (not found.isdisjoint(_IFC_CONTAINERS) or found == {"ifc", "building"})
 

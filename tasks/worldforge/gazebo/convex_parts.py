@@ -186,7 +186,7 @@ def _thickness(hull: ConvexHull) -> float:
 
 
 def _as_box(corners: Points) -> BoxPart | None:
-    """Returns the box that has these corners; `None` if they are not those of a box."""
+    """Returns the box, turned in any way, that has these corners; `None` if they form none, or one that is too thin."""
     if len(corners) != 8:
         return None
     center = corners.mean(axis=0)

@@ -2,7 +2,7 @@
 
 Each pixel's ray is traced once, and four times where an edge runs through the pixel. Light comes from many small lamps;
 every pixel samples some of them and shares the result with its neighbours, so that shadows are soft and corners dark
-shadows are soft without tracing every lamp from everywhere. Smooth floors mirror what stands on them.
+without tracing every lamp from everywhere. Smooth floors mirror what stands on them.
 """
 
 # MuJoCo ships no types for its compiled module.
