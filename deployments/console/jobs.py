@@ -23,7 +23,7 @@ from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
 from ...tasks.reporting.outcomes import times_by_part
-from ...tasks.reporting.view import Page
+from ...tasks.reporting.report_view import Page
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback

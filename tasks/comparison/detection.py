@@ -148,8 +148,8 @@ def _until_decided(
         of_worlds: Trials and worlds of one run, if whole worlds decide; None: single pairs do.
 
     Returns:
-        Pairs by which it is decided with the chance `POWER`, the same in worlds (None: single pairs decide), pairs by which
-        half of such runs are decided, and the assumptions as text.
+        Pairs by which it is decided with the chance `POWER`, the same in worlds (None: single pairs decide), pairs by
+        which half of such runs are decided, and the assumptions as text.
 
     Raises:
         ConfigurationError: Such a run seldom or never shows so small a difference among so many differing pairs.

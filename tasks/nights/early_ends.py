@@ -84,7 +84,7 @@ class EarlyEnd:
             thread.join()
 
     def answer(self, steps: Sequence[StepRecord]) -> AgainstAnswer:
-        """Returns whether the run is better or worse than the earlier one, at the run's end, with what an early end saved.
+        """Returns at the run's end whether it is better or worse than the earlier one, and how much an early end saved.
 
         An answer given while the run ran stays, even if the earlier run was deleted since. If the comparison fails, the
         answer is `not comparable`, with the reason.

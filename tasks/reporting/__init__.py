@@ -23,8 +23,8 @@ from .render import (
     write_page,
     write_report,
 )
+from .report_view import view_report
 from .summaries import case_names, summarize
-from .view import view_report
 from .worlds import WorldView, view_worlds
 
 __all__ = [

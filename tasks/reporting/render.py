@@ -29,7 +29,7 @@ from .nights.changes import (
 )
 from .nights.comparison_view import ComparisonPage
 from .nights.history_view import view_history
-from .view import view_report
+from .report_view import view_report
 from .worlds import axes_in_words
 
 _FOLDER = Path(__file__).parent

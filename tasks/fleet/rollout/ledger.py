@@ -45,11 +45,12 @@ from ....schemas.fleet.rollouts.rollout import (
     Stopped,
 )
 from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
+from .failure_thresholds import Tally, Verdict
 from .maintenance_windows import is_open, next_change_s
 from .pauses import with_pause
 from .robot_transitions import changed, held_back, let_go, offered, reported, revoked, withdrawn
 from .time_outs import Deadlines, timed_out
-from .waves import Line, Tally, Verdict, waits, waits_again
+from .waves import Line, waits, waits_again
 
 _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
     "canceled": (Verdict("Canceled"), "RobotDeploymentAborted"),

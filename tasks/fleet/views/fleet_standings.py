@@ -15,8 +15,9 @@ from ...catalog import Resource
 from ...service.service import Service
 from ..catalog_rollouts import Rollouts
 from ..fleet_records import DEPLOYMENT, FLEET, last_deployment, robots_of, rollout_of
+from ..rollout.failure_thresholds import Tally
 from ..rollout.statuses import counts_of, current_wave, shown_rollback, waits_for
-from ..rollout.waves import Tally, waves_of
+from ..rollout.waves import waves_of
 
 
 def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:

@@ -1,4 +1,4 @@
-"""Renderer without OpenGL: casts a ray for each pixel."""
+"""Renderer without OpenGL: casts rays, one for each pixel that may show something else than those around it."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -38,10 +38,10 @@ class _Window(NamedTuple):
 
 
 class RayCamera:
-    """Renders colour and depth images by MuJoCo's rays on the CPU, without a graphics driver: shaded colours, no textures.
+    """Renders colour and depth images by MuJoCo's rays on the CPU, without a graphics driver and without textures.
 
-    At most `_MAX_RAYS` rays are cast: larger images are made coarser and upscaled. In colour images, pixels inside one flat
-    surface take over the colour of those around them, without a ray of their own.
+    At most `_MAX_RAYS` rays are cast: larger images are made coarser and upscaled. In colour images, pixels inside one
+    flat surface take over the colour of those around them, without a ray of their own.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:

@@ -241,8 +241,8 @@ def _fixed_to(first: str, children: Mapping[str, list[str]]) -> list[str]:
 def _can_move(link: Located) -> bool:
     """Returns whether a link's mass and inertia are large enough for MuJoCo to let it move.
 
-    A link without `<inertial>` can move if it has collision shapes, from which MuJoCo computes both. Missing or unreadable
-    values count as large enough: MuJoCo's importer reports unreadable ones with their line.
+    A link without `<inertial>` can move if it has collision shapes, from which MuJoCo computes both. Missing or
+    unreadable values count as large enough: MuJoCo's importer reports unreadable ones with their line.
     """
     inertial = link.find("inertial")
     if inertial is None:

@@ -24,9 +24,8 @@ from prefect_robomaker.tasks.worldforge.pictures.room_lights import room_lightin
 from prefect_robomaker.tasks.worldforge.pictures.room_looks import THRESHOLD_COLOR, Looks
 from prefect_robomaker.tasks.worldforge.pictures.room_picture import best_camera, decorated_model, room_picture
 
-
 WIDTH, HEIGHT = 120, 75
-"""Size of the pictures in pixels: half the things of a room can be told apart, at a quarter of the time of 240 x 150."""
+"""Size of the pictures in pixels: enough to tell things apart, in a quarter of the time of 240 x 150."""
 
 
 def pixels(world: World, room: str) -> np.ndarray:

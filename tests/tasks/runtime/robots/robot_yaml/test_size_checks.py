@@ -9,7 +9,7 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.robots.robot_yaml.assembly import geom_reach_m, solid_reach_m
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.size_checks import geom_reach_m, solid_reach_m
 
 WEDGE = "0 0 0  0.3 0 0  0 0.1 0  0 0 0.1"
 
