@@ -214,7 +214,8 @@ class OwnOrder:
     """Context manager in which this process creates a job and runs it itself, so that no other process takes the job.
 
     `through` gives the service that stores the job together with its lease (lock); `keep` then renews the lease in
-    the background. The end of the `with` block gives it back; an interruption (Ctrl-C) also requests the job's cancellation.
+    the background. The end of the `with` block gives it back; an interruption (Ctrl-C) also requests the job's
+    cancellation.
 
     Args:
         service: the service, with its catalog and object store.
