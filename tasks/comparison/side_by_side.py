@@ -31,12 +31,7 @@ class StepAxis:
     name: str
     values: tuple[Value, ...]
     titles: tuple[str, ...]
-    """The values in words; of worlds, which are called after their content, the names that they have in the run."""
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The values as texts, as the results of axes have them."""
-        return tuple(map(value_text, self.values))
+    """The values in words, as the results of axes have them; of worlds the names that they have in the run."""
 
 
 def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:

@@ -116,8 +116,8 @@ def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None)
     found = next((each for each in results if (each.step, each.axis) == (axis.step, axis.name)), None)
     arms = {each.value: each for each in found.comparisons} if found else {}
     sides = Sides.of_cells(record, axis, 0, other)
-    arm = arms.get(axis.texts[other]) or ArmComparison(
-        baseline=axis.texts[0], value=axis.texts[other], answer="not comparable",
+    arm = arms.get(axis.titles[other]) or ArmComparison(
+        baseline=axis.titles[0], value=axis.titles[other], answer="not comparable",
         why=(found and found.note) or "they have no pairs", pairs=0, unpaired=len(sides.before.alone),
         unjudged=0, other_requirements=0,
     )  # fmt: skip

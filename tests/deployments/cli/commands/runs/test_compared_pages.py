@@ -7,9 +7,11 @@ from typing import Any
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.driven_runs import drive, two_runs
-from helpers.night_records import make_job, make_night, store_night
+from helpers.night_records import digest, make_job, make_night, store_night
 
 from prefect_robomaker.schemas.reports.report import ArmComparison
+from prefect_robomaker.tasks.comparison.arms import axis_results
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -107,3 +109,29 @@ def test_the_file_plays_videos_where_they_are_and_says_where_it_cannot(
         tab.load(f"{page.as_uri()}?again", 1280)
         tab.wait_for_text("The video of A cannot be played here.")
         assert "The video of B cannot be played here." not in tab.text
+
+
+def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(robomaker: Any, home: Path) -> None:
+    worlds = {digest(name): name for name in ("flat 1", "flat 2")}
+    jobs = [
+        make_job(index, letter, world=name, seed=index).model_copy(
+            update={
+                "label": f"sim-{name[-1]}-{index}",
+                "axes": {"place": content},
+                "world": f"generation-0/world-{name[-1]}",
+                "world_name": name,
+            }
+        )
+        for (content, name), letter in zip(worlds.items(), "PF", strict=True)
+        for index in range(8)
+    ]
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    [axis] = axis_results(NightRun.of(run), {})
+    [arm] = axis.comparisons
+
+    told = robomaker("compare", run.run_id, "--axis", f"place={arm.value}")
+    by_name = robomaker("compare", run.run_id, "--axis", "place=flat 2", "-o", "json")
+
+    assert told.code == by_name.code == 1
+    assert ArmComparison.model_validate_json(by_name.out) == arm
