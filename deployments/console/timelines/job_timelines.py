@@ -1,5 +1,6 @@
 """Time line of a job, or of one of its recorded trials, from its stored outputs."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +16,7 @@ from ....schemas.lifecycles import is_terminal
 from ....schemas.runs.plan import RunResult
 from ....schemas.runs.trial_rows import TrialsSummary, trial_folder
 from ....schemas.wire.errors import ObjectNotFoundError, StorageError
+from ....tasks.reporting.drawings.trajectory import finite_path
 from ....tasks.runtime.episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
 from ....tasks.runtime.episode.run_timeline import (
     MAX_TIMELINE_BYTES,
@@ -66,6 +68,16 @@ class JobTimeline:
     def first_violation(self) -> Mark | None:
         """The earliest missed requirement; `None` if there is none."""
         return first_violation(list(self.marks))
+
+    @property
+    def no_violation(self) -> str:
+        """Sentence for a run without a moment of violation, which may have failed; empty: its result is not known."""
+        if self.result is None:
+            return ""
+        missed = any(item.counts and not item.satisfied for item in self.result.requirements)
+        if missed or self.result.verdict in ("FAIL", "ERROR"):
+            return "It did not pass, at no single moment."
+        return "No violation."
 
 
 def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Service, trial: str = "") -> JobTimeline:
@@ -129,7 +141,7 @@ def _poses(
     place: StoredPlace | None, timeline: JobTimeline, files: Mapping[str, int], service: Service
 ) -> RecordedPoses:
     """Reads the poses of a run: of its recording, else the places of its result, which have no headings."""
-    path = [] if timeline.result is None else timeline.result.path
+    path = [] if timeline.result is None else finite_path(timeline.result)
     missing = "There is no recording."
     name = timeline.folder + _RECORDING
     if place is not None and name in files:
@@ -204,7 +216,7 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:
     """Returns the simulated time at the end; of a run that left no result the last one of which anything is known."""
     if result is not None:
-        return result.sim_time_s
+        return result.sim_time_s if math.isfinite(result.sim_time_s) else 0.0  # a program may have written it
     if recorded is None:
         return 0.0
     ends = [times.ends_s for times in recorded.videos.values()]
