@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -102,7 +102,13 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
     recorded = _timeline(place, folder + TIMELINE_FILE, files, service)
     end_s = _end_s(result, recorded)
     if end_s <= 0:
-        return _none("There is no time line: the run left no simulated time.")
+        who = "the run" if shown is None else f"trial {shown}"
+        return replace(
+            _none(f"There is no time line: {who} left no simulated time."),
+            trial=shown,
+            trials=trials,
+            folder=folder,
+        )
     of_run = [name for name in VIDEOS if folder + name in files]
     videos = {name: times for name in of_run if (times := _in_step(name, recorded, result)) is not None}
     return JobTimeline(
@@ -216,13 +222,15 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:
     """Returns the simulated time at the end; of a run that left no result the last one of which anything is known."""
     if result is not None:
-        return result.sim_time_s if math.isfinite(result.sim_time_s) else 0.0  # a program may have written it
-    if recorded is None:
-        return 0.0
-    ends = [times.ends_s for times in recorded.videos.values()]
-    return max(
-        [*ends, *(each.samples[-1][0] for each in (*recorded.margins, *recorded.logs) if each.samples)], default=0
-    )
+        ends = [result.sim_time_s]
+    elif recorded is not None:
+        series = (*recorded.margins, *recorded.logs)
+        ends = [times.ends_s for times in recorded.videos.values()]
+        ends += [each.samples[-1][0] for each in series if each.samples]
+    else:
+        ends = []
+    end_s = max(ends, default=0.0)
+    return end_s if math.isfinite(end_s) else 0.0  # a program of the run may have written it
 
 
 def _result(place: StoredPlace | None, name: str, files: Mapping[str, int], service: Service) -> RunResult | None:

@@ -198,3 +198,16 @@ def test_numbers_that_no_page_can_have_are_left_out(browser: Any, store_job: Cal
     endless = store_job(verdict="FAIL", files={"result.json": text.replace(":40.0", ":Infinity").encode()})
     assert gaps(browser.get(f"/console/jobs/{endless}").text)[0].startswith("There is no time line")
     assert browser.get(f"/console/jobs/{endless}/timeline").json()["poses"] == []
+
+
+def test_a_trial_that_left_nothing_leads_to_the_others(browser: Any, store_job: Callable[..., str]) -> None:
+    summary = {"planned": 2, "counts": {"passed": 1, "failed": 1}, "recorded": [1, 2]}
+    files = outputs(RESULT.model_copy(update={"extra": {"trials": summary}}), None)
+    files |= {"trials/000001/video.mp4": b"film"} | {f"trials/000002/{name}": data for name, data in outputs().items()}
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert gaps(page) == ["There is no time line: trial 1 left no simulated time."]
+    assert 'href="?trial=2"' in page
+    assert f'src="/console/jobs/{job}/files/trials/000001/video.mp4"' in page
+    assert "data-end" not in page
+    assert "data-end" in browser.get(f"/console/jobs/{job}?trial=2").text
