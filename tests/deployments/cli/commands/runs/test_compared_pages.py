@@ -135,3 +135,16 @@ def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(roboma
 
     assert told.code == by_name.code == 1
     assert ArmComparison.model_validate_json(by_name.out) == arm
+
+
+def test_values_that_change_no_state_are_told(robomaker: Any, service: Service, tmp_path: Path) -> None:
+    jobs = [
+        drive(service, tmp_path, "P", world=None, night=0, index=index, states="a" * 64).model_copy(
+            update={"axes": {"robot": robot}}
+        )
+        for index, robot in enumerate(("scout", "rover"))
+    ]
+    run = make_night(jobs, runs=service.settings.home / "runs")
+    store_night(run)
+    told = robomaker("compare", run.run_id, "--axis", "robot=rover")
+    assert "both sides of each pair went through the same states" in told.out
