@@ -148,3 +148,15 @@ def test_values_that_change_no_state_are_told(robomaker: Any, service: Service, 
     store_night(run)
     told = robomaker("compare", run.run_id, "--axis", "robot=rover")
     assert "both sides of each pair went through the same states" in told.out
+
+
+def test_values_that_look_alike_are_not_taken_for_each_other(robomaker: Any, home: Path) -> None:
+    jobs = [
+        make_job(0, letter, world="flat").model_copy(update={"label": f"sim-{index}", "axes": {"gain": value}})
+        for index, (value, letter) in enumerate(((2.0, "P"), (1.0, "P"), ("1", "F")))
+    ]
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    told = robomaker("compare", run.run_id, "--axis", "gain=1")
+    assert (told.code, told.out) == (2, "")
+    assert "several values of gain look like '1'" in told.err
