@@ -211,3 +211,10 @@ def test_a_trial_that_left_nothing_leads_to_the_others(browser: Any, store_job: 
     assert f'src="/console/jobs/{job}/files/trials/000001/video.mp4"' in page
     assert "data-end" not in page
     assert "data-end" in browser.get(f"/console/jobs/{job}?trial=2").text
+
+
+def test_the_control_reaches_the_end_of_a_run(browser: Any, store_job: Callable[..., str]) -> None:
+    """Steps of a control are tenths of a second, and what goes beyond the end is that."""
+    job = store_job(verdict="FAIL", files=outputs(RESULT.model_copy(update={"sim_time_s": 40.02})))
+    [most] = re.findall(r'id="moment" min="0" max="([^"]+)"', browser.get(f"/console/jobs/{job}").text)
+    assert float(most) == 40.1
