@@ -147,7 +147,7 @@ def _place(run_id: str, visit: Visit) -> Path:
 
 
 def is_known(name: str, visit: Visit) -> bool:
-    """Whether the visitor may see some run of a specification of that name."""
+    """Whether there is a run of that id, which the visitor may see."""
     # Longer names are none: the file system would refuse them with an error of its own.
     is_name = "/" not in name and name not in ("", ".", "..") and len(name.encode()) <= 255
     path = _place(name, visit)

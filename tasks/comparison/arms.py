@@ -153,7 +153,11 @@ class _Axis:
 
     @property
     def _worlds(self) -> dict[Value, str]:
-        return {job.inputs.world: job.world for job in self.jobs if job.inputs and job.inputs.world and job.world}
+        return {
+            job.inputs.world: job.world_title
+            for job in self.jobs
+            if job.inputs and job.inputs.world and job.world_title
+        }
 
     @property
     def _is_sample_of_worlds(self) -> bool:

@@ -1,7 +1,7 @@
 """Two runs, or two cells of an axis, side by side: which jobs to look at first, and how each requirement changed."""
 
 import json
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -31,12 +31,7 @@ class StepAxis:
     name: str
     values: tuple[Value, ...]
     titles: tuple[str, ...]
-    """The values in words; of worlds, which are called after their content, the names that they have in the run."""
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The values as texts, as the results of axes have them."""
-        return tuple(map(value_text, self.values))
+    """The values in words, as the results of axes have them; of worlds the names that they have in the run."""
 
 
 def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
@@ -60,7 +55,8 @@ def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
 def pair_cells(jobs: Sequence[JobRecord], axis: StepAxis, baseline: Value, other: Value) -> Pairing:
     """Matches the jobs of two values of an axis that differ in nothing else.
 
-    Jobs of an axis of worlds are matched by all but their worlds, which a page of them has to say.
+    Where no two of them drove in the same world, the axis varies the world: then they are matched by all but their
+    worlds, as in the results of axes, which a page of them has to say.
 
     Args:
         jobs: All jobs of the run.
@@ -70,17 +66,8 @@ def pair_cells(jobs: Sequence[JobRecord], axis: StepAxis, baseline: Value, other
     """
     here = [job for job in jobs if step_of(job.step or "") == axis.step]
     first, second = ([job for job in here if job.axes.get(axis.name) == value] for value in (baseline, other))
-    waiting: dict[CellPlace, deque[JobRecord]] = defaultdict(deque)
-    for job in first:
-        waiting[_place(job, axis.name)].append(job)
-    pairs, alone = [], []
-    for job in second:
-        if found := waiting.get(_place(job, axis.name)):
-            pairs.append(Pair(found.popleft(), job))
-        else:
-            alone.append(job)
-    paired = {id(pair.before) for pair in pairs}
-    return Pairing(pairs, [job for job in first if id(job) not in paired], alone)
+    found = _paired(first, second, axis.name, with_world=True)
+    return found if found.pairs else _paired(first, second, axis.name, with_world=False)
 
 
 def by_change(pairs: Sequence[Pair]) -> list[Pair]:
@@ -115,8 +102,27 @@ def _is_world(job: JobRecord, axis: str) -> bool:
     return job.inputs is not None and job.inputs.world is not None and job.axes.get(axis) == job.inputs.world
 
 
-def _place(job: JobRecord, axis: str) -> CellPlace:
-    return place_beside(job, axis, with_world=not _is_world(job, axis))
+def _paired(first: Sequence[JobRecord], second: Sequence[JobRecord], axis: str, *, with_world: bool) -> Pairing:
+    waiting, arriving = (_by_place(jobs, axis, with_world=with_world) for jobs in (first, second))
+    places = waiting.keys() & arriving.keys()
+    if not with_world:  # of jobs of one place in several worlds nothing says which ones are a pair
+        places = {each for each in places if _has_one_world(waiting[each]) and _has_one_world(arriving[each])}
+    partners = {id(new): old for each in places for old, new in zip(waiting[each], arriving[each], strict=False)}
+    pairs = [Pair(partners[id(job)], job) for job in second if id(job) in partners]
+    paired = {id(pair.before) for pair in pairs}
+    alone = [job for job in second if id(job) not in partners]
+    return Pairing(pairs, [job for job in first if id(job) not in paired], alone)
+
+
+def _by_place(jobs: Sequence[JobRecord], axis: str, *, with_world: bool) -> dict[CellPlace, list[JobRecord]]:
+    found: dict[CellPlace, list[JobRecord]] = defaultdict(list)
+    for job in jobs:
+        found[place_beside(job, axis, with_world=with_world)].append(job)
+    return found
+
+
+def _has_one_world(jobs: Sequence[JobRecord]) -> bool:
+    return len({job.inputs.world for job in jobs if job.inputs}) == 1
 
 
 def _rank(pair: Pair) -> int:

@@ -98,11 +98,12 @@ def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:
         jobs: Records of a run's jobs.
         service: Service that stores their outputs.
     """
-    drives = {job.label: drive_of(job, service) for job in jobs if job.axes}
+    stored = service.catalog.get_many(job.arn for job in jobs if job.axes and job.arn)
+    results = {arn: outputs_of(SimulationJobDocument.of(each).outputs, service)[1] for arn, each in stored.items()}
     return {
-        label: drive.result.state_digest
-        for label, drive in drives.items()
-        if drive.result is not None and drive.result.state_digest
+        job.label: result.state_digest
+        for job in jobs
+        if (result := results.get(job.arn or "")) is not None and result.state_digest
     }
 
 

@@ -47,6 +47,7 @@ def drive(
     sway_m: float = 0.2,
     margin: float = 2.0,
     video: str = "",
+    states: str | None = None,
     **job: Any,
 ) -> JobRecord:
     """Stores a job that has ended, and returns its record.
@@ -62,6 +63,7 @@ def drive(
         sway_m: how far it sways.
         margin: margin of its requirement `gentle` in newtons; below 0 it is missed at half of the time.
         video: name of its video; empty: none.
+        states: digest of all states that it went through.
         **job: further members of `helpers.night_records.make_job`.
     """
     record = make_job(index, letter, night=night, world=world, **job)
@@ -76,6 +78,7 @@ def drive(
     result = RunResult(
         verdict=record.verdict or "NONE", requirements=[there, gentle], path=path_of(end_s, sway_m), sim_time_s=end_s,
         wall_time_s=1.0, real_time_factor=end_s, ended_by="agent", seed=7,
+        state_digest=states,
     )  # fmt: skip
     place = _publish(service, folder / f"outputs-{night}-{index}-{letter}-{world is None}", result, video)
     config = {"application": "indoor-navigation", **({"worldConfigs": [{"world": world}]} if world else {})}

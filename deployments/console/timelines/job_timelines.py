@@ -1,7 +1,8 @@
 """Time line of a job, or of one of its recorded trials, from its stored outputs."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -15,6 +16,7 @@ from ....schemas.lifecycles import is_terminal
 from ....schemas.runs.plan import RunResult
 from ....schemas.runs.trial_rows import TrialsSummary, trial_folder
 from ....schemas.wire.errors import ObjectNotFoundError, StorageError
+from ....tasks.reporting.drawings.trajectory import finite_path
 from ....tasks.runtime.episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
 from ....tasks.runtime.episode.run_timeline import (
     MAX_TIMELINE_BYTES,
@@ -67,6 +69,16 @@ class JobTimeline:
         """The earliest missed requirement; `None` if there is none."""
         return first_violation(list(self.marks))
 
+    @property
+    def no_violation(self) -> str:
+        """Sentence for a run without a moment of violation, which may have failed; empty: its result is not known."""
+        if self.result is None:
+            return ""
+        missed = any(item.counts and not item.satisfied for item in self.result.requirements)
+        if missed or self.result.verdict in ("FAIL", "ERROR"):
+            return "It did not pass, at no single moment."
+        return "No violation."
+
 
 def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Service, trial: str = "") -> JobTimeline:
     """Makes the time line of a job that has ended.
@@ -90,7 +102,13 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
     recorded = _timeline(place, folder + TIMELINE_FILE, files, service)
     end_s = _end_s(result, recorded)
     if end_s <= 0:
-        return _none("There is no time line: the run left no simulated time.")
+        who = "the run" if shown is None else f"trial {shown}"
+        return replace(
+            _none(f"There is no time line: {who} left no simulated time."),
+            trial=shown,
+            trials=trials,
+            folder=folder,
+        )
     of_run = [name for name in VIDEOS if folder + name in files]
     videos = {name: times for name in of_run if (times := _in_step(name, recorded, result)) is not None}
     return JobTimeline(
@@ -129,7 +147,7 @@ def _poses(
     place: StoredPlace | None, timeline: JobTimeline, files: Mapping[str, int], service: Service
 ) -> RecordedPoses:
     """Reads the poses of a run: of its recording, else the places of its result, which have no headings."""
-    path = [] if timeline.result is None else timeline.result.path
+    path = [] if timeline.result is None else finite_path(timeline.result)
     missing = "There is no recording."
     name = timeline.folder + _RECORDING
     if place is not None and name in files:
@@ -204,13 +222,15 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:
     """Returns the simulated time at the end; of a run that left no result the last one of which anything is known."""
     if result is not None:
-        return result.sim_time_s
-    if recorded is None:
-        return 0.0
-    ends = [times.ends_s for times in recorded.videos.values()]
-    return max(
-        [*ends, *(each.samples[-1][0] for each in (*recorded.margins, *recorded.logs) if each.samples)], default=0
-    )
+        ends = [result.sim_time_s]
+    elif recorded is not None:
+        series = (*recorded.margins, *recorded.logs)
+        ends = [times.ends_s for times in recorded.videos.values()]
+        ends += [each.samples[-1][0] for each in series if each.samples]
+    else:
+        ends = []
+    end_s = max(ends, default=0.0)
+    return end_s if math.isfinite(end_s) else 0.0  # a program of the run may have written it
 
 
 def _result(place: StoredPlace | None, name: str, files: Mapping[str, int], service: Service) -> RunResult | None:

@@ -280,13 +280,19 @@ def _end_of(result: RunResult | None) -> float:
     return max(result.sim_time_s, result.path[-1][0] if result.path else 0.0)
 
 
-def _first_miss(job: JobRecord) -> Miss | None:
+def _missed_first(job: JobRecord) -> tuple[float, Requirement] | None:
+    """Returns the simulated time in seconds at which a job first missed a requirement, and that requirement."""
     times = [
-        (item.first_violation_s, item.name)
+        (item.first_violation_s, item)
         for item in job.requirements
         if item.counts and not item.satisfied and item.error is None and item.first_violation_s is not None
     ]
-    return Miss(min(times)[1].replace("_", " "), min(times)[0]) if times else None
+    return min(times, key=lambda each: (each[0], each[1].name), default=None)
+
+
+def _first_miss(job: JobRecord) -> Miss | None:
+    found = _missed_first(job)
+    return Miss(found[1].name.replace("_", " "), found[0]) if found else None
 
 
 def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
@@ -294,13 +300,13 @@ def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
     if not missed:
         judged = outcome in (Outcome.PASSED, Outcome.FAILED)
         return "missed none of its requirements" if judged and job.requirements else "was not judged"
-    first = _first_miss(job)
+    first = _missed_first(job)
     if first is None:
         names = ", ".join(item.name.replace("_", " ") for item in missed)
         return f"missed {names}, at no single moment"
-    item = next(item for item in missed if item.first_violation_s == first.time_s)
+    time_s, item = first
     place = "".join([f", in {item.room}" if item.room else "", f", {item.other}" if item.other else ""])
-    return f"first missed {first.requirement} at {first.time_s:.1f} s{place}"
+    return f"first missed {item.name.replace('_', ' ')} at {time_s:.1f} s{place}"
 
 
 def _outcome_of(item: Requirement | None) -> tuple[str, str]:

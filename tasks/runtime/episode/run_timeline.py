@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, FiniteFloat, ValidationError
 
 from ....schemas.wire.base import Model, optional
 from ..limits.left_files import read_left
@@ -24,7 +24,7 @@ class MarginSeries(Model):
 
     requirement: str = Field(description="Name of the requirement.")
     unit: str | None = optional("Unit of the margin.")
-    samples: list[tuple[float, float]] = Field(
+    samples: list[tuple[FiniteFloat, FiniteFloat]] = Field(
         default=[], description="(simulated time in s, margin), which holds until the next one; at most 400."
     )
 
@@ -33,7 +33,7 @@ class LogSeries(Model):
     """Length of a log along a run, which says when each of its lines was there."""
 
     name: str = Field(description="Path of the log in the outputs, `logs/stdout.log`.")
-    samples: list[tuple[float, int]] = Field(
+    samples: list[tuple[FiniteFloat, int]] = Field(
         default=[], description="(simulated time in s, bytes in the file then), where it has grown; at most 400."
     )
 
@@ -41,8 +41,10 @@ class LogSeries(Model):
 class FilmTimes(Model):
     """Simulated time that a video shows: it runs as fast as that, so the frame at `t` shows `begins_s + t`."""
 
-    begins_s: float = Field(ge=0, description="Simulated time of the first frame, in seconds.")
-    rate_hz: float = Field(gt=0, description="Frames per simulated second, and per second of the video.")
+    begins_s: float = Field(ge=0, allow_inf_nan=False, description="Simulated time of the first frame, in seconds.")
+    rate_hz: float = Field(
+        gt=0, allow_inf_nan=False, description="Frames per simulated second, and per second of the video."
+    )
     frames: int = Field(ge=0, description="Number of frames.")
 
     @property

@@ -87,9 +87,13 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
         seed: seed of windows, if none are drawn.
 
     Raises:
-        ConfigurationError: rooms overlap or are not joined, or a door lies in no wall.
+        ConfigurationError: rooms overlap or are not joined, none is inside, or a door lies in no wall.
     """
     names = [room.name for room in drawn.rooms]
+    if all(room.type == OUTDOOR_ROOM_TYPE for room in drawn.rooms):
+        raise ConfigurationError(
+            f"{drawn.file}: only balconies ({', '.join(names)}); a room inside besides would be right"
+        )
     squared = square([room.corners for room in drawn.rooms], drawn.on_faces)
     _refuse_overlaps(squared.rooms, names, drawn.file)
     walls = Walls(squared.rooms)

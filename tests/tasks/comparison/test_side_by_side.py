@@ -115,3 +115,23 @@ def test_values_that_look_alike_are_two() -> None:
     [pair] = pair_cells([cell("1", 0, "sim-text"), cell(1.0, 0, "sim-number")], axis, *axis.values).pairs
     assert (pair.before.label, pair.after.label) == ("sim-text", "sim-number")
     assert axis.titles == ("1", "1")
+
+
+def test_cells_of_an_axis_that_varies_the_world_are_paired_by_what_else_they_share() -> None:
+    """As the results of axes pair them: doors of three flats, open and half shut."""
+
+    def moved(door: str, flat: int, world: str, label: str) -> JobRecord:
+        job = make_job(flat, "P", world=world, seed=1)
+        return job.model_copy(update={"label": label, "axes": {"doors": door, "flat": float(flat)}})
+
+    jobs = [moved(door, flat, f"{flat} {door}", f"{door} {flat}") for door in ("open", "shut") for flat in range(3)]
+    doors = next(axis for axis in axes_of(jobs) if axis.name == "doors")
+    found = pair_cells(jobs, doors, *doors.values)
+    assert [(pair.before.label, pair.after.label) for pair in found.pairs] == [
+        (f"open {flat}", f"shut {flat}") for flat in range(3)
+    ]
+    # Of two worlds in one place nothing says which one is the partner.
+    found = pair_cells([*jobs, moved("shut", 0, "elsewhere", "shut, too")], doors, *doors.values)
+    assert [pair.before.label for pair in found.pairs] == ["open 1", "open 2"]
+    assert [job.label for job in found.only_before] == ["open 0"]
+    assert [job.label for job in found.only_after] == ["shut 0", "shut, too"]

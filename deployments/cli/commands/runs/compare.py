@@ -116,8 +116,8 @@ def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None)
     found = next((each for each in results if (each.step, each.axis) == (axis.step, axis.name)), None)
     arms = {each.value: each for each in found.comparisons} if found else {}
     sides = Sides.of_cells(record, axis, 0, other)
-    arm = arms.get(axis.texts[other]) or ArmComparison(
-        baseline=axis.texts[0], value=axis.texts[other], answer="not comparable",
+    arm = arms.get(axis.titles[other]) or ArmComparison(
+        baseline=axis.titles[0], value=axis.titles[other], answer="not comparable",
         why=(found and found.note) or "they have no pairs", pairs=0, unpaired=len(sides.before.alone),
         unjudged=0, other_requirements=0,
     )  # fmt: skip
@@ -130,7 +130,7 @@ def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
     """Returns the axis that an option names, and the index of its value.
 
     Raises:
-        ConfigurationError: the run has no such axis or value, or several steps have one.
+        ConfigurationError: the run has no such axis or value, several steps have one, or several values look alike.
     """
     from .....tasks.comparison.side_by_side import axes_of
 
@@ -146,6 +146,10 @@ def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
         raise ConfigurationError(
             f"--axis is {given!r}: {value!r} is no value beside the first one, {axis.titles[0]}; "
             f"{', '.join(axis.titles[1:])} would be right"
+        )
+    if axis.titles[1:].count(value) > 1:  # a number and a text, of which nothing says which one is meant
+        raise ConfigurationError(
+            f"--axis is {given!r}: several values of {name} look like {value!r}; the console shows each side by side"
         )
     return axis, axis.titles.index(value, 1)
 

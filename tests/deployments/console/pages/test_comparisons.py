@@ -142,6 +142,16 @@ def test_the_page_of_a_run_leads_to_others_and_to_its_axes(browser: Any, service
     assert browser.get(link.replace("robot", "gripper")).status_code == 404
 
 
+def test_a_run_of_known_failures_alone_leads_to_others(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    for night in range(2):
+        job = make_job(0, "F", night=night).model_copy(update={"known": "anna until 2027-01-15: ticket 512"})
+        store_night(make_night([job], night, runs=runs))
+    before, after = sorted(folder.name for folder in runs.iterdir())
+
+    assert f'<option value="{before}" selected' in browser.get(f"/console/runs/{after}").text
+
+
 def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_jobs(
     service: Service, tmp_path: Path
 ) -> None:

@@ -47,6 +47,13 @@ def test_failures_are_grouped_by_what_was_missed(browser: Any, store_job: Callab
     assert sorted(rows(browser.get("/console/failures").text)) == sorted(rows(page))
 
 
+def test_specifications_stand_apart_the_one_that_failed_last_first(browser: Any, store_job: Callable[..., str]) -> None:
+    for name in ("alone", "nightly", "Nightly", "zoo", "house"):
+        store_job(verdict="FAIL", verdict_reason="quick: 5 s", spec_run=f"{name}-20260301T020000000")
+    page = browser.get("/console/failures").text
+    assert re.findall(r'class="of-spec">([^<]*)<', page) == ["house", "zoo", "Nightly", "nightly", "alone"]
+
+
 def test_known_failures_stand_apart(browser: Any, service: Service, store_job: Callable[..., str]) -> None:
     failed, known = store_known(service, store_job)
     red, _, apart = browser.get("/console").text.partition('id="known-failures"')

@@ -157,3 +157,64 @@ def test_a_job_with_trials_shows_one_that_was_recorded(
     summary["recorded"] = []
     bare = store_job(verdict="FAIL", files=outputs(whole.model_copy(update={"extra": {"trials": summary}})))
     assert gaps(browser.get(f"/console/jobs/{bare}").text)[0].startswith("None of its trials was recorded")
+
+
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        (None, ""),
+        ({"verdict": "PASS", "requirements": []}, "No violation."),
+        ({"requirements": [Requirement(name="there", satisfied=False, detail="0.7 m away")]}, "at no single moment"),
+        (
+            {"requirements": [Requirement(name="there", satisfied=False, detail="", error="no body")]},
+            "no single moment",
+        ),
+        ({"verdict": "FAIL", "requirements": []}, "at no single moment"),
+        (
+            {"verdict": "PASS", "requirements": [Requirement(name="a", satisfied=False, detail="", counts=False)]},
+            "No violation.",
+        ),
+    ],
+)
+def test_a_run_without_a_moment_of_violation_is_clean_only_if_it_missed_nothing(
+    browser: Any, store_job: Callable[..., str], result: dict[str, Any] | None, said: str
+) -> None:
+    found = None if result is None else RESULT.model_copy(update=result)
+    page = browser.get(f"/console/jobs/{store_job(verdict='FAIL', files=outputs(found))}").text
+    head = page.partition('<div class="moment">')[2].partition("</div>")[0]
+    assert said in head
+    assert ("No violation." in head) == (said == "No violation.")
+
+
+def test_numbers_that_no_page_can_have_are_left_out(browser: Any, store_job: Callable[..., str]) -> None:
+    """Programs of a run may have written its files, and JSON has no such numbers."""
+    text = RESULT.model_dump_json().replace("[20.0,2.0,-1.0]", "[20.0,NaN,-1.0]")
+    series = '{"margins":[{"requirement":"soft","samples":[[0.0,NaN],[1.0,2.0],[Infinity,3.0]]}]}'
+    job = store_job(verdict="FAIL", files={"result.json": text.encode(), "timeline.json": series.encode()})
+    sent = browser.get(f"/console/jobs/{job}/timeline").json()
+    assert [pose[0] for pose in sent["poses"]] == [0.0, 40.0]
+    page = browser.get(f"/console/jobs/{job}").text
+    assert [json.loads(unescape(each)) for each in re.findall(r'data-samples="([^"]*)"', page)] == []
+    endless = store_job(verdict="FAIL", files={"result.json": text.replace(":40.0", ":Infinity").encode()})
+    assert gaps(browser.get(f"/console/jobs/{endless}").text)[0].startswith("There is no time line")
+    assert browser.get(f"/console/jobs/{endless}/timeline").json()["poses"] == []
+
+
+def test_a_trial_that_left_nothing_leads_to_the_others(browser: Any, store_job: Callable[..., str]) -> None:
+    summary = {"planned": 2, "counts": {"passed": 1, "failed": 1}, "recorded": [1, 2]}
+    files = outputs(RESULT.model_copy(update={"extra": {"trials": summary}}), None)
+    files |= {"trials/000001/video.mp4": b"film"} | {f"trials/000002/{name}": data for name, data in outputs().items()}
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert gaps(page) == ["There is no time line: trial 1 left no simulated time."]
+    assert 'href="?trial=2"' in page
+    assert f'src="/console/jobs/{job}/files/trials/000001/video.mp4"' in page
+    assert "data-end" not in page
+    assert "data-end" in browser.get(f"/console/jobs/{job}?trial=2").text
+
+
+def test_the_control_reaches_the_end_of_a_run(browser: Any, store_job: Callable[..., str]) -> None:
+    """Steps of a control are tenths of a second, and what goes beyond the end is that."""
+    job = store_job(verdict="FAIL", files=outputs(RESULT.model_copy(update={"sim_time_s": 40.02})))
+    [most] = re.findall(r'id="moment" min="0" max="([^"]+)"', browser.get(f"/console/jobs/{job}").text)
+    assert float(most) == 40.1

@@ -7,6 +7,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import DrawnSource, World, contains
 from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
@@ -157,3 +158,9 @@ def test_outer_walls_of_a_drawn_balcony_are_railings(tmp_path: Path) -> None:
     tops = {(wall.top_m, wall.exterior and wall.rooms == ["Balkon"]) for wall in plan.walls}
     assert tops == {(1.0, True), (None, False)}
     assert all(wall.top_m is None for wall in of(TOUCHING, tmp_path).floorplan.walls)
+
+
+def test_a_drawing_of_balconies_alone_is_refused(tmp_path: Path) -> None:
+    outside = TOUCHING.replace("Wohnzimmer", "Balkon").replace("Küche", "Terrasse").replace("Schlafzimmer", "Loggia")
+    with pytest.raises(ConfigurationError, match=r"plan\.svg: only balconies .*Balkon, Terrasse, Loggia.* room inside"):
+        of(outside, tmp_path)

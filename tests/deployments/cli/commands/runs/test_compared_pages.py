@@ -7,9 +7,11 @@ from typing import Any
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.driven_runs import drive, two_runs
-from helpers.night_records import make_job, make_night, store_night
+from helpers.night_records import digest, make_job, make_night, store_night
 
 from prefect_robomaker.schemas.reports.report import ArmComparison
+from prefect_robomaker.tasks.comparison.arms import axis_results
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -107,3 +109,54 @@ def test_the_file_plays_videos_where_they_are_and_says_where_it_cannot(
         tab.load(f"{page.as_uri()}?again", 1280)
         tab.wait_for_text("The video of A cannot be played here.")
         assert "The video of B cannot be played here." not in tab.text
+
+
+def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(robomaker: Any, home: Path) -> None:
+    worlds = {digest(name): name for name in ("flat 1", "flat 2")}
+    jobs = [
+        make_job(index, letter, world=name, seed=index).model_copy(
+            update={
+                "label": f"sim-{name[-1]}-{index}",
+                "axes": {"place": content},
+                "world": f"generation-0/world-{name[-1]}",
+                "world_name": name,
+            }
+        )
+        for (content, name), letter in zip(worlds.items(), "PF", strict=True)
+        for index in range(8)
+    ]
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    [axis] = axis_results(NightRun.of(run), {})
+    [arm] = axis.comparisons
+
+    told = robomaker("compare", run.run_id, "--axis", f"place={arm.value}")
+    by_name = robomaker("compare", run.run_id, "--axis", "place=flat 2", "-o", "json")
+
+    assert told.code == by_name.code == 1
+    assert ArmComparison.model_validate_json(by_name.out) == arm
+
+
+def test_values_that_change_no_state_are_told(robomaker: Any, service: Service, tmp_path: Path) -> None:
+    jobs = [
+        drive(service, tmp_path, "P", world=None, night=0, index=index, states="a" * 64).model_copy(
+            update={"axes": {"robot": robot}}
+        )
+        for index, robot in enumerate(("scout", "rover"))
+    ]
+    run = make_night(jobs, runs=service.settings.home / "runs")
+    store_night(run)
+    told = robomaker("compare", run.run_id, "--axis", "robot=rover")
+    assert "both sides of each pair went through the same states" in told.out
+
+
+def test_values_that_look_alike_are_not_taken_for_each_other(robomaker: Any, home: Path) -> None:
+    jobs = [
+        make_job(0, letter, world="flat").model_copy(update={"label": f"sim-{index}", "axes": {"gain": value}})
+        for index, (value, letter) in enumerate(((2.0, "P"), (1.0, "P"), ("1", "F")))
+    ]
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    told = robomaker("compare", run.run_id, "--axis", "gain=1")
+    assert (told.code, told.out) == (2, "")
+    assert "several values of gain look like '1'" in told.err
