@@ -32,11 +32,8 @@ class StepAxis:
     values: tuple[Value, ...]
     titles: tuple[str, ...]
     """The values in words; of worlds, which are called after their content, the names that they have in the run."""
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The values as texts, as the results of axes have them."""
-        return tuple(map(value_text, self.values))
+    texts: tuple[str, ...]
+    """The values as texts, as the results of axes have them: worlds by their ids."""
 
 
 def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
@@ -45,13 +42,14 @@ def axes_of(jobs: Sequence[JobRecord]) -> list[StepAxis]:
     Args:
         jobs: All jobs of the run.
     """
-    values: dict[tuple[str, str], dict[Value, str]] = {}
+    values: dict[tuple[str, str], dict[Value, tuple[str, str]]] = {}
     for job in jobs:
         for name, value in job.axes.items():
-            title = (_is_world(job, name) and job.world_title) or value_text(value)
-            values.setdefault((step_of(job.step or ""), name), {}).setdefault(value, title)
+            names = (job.world_title, job.world) if _is_world(job, name) else (None, None)
+            title, text = (each or value_text(value) for each in names)
+            values.setdefault((step_of(job.step or ""), name), {}).setdefault(value, (title, text))
     return [
-        StepAxis(step, name, tuple(found), tuple(found.values()))
+        StepAxis(step, name, tuple(found), *zip(*found.values(), strict=True))
         for (step, name), found in values.items()
         if len(found) > 1
     ]
