@@ -223,6 +223,7 @@ class PipelineRun:
         checked = load_spec(text, origin, parameters)
         patience_s = 60.0 * Settings.from_environment(os.environ).store_patience_min
         service = once_catalog_answers(Service.current, patience_s=patience_s)
+        remove_left(service)
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         if not reuse:

@@ -42,7 +42,9 @@ def carry_out(
     # A server that somebody else keeps is asked first: without it nothing is made here, not even the home.
     api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
     spec, is_new = wanted.checked, not (wanted.reuse or wanted.rerun_of or wanted.open_run)
-    check_before_start(spec, settings, checks_templates=is_new, against=wanted.against)
+    # A run that another process began is finished also where the earlier one is gone; it tells of that itself.
+    against = None if wanted.open_run else wanted.against
+    check_before_start(spec, settings, checks_templates=is_new, against=against)
     api_url = api_url or use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:

@@ -139,6 +139,9 @@ class Flakiness(Model):
     decides: Factor | None = optional("Factor that decides how the job ends.")
     probability: float | None = optional("Posterior probability of that factor.")
     side: Side = Field(default="unknown", description="Part of the job in which reruns first differ.")
+    has_states: bool = Field(
+        default=True, description="Whether reruns gave their states; if not, only commands and ends were compared."
+    )
     verdict: str | None = optional("Verdict of the run itself, or its failure code.")
     reruns: int = Field(default=0, ge=0, description="Number of reruns, replays of commands among them.")
     tried: list[TriedHold] = Field(default=[], description="Reruns by what they held.")
@@ -155,7 +158,8 @@ class Flakiness(Model):
         if self.answer == "not rerun" or free is None:
             return f"not run again: {self.why}"
         if self.answer == "repeats":
-            return f"repeats bit by bit: {total} of {total} end with {next(iter(free.ends))}"
+            how = "repeats bit by bit" if self.has_states else "ends alike, and its states are not known"
+            return f"{how}: {total} of {total} end with {next(iter(free.ends))}"
         if len(free.ends) > 1:
             return f"the verdict flips: {_counted(free.ends)} of {total}"
         end = next(iter(free.ends))

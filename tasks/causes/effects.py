@@ -13,10 +13,12 @@ from ...schemas.reports.causes import AxisEffects, Effect
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence, evidence_of
-from .sensitivity import LEVEL, along, judged_margins
+from .sensitivity import FEWEST_CLUSTERS, LEVEL, along, judged_margins, within
 
 FEWEST_OUTCOMES = 10
 """Failures, and passes, from which on their share has an interval: with fewer, those of t are too narrow."""
+FEWEST_EXPECTED = 5
+"""Failures, and passes, to be expected of the trials that lie apart on an axis: with fewer, chance alone looks sure."""
 _MOST_VALUES = 20
 """Values of an axis of texts that are looked at; more have too few trials each."""
 
@@ -77,6 +79,8 @@ def _effect(
     refused = ""
     for value, numbers in contrasts:
         answer = along(outcomes, evidence, numbers, level)
+        if isinstance(answer, tuple):
+            answer = _too_few_apart(name, outcomes, evidence, numbers) or answer
         if answer is None or isinstance(answer, str):
             refused = answer or refused
             continue
@@ -89,3 +93,19 @@ def _effect(
         )  # fmt: skip
     surest = max(found, key=lambda each: abs(each.change) / max(each.high - each.low, 1e-300), default=None)
     return surest or Effect(on=name, unit=unit, refused=refused or "there are no trials with it")
+
+
+def _too_few_apart(name: str, outcomes: NDArray[np.float64], evidence: Evidence, numbers: NDArray[np.float64]) -> str:
+    """Says why trials that lie apart on an axis, such as those of a rare value, tell nothing; empty: they may."""
+    known = np.isfinite(outcomes) & np.isfinite(numbers)
+    x = within(numbers[known], evidence.jobs[known])
+    apart = float((x**2).sum()) ** 2 / max(float((x**4).sum()), 1e-300)  # of two values the number of the rarer one's
+    if name:
+        few, least, what = apart, FEWEST_CLUSTERS, "trials"
+    else:
+        share = float(outcomes[known].mean()) if known.any() else 0.0
+        few, least = apart * min(share, 1 - share), FEWEST_EXPECTED
+        what = f"{'failures' if share <= 0.5 else 'passes'} to be expected"
+    return (
+        f"{few:.2g} {what} with its rarer values are too few for an interval; {least} would do" if few < least else ""
+    )

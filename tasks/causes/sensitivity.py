@@ -1,5 +1,6 @@
 """Sensitivity of margins to axes of numbers: slopes within worlds, with intervals that respect clusters."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -84,7 +85,7 @@ def along(
     count = int(known.sum())
     if count < FEWEST_TRIALS:
         return f"{count} trials with a margin are too few for an interval; {FEWEST_TRIALS} would do"
-    x, y = (_within(each[known], evidence.jobs[known]) for each in (values, margins))
+    x, y = (within(each[known], evidence.jobs[known]) for each in (values, margins))
     square = float((x**2).sum())
     if square <= 1e-12 * float((values[known] ** 2).sum() + 1e-12):
         return "it is the same in all trials of each job; other values in each job would do"
@@ -95,15 +96,19 @@ def along(
     if clusters < FEWEST_CLUSTERS:
         return f"{clusters} seeds or cells in {worlds} worlds are too few for an interval; {FEWEST_CLUSTERS} would do"
     slope = float((x * y).sum()) / square
-    parts = x * (y - slope * x) / square
-    reach = max(reach_between(parts, each, level) for each in clusterings)
+    left = y - slope * x
+    parts = x * left / square
+    reaches = [reach_between(parts, each, level) for each in clusterings]
+    # Few trials apart from the others may all be the same by chance; their spread is taken to be that of all.
+    alike = np.abs(x) * math.sqrt(float((left**2).mean())) / square
+    reach = max(*reaches, reach_between(alike, np.arange(count), level))
     start, end = (float(each) for each in np.quantile(values[known], [0.1, 0.9]))
     if start == end:
         start, end = float(values[known].min()), float(values[known].max())
     return start, end, slope * (end - start), reach * (end - start)
 
 
-def _within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:
+def within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:
     """Subtracts the mean of its job from each value."""
     numbers = np.unique(jobs, return_inverse=True)[1]
     return values - (np.bincount(numbers, weights=values) / np.bincount(numbers))[numbers]

@@ -5,7 +5,7 @@ that are known:
 
 - While the factor that decides is held, all reruns end alike. Held network, files and neighbours change what a robot
   finds: for reruns that hold others of these three it is only likely (`ALIKE`).
-- While it is free, ends are drawn from one unknown distribution. A Pólya urn stands for it: an end that was
+- While it is free, ends are drawn from one distribution that is not known. A Pólya urn stands for it: an end that was
   seen `c` times in `n` draws is drawn next with `c / (n + 1)`, a new one with `1 / (n + 1)`.
 
 At first all factors are equally probable; a factor of which the programs made no use, as far as they were watched, has
@@ -52,7 +52,7 @@ _FOUND_BY_ROBOTS: Held = frozenset(("order", "files", "network"))
 
 @dataclass(frozen=True)
 class Observation:
-    """End of one rerun, and what was held in it."""
+    """End of one rerun, with the factors that were held in it."""
 
     held: Held
     verdict: str

@@ -19,7 +19,7 @@ from ..simulations.ros.ros_domains import own_domain
 from .evidence import Observation
 from .search import MOST_RERUNS, search
 from .sides import REPLAYS, side_of
-from .trials import NotRerunError, Trials
+from .trials import NotRerunError, Trials, has_all_commands
 
 FEWEST_RERUNS = 8
 """With fewer, neither can a job be said to repeat, nor a factor be found."""
@@ -69,7 +69,7 @@ def examine(
                 return blank.model_copy(update={"why": why})
             neighbours = _has_neighbours(job, beside, service)
             trials = Trials(run, service, scratch, domain, neighbours, on_rerun)
-            notes = [*_notes(run, service), *_of_error(trials.first_observation())]
+            notes = [*_notes(run, service), *_of_error(trials.first_end), *_of_commands(run)]
             try:
                 return _examined(blank.model_copy(update={"notes": notes}), trials, most)
             except NotRerunError as error:
@@ -82,9 +82,9 @@ def examine(
 def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
     first = trials.first_observation()
     found = search(trials.try_out, trials.weights, most - REPLAYS, first)
-    differs = first is not None and found.repeats is False
-    side, where = side_of(trials, most - len(trials.made)) if differs else ("unknown", None)
-    answer = "decided" if found.decision else "repeats" if found.repeats else "not decided"
+    side, where = ("unknown", None) if found.repeats else side_of(trials, most - len(trials.made))
+    is_end_seen = trials.first_end in {None, *(each.verdict for each in found.free)}
+    answer = "decided" if found.decision else "repeats" if found.repeats and is_end_seen else "not decided"
     reran = [each for each in found.observations if each is not first]
     why = found.why_not
     if answer == "not decided" and len({each.observation.bits for each in trials.made}) == 1:
@@ -95,7 +95,8 @@ def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
             "decides": found.decision.factor if found.decision else None,
             "probability": round(found.decision.probability, 4) if found.decision else None,
             "side": side,
-            "verdict": first.verdict if first else None,
+            "verdict": trials.first_end,
+            "has_states": trials.have_states,
             "reruns": len(trials.made) + trials.replays,
             "tried": _tried(reran),
             "first_difference": where,
@@ -137,10 +138,16 @@ def _notes(run: FoundRun, service: Service) -> list[str]:
     ]
 
 
-def _of_error(first: Observation | None) -> list[str]:
-    if first is None or first.verdict in ("PASS", "FAIL"):
+def _of_error(end: str | None) -> list[str]:
+    if end in (None, "PASS", "FAIL"):
         return []
-    return [f"The run ended with {first.verdict}, which says nothing of how the robot did; it counts as an end here."]
+    return [f"The run ended with {end}, which says nothing of how the robot did; it counts as an end here."]
+
+
+def _of_commands(run: FoundRun) -> list[str]:
+    if has_all_commands(run.outputs):
+        return []
+    return ["The run's own commands are not kept any more, so that only reruns are compared with each other."]
 
 
 def _has_neighbours(job: ReportedJob, beside: Sequence[ReportedJob], service: Service) -> bool:

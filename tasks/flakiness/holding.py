@@ -1,4 +1,4 @@
-"""Requests of reruns that hold factors: what processes find on this machine, and what they say that they hold and use.
+"""Holding of factors in a rerun: what its processes find on this machine, and what they say they hold and use.
 
 The job's request, its application and its plan stay what they were; only the request that starts the processes is
 another one. Randomness, clock and hashes are held inside Python programs (`held_sources`); programs in other languages

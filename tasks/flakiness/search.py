@@ -47,7 +47,7 @@ TryOut = Callable[[Held], Sequence[Observation]]
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a search: the reruns of a job, and what they have decided."""
+    """Reruns of a job, with the factor that they have shown to decide."""
 
     observations: tuple[Observation, ...]
     decision: Decision | None
@@ -83,21 +83,21 @@ def search(
     seen: list[Observation] = [first] if first is not None else []
     most += len(seen)
 
-    def run(held: Held, until: int) -> list[Observation]:
-        while len(seen) < most and len(with_held(seen, held)) < until:
-            seen.extend(try_out(held))
-        return with_held(seen, held)
-
     nothing: Held = frozenset()
-    free = run(nothing, BASELINE)
-    while not flips(free, "verdict") and len(free) < QUIET and len(seen) < most:
-        free = run(nothing, len(free) + 1)
+    free = with_held(seen, nothing)
+    while len(seen) < most and len(free) < (BASELINE if flips(free, "verdict") else QUIET):
+        seen.extend(try_out(nothing))
+        free = with_held(seen, nothing)
     if not flips(free, "bits"):
         return Found(tuple(seen), None)
-    factors = weigh()
-    everything: Held = frozenset(factors)
-    held = run(everything, ALL_HELD)
-    if flips(held, flipping(seen)):
+    weights = weigh()
+    begun = len(seen)
+    while len(seen) < most and len(seen) - begun < ALL_HELD:
+        seen.extend(try_out(frozenset(weights)))
+    # Programs that do not hold what they were asked to hold never will.
+    in_fact = frozenset[Factor]().union(*(each.held for each in seen[begun:]))
+    factors: Weights = {each: weight for each, weight in weights.items() if each in in_fact}
+    if len(seen) > begun and flips(with_held(seen, frozenset(factors)), flipping(seen)):
         return Found(tuple(seen), None, "it flips also while everything is held that can be")
     return _look_closer(try_out, factors, most, seen)
 

@@ -43,7 +43,8 @@ def side_of(trials: Trials, most: int) -> tuple[Side, str | None]:
     for trial in [one, other][: min(REPLAYS, most)]:
         if not _repeats(trial, trials.replay(trial)):
             return "simulation", at_states
-    return ("robot" if most > 0 else "unknown"), _command_in_words(one.outputs, other.outputs) or at_states
+    is_known = most > 0 and trials.have_states  # replays that end alike may have gone other ways
+    return ("robot" if is_known else "unknown"), _command_in_words(one.outputs, other.outputs) or at_states
 
 
 def _differing(free: Iterable[Trial]) -> tuple[Trial, Trial] | None:

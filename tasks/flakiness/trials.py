@@ -15,7 +15,7 @@ from ...schemas.wire.errors import LaunchError
 from ..inspection.found_runs import FoundRun
 from ..inspection.replays import plan_here
 from ..jobs.job_runs import launcher
-from ..runtime.agents.action_log import ActionLog
+from ..runtime.agents.action_log import ActionLog, ActionLogError
 from ..runtime.process.run_request import RunRequest
 from ..runtime.replay.replay import RunOutputs, read_outputs, rerun_plan, why_other_inputs
 from ..service.service import Service
@@ -105,13 +105,22 @@ class Trials:
         self.on_rerun(len(self.made) + self.replays)
         return Trial(observation_of(frozenset(), outcome, outputs), outputs)
 
+    @property
+    def have_states(self) -> bool:
+        """Whether the simulation gives its states; without them only commands and ends are compared."""
+        return any(each.outputs.provenance.digest is not None for each in self.made)
+
+    @property
+    def first_end(self) -> str | None:
+        """Verdict of the run itself, or its failure code; None: it left no result."""
+        result = self.run.outputs.result
+        return result.verdict if result else self.run.failure_code
+
     def first_observation(self) -> Observation | None:
-        """Returns how the run itself ended, with nothing held; None: it left no result."""
-        first = self.run.outputs
-        if first.result is None and self.run.failure_code is None:
+        """Returns how the run itself ended, with nothing held; None: that, or its commands, are not there any more."""
+        if (verdict := self.first_end) is None or not has_all_commands(self.run.outputs):
             return None
-        verdict = first.result.verdict if first.result else str(self.run.failure_code)
-        return Observation(frozenset(), verdict, _bits(verdict, first))
+        return Observation(frozenset(), verdict, _bits(verdict, self.run.outputs))
 
     def _folder(self) -> Path:
         self._begun += 1
@@ -168,6 +177,17 @@ def _bits(verdict: str, outputs: RunOutputs) -> str:
     states = outputs.provenance.digest
     digest.update(states.value.encode() if states is not None else b"")
     return digest.hexdigest()
+
+
+def has_all_commands(outputs: RunOutputs) -> bool:
+    """Returns whether a run's log of commands is what the run wrote, or it wrote none."""
+    written = outputs.provenance.actions
+    if written is None:
+        return True
+    try:
+        return outputs.actions is not None and ActionLog(outputs.actions).summary() == written
+    except (ActionLogError, OSError):
+        return False
 
 
 def _has_boxes() -> bool:

@@ -54,6 +54,22 @@ def test_what_is_too_rare_for_an_interval_is_no_claim_and_says_so() -> None:
     assert found["mass"].answer == "no claim"
 
 
+def test_values_that_few_trials_have_are_no_cause_though_none_of_them_fails() -> None:
+    """Of 20 trials that fail once in twenty times all pass in one of three cases, with no spread among them."""
+    chance = np.random.default_rng(4)
+    rows: list[Row] = [
+        {"axes": {"KIND": "rare" if seed % 15 == 0 else "usual"}, "seed": seed, "margin": float(chance.normal())}
+        | {"outcome": "failed" if seed % 15 and chance.random() < 0.05 else "passed"}
+        for seed in range(300)
+    ]
+    [failures, margin] = effects_of(rows)["KIND"].effects
+    assert re.fullmatch(
+        r"0[\d.]+ failures to be expected with its rarer values are too few for an interval; 5 would do",
+        failures.refused,
+    )
+    assert not margin.refused
+
+
 def test_an_axis_with_the_same_states_at_each_value_changes_nothing() -> None:
     rows: list[Row] = [
         {"axes": {"gain": gain, "unread": unread}, "seed": seed, "state_digest": f"{gain} {seed}"}

@@ -53,6 +53,26 @@ def test_a_job_that_no_factor_holds_is_not_decided() -> None:
     }
 
 
+def test_factors_that_programs_never_hold_cost_no_reruns() -> None:
+    """Programs in other languages leave the clock and hashes free, also where a rerun is to hold them."""
+    outside: Held = frozenset({"order", "files", "network"})
+    draw = random.Random(1)
+
+    def try_out(held: Held) -> list[Observation]:
+        end = "FAIL" if "network" not in held and draw.random() < 0.5 else "PASS"
+        return [Observation(held & outside, end, f"{end} {draw.random() if 'network' not in held else ''}")]
+
+    found = search(try_out, lambda: WEIGHTS)
+    assert found.decision is not None
+    assert (found.decision.factor, len(found.observations) < MOST_RERUNS) == ("network", True)
+
+
+def test_a_search_that_held_nothing_says_nothing_of_what_is_held() -> None:
+    ways = iter(range(MOST_RERUNS))
+    found = search(lambda held: [Observation(held, "PASS", str(next(ways)))], lambda: WEIGHTS, 7)
+    assert (found.decision, found.why_not) == (None, "7 reruns did not tell")
+
+
 def test_where_either_of_two_holds_a_job_none_is_named() -> None:
     """Each would be `decided` if no rerun had held all the others."""
     found = [searched(lambda held: not held & {"order", "network"}, seed) for seed in range(SEEDS // 4)]

@@ -5,7 +5,9 @@ import sys
 from contextlib import suppress
 
 import pytest
+from helpers.cartpole_spec import poles
 
+from prefect_robomaker.flows.pipelines import PipelineRun
 from prefect_robomaker.schemas.reports.progress import ProgressEvent, StepEnded, StepStarted
 from prefect_robomaker.tasks.nights.cut_runs import remove_left, removing_made
 from prefect_robomaker.tasks.operations.registry import call
@@ -76,6 +78,20 @@ def test_the_next_run_deletes_what_a_killed_one_left_and_nothing_of_one_that_liv
         assert applications(service) == ["agent"], "its process lives"
         living.stdin.close()
     assert applications(service) == [], "it deleted that itself"
+
+
+def test_a_deployed_night_takes_over_nothing_that_a_killed_challenge_left(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = service.settings.home / "cut-runs"
+    folder.mkdir()
+    note = '{"operation": "CreateRobotApplication", "arn": "%s", "began": "2000-01-01T00:00:00+00:00"}\n'
+    (folder / "a.jsonl").write_text(note % create("agent", service))
+    monkeypatch.setenv("ROBOMAKER_HOME", str(service.settings.home))
+
+    PipelineRun.of_parameters(None, poles("seed: 1"), "poles.yaml")
+
+    assert applications(service) == []
 
 
 def test_a_line_that_was_not_written_whole_hides_no_other(service: Service) -> None:

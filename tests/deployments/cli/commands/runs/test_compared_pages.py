@@ -10,6 +10,7 @@ from helpers.driven_runs import drive, two_runs
 from helpers.night_records import digest, make_job, make_night, store_night
 
 from prefect_robomaker.schemas.reports.report import ArmComparison
+from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.tasks.comparison.arms import axis_results
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.service.service import Service
@@ -62,6 +63,22 @@ def test_two_values_of_an_axis_are_compared_within_one_run(robomaker: Any, axes:
     assert f"robot of {axes}: rover compared with scout\nPasses less often: 8 pairs judged" in told.out
     assert ArmComparison.model_validate_json(machine.out).answer == "worse"
     assert "7 of 8 pairs ended differently" in page.read_text()
+
+
+def test_worlds_of_an_axis_are_found_by_the_names_that_people_see(robomaker: Any, home: Path) -> None:
+    """Records name a world by its content, results of axes by its id, and people by its name."""
+    jobs: list[JobRecord] = []
+    for flat, letters in (("a", "PPPPPPPP"), ("b", "FFFFFFFP")):
+        for seed, letter in enumerate(letters):
+            job = make_job(seed, letter, world=f"content {flat}", seed=seed)
+            assert job.inputs is not None
+            named = {"label": f"sim-{flat}-{seed}", "world": f"world-{flat}", "world_name": f"flat {flat}"}
+            jobs.append(job.model_copy(update={**named, "axes": {"flat": job.inputs.world}}))
+    run = make_night(jobs, runs=home / "runs")
+    store_night(run)
+    told = robomaker("compare", run.run_id, "--axis", "flat=flat b")
+    assert told.code == 1
+    assert "Passes less often: 8 pairs judged" in told.out
 
 
 @pytest.mark.parametrize(
