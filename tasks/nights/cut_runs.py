@@ -6,6 +6,7 @@ that were killed, and does what these could not: else a night would take over ap
 
 import fcntl
 import json
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -14,9 +15,11 @@ from typing import TextIO
 from uuid import uuid4
 
 from ...schemas.reports.progress import ProgressEvent, ProgressListener, StepEnded, StepStarted
-from ...schemas.wire.errors import ResourceNotFoundException
+from ...schemas.wire.errors import ResourceNotFoundException, RobomakerError
 from ..operations.registry import call
 from ..service.service import Service
+
+_logger = logging.getLogger(__name__)
 
 _FOLDER = "cut-runs"
 _DELETED_AFTERWARDS = {
@@ -58,9 +61,14 @@ def remove_left(service: Service) -> None:
         service: The service, with its catalog and object store.
     """
     for path in sorted((service.settings.home / _FOLDER).glob("*.jsonl")):
-        with suppress(FileNotFoundError, BlockingIOError), path.open("r+") as file:  # another process was quicker
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _remove(path, file, service)
+        try:
+            with path.open("r+") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _remove(path, file, service)
+        except (FileNotFoundError, BlockingIOError):  # another process was quicker, or its own still lives
+            continue
+        except (OSError, RobomakerError) as error:  # no reason to keep the run that cleans up from beginning
+            _logger.warning("what a killed probe or challenge has created is still there: %s: %s", path, error)
 
 
 class _Notes:

@@ -9,8 +9,8 @@ import pytest
 from helpers.flaky_causes import run_planted, upload
 from helpers.paths import BUNDLES
 
-from prefect_robomaker.schemas.flakiness import Flakiness
 from prefect_robomaker.schemas.reports.report import ReportedJob
+from prefect_robomaker.schemas.runs.verification import Flakiness
 from prefect_robomaker.tasks.flakiness.flaky_jobs import FEWEST_RERUNS, examine
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz

@@ -1,5 +1,6 @@
 """What probes and challenges have created is gone afterwards, also where their process was killed."""
 
+import json
 import subprocess
 import sys
 from contextlib import suppress
@@ -104,3 +105,24 @@ def test_a_line_that_was_not_written_whole_hides_no_other(service: Service) -> N
 
     assert applications(service) == []
     assert list(folder.iterdir()) == []
+
+
+def test_what_cannot_be_deleted_is_told_and_no_reason_to_run_nothing(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = service.settings.home / "cut-runs"
+    folder.mkdir(parents=True)
+    note = {
+        "operation": "CreateRobotApplication",
+        "arn": create("agent", service),
+        "began": "2020-01-01T00:00:00+00:00",
+    }
+    (folder / "left.jsonl").write_text(json.dumps(note) + "\n")
+
+    def refuse(*_: object) -> None:
+        raise PermissionError("not yours")
+
+    monkeypatch.setattr("prefect_robomaker.tasks.nights.cut_runs.call", refuse)
+    remove_left(service)
+    assert "left.jsonl: not yours" in caplog.text
+    assert (folder / "left.jsonl").exists()
