@@ -1,6 +1,7 @@
 """Results of running a run again: whether its states are the same, and what decides how it ends if they are not."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -166,15 +167,11 @@ class Flakiness(Model):
     def _lines(self) -> list[str]:
         lines: list[str] = []
         if self.answer == "decided" and self.decides is not None:
-            alone = self._with((self.decides,))
-            lines.append(f"{FACTOR_IN_WORDS[self.decides]} decides ({self.probability:.0%}).")
-            if alone is not None:
-                same = f"{sum(alone.ends.values())} of {sum(alone.ends.values())}"
-                lines.append(f"{HELD_IN_WORDS[self.decides].capitalize()}, {same} end with {next(iter(alone.ends))}.")
-            others = [each for each in self.tried if each.held and self.decides not in each.held]
-            if others:
-                counted = sum(sum(each.ends.values()) for each in others)
-                lines.append(f"In {counted} reruns that held others instead, it went {_most_ways(others)} ways.")
+            held = [each for each in self.tried if self.decides in each.held]
+            free = [each for each in self.tried if each.held and self.decides not in each.held]
+            lines.append(f"{HELD_IN_WORDS[self.decides].capitalize()}: {_summed(held)}.")
+            if free:
+                lines.append(f"Without, while others were held: {_summed(free)}.")
         elif self.answer == "not decided":
             lines.append(f"Not decided: {self.why}.")
         if self.answer in ("decided", "not decided"):
@@ -191,8 +188,12 @@ def _counted(ends: Mapping[str, int]) -> str:
     return ", ".join(f"{end} in {count}" for end, count in sorted(ends.items()))
 
 
-def _most_ways(tried: list[TriedHold]) -> int:
-    return max(each.ways for each in tried)
+def _summed(tried: Sequence[TriedHold]) -> str:
+    ends: Counter[str] = Counter()
+    for each in tried:
+        ends.update(each.ends)
+    ways = max((each.ways for each in tried), default=0)
+    return f"{_counted(ends)} of {ends.total()}{f', which went {ways} different ways' if ways > len(ends) else ''}"
 
 
 class FlakyJobs(Model):
