@@ -157,8 +157,12 @@ class Flakiness(Model):
             return f"not run again: {self.why}"
         if self.answer == "repeats":
             return f"repeats bit by bit: {total} of {total} end with {next(iter(free.ends))}"
-        if len(free.ends) > 1:
-            return f"the verdict flips: {_counted(free.ends)} of {total}"
+        ends = Counter(free.ends)
+        if self.verdict is not None and self.answer == "decided":
+            ends[self.verdict] += 1
+        if len(ends) > 1:
+            with_run = " with the run itself" if ends.total() > total else ""
+            return f"the verdict flips: {_counted(ends)} of {ends.total()}{with_run}"
         end = next(iter(free.ends))
         if free.ways == 1:
             return f"{total} of {total} reruns end with {end}, all alike, and the run ended with {self.verdict}"
@@ -169,7 +173,9 @@ class Flakiness(Model):
         if self.answer == "decided" and self.decides is not None:
             held = [each for each in self.tried if self.decides in each.held]
             free = [each for each in self.tried if each.held and self.decides not in each.held]
-            lines.append(f"{HELD_IN_WORDS[self.decides].capitalize()}: {_summed(held)}.")
+            words = HELD_IN_WORDS[self.decides]
+            lines.append(f"{FACTOR_IN_WORDS[self.decides]} decides ({self.probability:.0%}).")
+            lines.append(f"{words[0].upper()}{words[1:]}: {_summed(held)}.")
             if free:
                 lines.append(f"Without, while others were held: {_summed(free)}.")
         elif self.answer == "not decided":
