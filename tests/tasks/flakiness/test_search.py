@@ -1,10 +1,6 @@
-"""Searches in jobs that are made up: what decides is known, and each rerun costs nothing.
-
-`test_the_table_of_made_up_jobs` counts over many of them.
-"""
+"""Searches in jobs that are made up: what decides is known, and each rerun costs nothing."""
 
 import random
-from collections import Counter
 from collections.abc import Callable
 
 import pytest
@@ -71,38 +67,6 @@ def test_two_factors_that_both_bring_chance_are_no_single_one() -> None:
 def test_where_either_of_two_holds_a_job_none_is_named() -> None:
     """Each would be named if no rerun had held the other."""
     assert searched(lambda held: not held & {"hash", "threads"}, 1, used("threads")).decision is None
-
-
-KINDS: dict[str, Callable[[Factor, Factor], IsFree]] = {
-    "one": lambda one, _: lambda held: one not in held,
-    "both": lambda one, other: lambda held: not held >= {one, other},
-    "together": lambda one, other: lambda held: one not in held and other not in held,
-    "none": lambda _one, _other: lambda _: True,
-}
-
-
-@pytest.mark.deep
-def test_the_table_of_made_up_jobs() -> None:
-    """One in twenty that is named wrongly is what the posterior allows; of single factors most are to be found."""
-    table: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
-    for kind, free in KINDS.items():
-        for number in range(120):
-            draw = random.Random(f"{kind} {number}")
-            one, other, third = draw.sample(APART, 3)
-            weights = used(one, other, third) if number % 3 == 0 else used(one, other) if number % 3 == 1 else ALL_USED
-            is_free, has_noise = free(one, other), number % 2 == 0
-            chance = draw.choice((0.5, 0.7))
-            found = searched(is_free, number, weights, chance=chance, noise=is_free if has_noise else lambda _: False)
-            table[kind][_judged(found, one if kind == "one" else None)] += 1
-    print(table)
-    assert table["one"]["right"] >= 0.85 * 120
-    assert sum(each["wrong"] for each in table.values()) <= 0.05 * 480
-
-
-def _judged(found: Found, factor: Factor | None) -> str:
-    if found.decision is not None:
-        return "right" if found.decision.factor == factor else "wrong"
-    return "repeats" if found.repeats else "not decided" if factor else "right"
 
 
 def test_a_job_that_repeats_is_run_until_that_is_certain() -> None:
