@@ -1,6 +1,7 @@
 """Results of running a run again: whether its states are the same, and what decides how it ends if they are not."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -160,8 +161,12 @@ class Flakiness(Model):
         if self.answer == "repeats":
             how = "repeats bit by bit" if self.has_states else "ends alike, and its states are not known"
             return f"{how}: {total} of {total} end with {next(iter(free.ends))}"
-        if len(free.ends) > 1:
-            return f"the verdict flips: {_counted(free.ends)} of {total}"
+        ends = Counter(free.ends)
+        if self.verdict is not None and self.answer == "decided":
+            ends[self.verdict] += 1
+        if len(ends) > 1:
+            with_run = " with the run itself" if ends.total() > total else ""
+            return f"the verdict flips: {_counted(ends)} of {ends.total()}{with_run}"
         end = next(iter(free.ends))
         if free.ways == 1:
             return f"{total} of {total} reruns end with {end}, all alike, and the run ended with {self.verdict}"
@@ -170,15 +175,13 @@ class Flakiness(Model):
     def _lines(self) -> list[str]:
         lines: list[str] = []
         if self.answer == "decided" and self.decides is not None:
-            alone = self._with((self.decides,))
+            held = [each for each in self.tried if self.decides in each.held]
+            free = [each for each in self.tried if each.held and self.decides not in each.held]
+            words = HELD_IN_WORDS[self.decides]
             lines.append(f"{FACTOR_IN_WORDS[self.decides]} decides ({self.probability:.0%}).")
-            if alone is not None:
-                same = f"{sum(alone.ends.values())} of {sum(alone.ends.values())}"
-                lines.append(f"{HELD_IN_WORDS[self.decides].capitalize()}, {same} end with {next(iter(alone.ends))}.")
-            others = [each for each in self.tried if each.held and self.decides not in each.held]
-            if others:
-                counted = sum(sum(each.ends.values()) for each in others)
-                lines.append(f"In {counted} reruns that held others instead, it went {_most_ways(others)} ways.")
+            lines.append(f"{words[0].upper()}{words[1:]}: {_summed(held)}.")
+            if free:
+                lines.append(f"Without, while others were held: {_summed(free)}.")
         elif self.answer == "not decided":
             lines.append(f"Not decided: {self.why}.")
         if self.answer in ("decided", "not decided"):
@@ -195,8 +198,12 @@ def _counted(ends: Mapping[str, int]) -> str:
     return ", ".join(f"{end} in {count}" for end, count in sorted(ends.items()))
 
 
-def _most_ways(tried: list[TriedHold]) -> int:
-    return max(each.ways for each in tried)
+def _summed(tried: Sequence[TriedHold]) -> str:
+    ends: Counter[str] = Counter()
+    for each in tried:
+        ends.update(each.ends)
+    ways = max((each.ways for each in tried), default=0)
+    return f"{_counted(ends)} of {ends.total()}{f', which went {ways} different ways' if ways > len(ends) else ''}"
 
 
 class FlakyJobs(Model):

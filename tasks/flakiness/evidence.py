@@ -1,53 +1,49 @@
 """Evidence of reruns: how probable it is, after some reruns, that one factor decides how a job ends.
 
-Each rerun holds some factors and leaves the others as they are. The model is that one factor decides, or none of those
-that are known:
+Each rerun holds some factors and leaves the others free. A `Cause` says which holds make commands and states repeat,
+and which make the verdict repeat: one factor, two that both bring chance, two that only act together, or none of those
+that are known. Noise of one factor may change the ways and leave the verdict to another.
 
-- While the factor that decides is held, all reruns end alike. Held network, files and neighbours change what a robot
-  finds: for reruns that hold others of these three it is only likely (`ALIKE`).
-- While it is free, ends are drawn from one distribution that is not known. A Pólya urn stands for it: an end that was
-  seen `c` times in `n` draws is drawn next with `c / (n + 1)`, a new one with `1 / (n + 1)`.
+- Held, a way is always the same. Held network, files and neighbours change what a robot finds, and the code that holds
+  others changes the addresses that held hashes repeat: for reruns that differ in these it is only likely (`ALIKE`).
+- Free, ways are drawn from one unknown distribution. A Pólya urn stands for it: a way that was seen `c` times in `n`
+  draws is drawn next with `c / (n + 1)`, a new one with `1 / (n + 1)`; the verdict of a new way likewise.
 
-At first all factors are equally probable; a factor of which the programs made no use, as far as they were watched, has
-the weight `UNUSED`, and "none of them" has `NONE`. Then the posterior follows from the reruns. A flip while a factor is
-held rules that factor out for certain; equal ends only make it more probable. So the answer names a factor where its
-posterior is at least `ENOUGH`, and where two things were seen, which guard against what the model leaves out (two
-factors, or either of two): the job flips while all but that factor is held, and it does not in the reruns that hold it
-alone.
-
-An end is compared twice: by all bits of commands and states, and by the verdict. Bits tell more by each rerun, and
-equal bits mean equal verdicts; where something else makes bits differ that the verdict does not depend on, no factor
-alone holds them, and the verdicts decide.
+A difference between two reruns that a cause would hold rules that cause out (threads are held but roughly, `SLIP`);
+equal ends only make it more probable. A factor is named where all causes of the verdict that consist of it alone have
+`ENOUGH` together.
 """
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
 
 from ...schemas.runs.verification import Factor
 
 Held = frozenset[Factor]
-Level = Literal["bits", "verdict"]
-LEVELS: tuple[Level, ...] = ("bits", "verdict")
+Covers = frozenset[Held]
+"""Sets of factors each of which, held as a whole, makes ends repeat; empty: nothing does."""
+Weights = Mapping[Factor, float]
+"""Weights of the factors that can be held, before any rerun."""
 
 ENOUGH = 0.95
 """Posterior from which a factor is named: of such answers one in twenty may be wrong, if the model holds."""
-FEWEST_ALONE = 3
-"""Reruns that hold the factor alone, and end alike."""
-BY_CHANCE = 0.15
-"""Chance at most that reruns which hold the factor alone would all end alike although it does not decide: three reruns
-of a job that flips every other time, six of one that flips in three of ten. Those that hold others besides count, too.
-"""
 ALIKE = 0.8
-"""Chance that holding others of network, files and neighbours does not change how reruns end."""
+"""Chance that holding others of what changes a held end does not change it."""
+SLIP = 0.05
+"""Chance that held threads take other turns nevertheless: the kernel goes on to choose who follows one that waits."""
 NONE = 0.25
 """Weight of "none of them", where that of a factor is 1: most flaky tests of software are put down to one of these."""
 UNUSED = 0.05
 """Weight of a factor that no program was seen to use: not zero, as watching misses what other languages do."""
+PAIR = 0.2
+"""Weight of two factors, relative to the product of theirs."""
 _FOUND_BY_ROBOTS: Held = frozenset(("order", "files", "network"))
 """Factors that, held, change what a robot finds, and so may change how all reruns end."""
+BESIDE_NETWORK: Held = frozenset(("order", "files"))
+"""Factors that a held network holds as well, at least partly: its box has ports and temporary files of its own."""
 
 
 @dataclass(frozen=True)
@@ -60,181 +56,201 @@ class Observation:
     bits: str
     """Hash of commands and states, with the verdict."""
 
-    def label(self, level: Level) -> str:
-        """Returns what is compared at a level."""
-        return self.bits if level == "bits" else self.verdict
+
+@dataclass(frozen=True)
+class Cause:
+    """Hypothesis about a job: which holds make its ways repeat, and which its verdicts."""
+
+    ways: Covers
+    verdict: Covers
+
+    @property
+    def factor(self) -> Factor | None:
+        """The factor that alone decides the verdict; None: there is no such one."""
+        factors = self.factors
+        return next(iter(factors)) if len(factors) == 1 else None
+
+    @property
+    def factors(self) -> Held:
+        """All factors that the verdict depends on."""
+        return frozenset[Factor]().union(*self.verdict)
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The factor that decides, and the reruns that show it."""
+    """The factor that decides, and how probable that is."""
 
     factor: Factor
     probability: float
-    level: Level
 
 
-Weights = Mapping[Factor, float]
-"""Weights of the factors that can be held, before any rerun."""
+def causes_of(factors: Weights) -> dict[Cause, float]:
+    """Returns all causes that are thought of, with their weights before any rerun."""
+    nothing: Covers = frozenset()
+    causes = {Cause(nothing, nothing): NONE}
+    singles = {each: frozenset((frozenset((each,)),)) for each in factors}
+    for each, weight in factors.items():
+        causes[Cause(singles[each], singles[each])] = weight
+        causes[Cause(nothing, singles[each])] = weight * NONE * PAIR
+    for one, other in combinations(factors, 2):
+        weight = factors[one] * factors[other] * PAIR
+        both: Covers = frozenset((frozenset((one, other)),))
+        causes |= {Cause(both, each): weight for each in (both, singles[one], singles[other])}
+        # A held network holds these as well, so that no rerun could tell that both are needed.
+        if not ("network" in (one, other) and BESIDE_NETWORK & {one, other}):
+            either = singles[one] | singles[other]
+            causes[Cause(either, either)] = weight
+    return causes
 
 
-def posterior(observations: Sequence[Observation], level: Level, factors: Weights) -> dict[Factor | None, float]:
-    """Computes how probable it is that each factor decides; None stands for none of them.
+@dataclass
+class _Ends:
+    """Labels of one kind, as a cause lets them be: those of held reruns by what robots found, and those drawn."""
 
-    Args:
-        observations: Reruns, in any order.
-        level: Whether bits or verdicts are compared.
-        factors: Factors that were held in some reruns and left free in others.
-    """
-    logs: dict[Factor | None, float] = {None: math.log(NONE) + _log_likelihood(observations, level, None)}
-    for factor, weight in factors.items():
-        logs[factor] = math.log(weight) + _log_likelihood(observations, level, factor)
-    most = max(logs.values())
-    weights: dict[Factor | None, float] = {each: math.exp(log - most) for each, log in logs.items()}
-    total = sum(weights.values())
-    return {each: weights[each] / total for each in weights}
+    covers: Covers
+    fixed: dict[Held, str] = field(default_factory=dict[Held, str])
+    drawn: Counter[str] = field(default_factory=Counter[str])
 
+    def chance(self, held: Held, label: str, new: float = 1.0) -> float:
+        """Returns how probable a label is in the next rerun; `new` is that of a new label, of all new ones."""
+        drawn = (self.drawn[label] or new) / (self.drawn.total() + 1)
+        if not self.fixed or not self.holds(held):
+            return drawn
+        if (known := self.fixed.get(self._apart(held))) is not None:
+            slip = SLIP if any("threads" in each for each in self.covers) else 0.0
+            return 1.0 - slip if known == label else slip * drawn
+        values = list(self.fixed.values())
+        return ALIKE * values.count(label) / len(values) + (1 - ALIKE) * drawn
 
-def _log_likelihood(observations: Sequence[Observation], level: Level, factor: Factor | None) -> float:
-    fixed: dict[Held, str] = {}
-    drawn: list[str] = []
-    log = 0.0
-    for each in observations:
-        label = each.label(level)
-        if factor not in each.held:
-            drawn.append(label)
-            continue
-        found = each.held & _FOUND_BY_ROBOTS
-        if found in fixed:
-            log += 0.0 if fixed[found] == label else -math.inf
-            continue
-        is_alike = label in fixed.values()
-        if fixed:
-            log += math.log(ALIKE if is_alike else 1 - ALIKE)
-        if not is_alike:
-            drawn.append(label)
-        fixed[found] = label
-    return log + _log_urn(drawn)
+    def add(self, held: Held, label: str) -> None:
+        if not self.holds(held):
+            self.drawn[label] += 1
+        elif self._apart(held) not in self.fixed:
+            self.drawn[label] += label not in self.fixed.values()
+            self.fixed[self._apart(held)] = label
+
+    def holds(self, held: Held) -> bool:
+        return any(each <= held for each in self.covers)
+
+    def _apart(self, held: Held) -> Held:
+        """Returns what reruns have to have in common to be certain to end alike."""
+        return held if any("hash" in each for each in self.covers) else held & _FOUND_BY_ROBOTS
 
 
-def _log_urn(labels: Iterable[Hashable]) -> float:
-    """Returns the logarithm of the probability that an urn gives these labels."""
-    counts: Counter[Hashable] = Counter()
-    log = 0.0
-    for number, label in enumerate(labels):
-        log += math.log((counts[label] or 1) / (number + 1))
-        counts[label] += 1
-    return log
+class _Model:
+    """Reruns under one cause: their likelihood, and what is expected of the next."""
+
+    def __init__(self, cause: Cause) -> None:
+        self.ways, self.verdicts = _Ends(cause.ways), _Ends(cause.verdict)
+        self.log = 0.0
+
+    def chance(self, held: Held, end: tuple[str, str]) -> float:
+        """Returns how probable an end is: a verdict with its way."""
+        verdict, bits = end
+        of_verdict = self.verdicts.chance(held, verdict)
+        of_end = self.ways.chance(held, bits, of_verdict) if of_verdict else 0.0
+        # A way that was seen while the verdict was free is no more probable than its verdict, now that this is held.
+        return min(of_end, of_verdict) if self.verdicts.holds(held) else of_end
+
+    def add(self, held: Held, end: tuple[str, str]) -> None:
+        chance = self.chance(held, end)
+        self.log += math.log(chance) if chance else -math.inf
+        is_new = end[1] not in self.ways.drawn
+        self.ways.add(held, end[1])
+        # A way that was seen before says nothing new of verdicts.
+        if is_new or self.verdicts.holds(held):
+            self.verdicts.add(held, end[0])
 
 
-def flips(observations: Iterable[Observation], level: Level) -> bool:
-    """Returns whether reruns ended differently."""
-    return len({each.label(level) for each in observations}) > 1
-
-
-def with_held(observations: Iterable[Observation], held: Held) -> list[Observation]:
-    """Returns the reruns that held exactly these factors."""
-    return [each for each in observations if each.held == held]
-
-
-def decided(observations: Sequence[Observation], factors: Weights) -> Decision | None:
-    """Returns the factor that decides, if the reruns show one."""
-    for level in LEVELS:
-        for factor, probability in posterior(observations, level, factors).items():
-            if factor is None or probability < ENOUGH:
-                continue
-            if is_needed(observations, factor, factors) and is_enough_alone(observations, level, factor):
-                return Decision(factor, probability, level)
-    return None
-
-
-def flipping(observations: Sequence[Observation]) -> Level:
-    """Returns the level that is asked about: the verdict, unless only bits differ while nothing is held."""
-    return "verdict" if flips(with_held(observations, frozenset()), "verdict") else "bits"
-
-
-def is_needed(observations: Sequence[Observation], factor: Factor, factors: Weights) -> bool:
-    """Returns whether the job was seen to flip while all factors but this one were held."""
-    everything = frozenset(factors)
-    others = with_held(observations, everything - {factor})
-    if others and factor not in _FOUND_BY_ROBOTS:
-        others += with_held(observations, everything)
-    return flips(others, flipping(observations))
-
-
-def is_enough_alone(observations: Sequence[Observation], level: Level, factor: Factor) -> bool:
-    """Returns whether enough reruns that held this factor alone have ended alike."""
-    alone = with_held(observations, frozenset({factor}))
-    ends = Counter(each.label(level) for each in with_held(observations, frozenset()))
-    # Laplace's estimate: with no end seen twice, an end is still possible to come again.
-    share = (max(ends.values(), default=0) + 1) / (ends.total() + 2)
-    return len(alone) >= FEWEST_ALONE and not flips(alone, level) and share ** len(alone) <= BY_CHANCE
-
-
-def most_telling(
-    observations: Sequence[Observation],
-    level: Level,
-    factors: Weights,
-    sets: Iterable[Held],
-    proofs: Collection[Held] = (),
-) -> Held:
-    """Returns the set of factors whose holding in one more rerun is expected to tell most about what decides.
-
-    Told is the mutual information of the factor and how the rerun ends; of equal sets it is the smallest.
+class Evidence:
+    """Posterior of all causes after some reruns.
 
     Args:
-        observations: Reruns so far.
-        level: Whether bits or verdicts are compared.
-        factors: Factors that can be held.
-        sets: Sets to choose from.
-        proofs: Sets that will be wanted anyway, and so are worth twice as much.
+        observations: Reruns, in the order in which they were made.
+        factors: Factors that can be held, with their weights.
     """
-    before = posterior(observations, level, factors)
-    urns: dict[Factor | None, _Urn] = {each: _Urn(observations, level, each) for each in before}
 
-    def told(held: Held) -> float:
-        chances: dict[Factor | None, Mapping[str, float]] = {each: urns[each].chances(held) for each in before}
-        mixed: dict[str, float] = defaultdict(float)
-        for each, ends in chances.items():
-            for label, chance in ends.items():
-                mixed[label] += before[each] * chance
-        return sum(
-            before[each] * chance * math.log(chance / mixed[label])
-            for each, ends in chances.items()
-            for label, chance in ends.items()
-            if before[each] * chance > 0.0
-        )
+    def __init__(self, observations: Sequence[Observation], factors: Weights) -> None:
+        flips = len({each.verdict for each in observations}) > 1
+        # Where the verdict stays, it is asked what decides the way.
+        ends = [(each.verdict if flips else each.bits, each.bits) for each in observations]
+        weights = causes_of(factors)
+        self._models = {cause: _Model(cause) for cause in weights}
+        for model in self._models.values():
+            for each, end in zip(observations, ends, strict=True):
+                model.add(each.held, end)
+        verdicts = {verdict for verdict, _ in ends}
+        self._ends = {*ends, *((each, "") for each in verdicts), ("", "")}
+        logs = {cause: math.log(weight) + self._models[cause].log for cause, weight in weights.items()}
+        most = max(logs.values())
+        total = sum(math.exp(log - most) for log in logs.values())
+        self.posterior = {cause: math.exp(log - most) / total for cause, log in logs.items()}
+        """Posterior probabilities of the causes."""
 
-    return max(sets, key=lambda held: (round(told(held) * (1 + (held in proofs)), 6), -len(held), sorted(held)))
+    def of_factors(self) -> dict[Held, float]:
+        """Returns how probable it is that the verdict depends on exactly these factors; empty: on none of them."""
+        sums: dict[Held, float] = defaultdict(float)
+        for cause, probability in self.posterior.items():
+            sums[cause.factors] += probability
+        return sums
+
+    def decision(self) -> Decision | None:
+        """Returns the factor that decides, if the reruns show one."""
+        for factors, probability in self.of_factors().items():
+            if len(factors) == 1 and probability >= ENOUGH:
+                return Decision(next(iter(factors)), probability)
+        return None
+
+    def most_telling(self, sets: Iterable[Held]) -> Held:
+        """Returns the set of factors whose holding in one more rerun is expected to tell most of what decides.
+
+        Told is the mutual information of what decides and how the rerun ends.
+        """
+        return max(sets, key=lambda held: (round(self._told(held), 6), len(held), sorted(held)))
+
+    def _told(self, held: Held) -> float:
+        joint: dict[tuple[Held, tuple[str, str]], float] = defaultdict(float)
+        for cause, probability in self.posterior.items():
+            if probability > _FORGOTTEN:
+                for end in self._ends:
+                    joint[cause.factors, end] += probability * self._models[cause].chance(held, end)
+        return _entropy(_sums(joint, 0)) + _entropy(_sums(joint, 1)) - _entropy(joint)
 
 
-_NEW = ""
-"""Stands for ends that were not seen before."""
+_FORGOTTEN = 1e-3
+"""Posterior of causes that the choice of the next rerun leaves out, to be quick."""
 
 
-class _Urn:
-    """Ends that are expected of the next rerun, if a factor decides."""
+def _sums(joint: Mapping[tuple[Held, tuple[str, str]], float], part: int) -> Mapping[object, float]:
+    sums: dict[object, float] = defaultdict(float)
+    for key, chance in joint.items():
+        sums[key[part]] += chance
+    return sums
 
-    def __init__(self, observations: Sequence[Observation], level: Level, factor: Factor | None) -> None:
-        self._factor = factor
-        self._fixed: dict[Held, str] = {}
-        drawn: Counter[str] = Counter()
-        for each in observations:
-            if factor in each.held:
-                self._fixed[each.held & _FOUND_BY_ROBOTS] = each.label(level)
-            else:
-                drawn[each.label(level)] += 1
-        drawn.update(set(self._fixed.values()))
-        total = drawn.total() + 1
-        self._free = {_NEW: 1 / total, **{label: count / total for label, count in drawn.items()}}
 
-    def chances(self, held: Held) -> Mapping[str, float]:
-        """Returns how probable each end of a rerun is."""
-        if self._factor not in held or not self._fixed:
-            return self._free
-        if (known := self._fixed.get(held & _FOUND_BY_ROBOTS)) is not None:
-            return {known: 1.0}
-        share = Counter(self._fixed.values())
-        return {
-            label: (1 - ALIKE) * chance + ALIKE * share[label] / share.total() for label, chance in self._free.items()
-        }
+def _entropy(chances: Mapping[object, float] | Mapping[tuple[Held, tuple[str, str]], float]) -> float:
+    total = sum(chances.values())
+    return -sum(each / total * math.log(each / total) for each in chances.values() if each > 0.0)
+
+
+def sets_of(factors: Weights, evidence: Evidence) -> list[Held]:
+    """Returns the sets of factors that the next rerun may hold.
+
+    Factors that are unlikely go together, which keeps the sets few; a network is held with all that it holds.
+    """
+    probable: dict[Factor, float] = defaultdict(float)
+    for held, probability in evidence.of_factors().items():
+        for each in held:
+            probable[each] += probability
+    likely = sorted(factors, key=lambda each: -probable[each])[:_APART]
+    if "network" in factors and "network" not in likely:
+        likely.append("network")
+    rest: Held = frozenset(factors) - frozenset(likely)
+    blocks: list[Held] = [*(frozenset((each,)) for each in likely), *([rest] if rest else [])]
+    sets = {frozenset[Factor]().union(*each) for size in range(len(blocks) + 1) for each in combinations(blocks, size)}
+    with_network = BESIDE_NETWORK & frozenset(factors)
+    return [each for each in sets if "network" not in each or with_network <= each]
+
+
+_APART = 4
+"""Factors that the next rerun may hold apart from each other: 32 sets with the rest of them."""

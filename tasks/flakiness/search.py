@@ -1,45 +1,37 @@
 """Search for the factor that decides how a flaky job ends: which factors the next rerun holds, and when to stop.
 
-1. **Nothing held.** `BASELINE` reruns as the job asked. If they are all alike, others follow, up to `QUIET` of them;
-   then the job repeats.
+1. **Nothing held.** Reruns as the job asked, until the verdict flips, or ways have differed in `BASELINE` of them. If
+   `QUIET` of them are all alike, the job repeats.
 2. **All held.** If the job flips then as well, no known factor decides, and no more reruns are spent.
-3. **Some held.** The next rerun holds what tells most: of all sets of factors the one with the greatest expected
-   information. When one factor is probable, its two proofs are tried: all but it, and it alone.
+3. **Some free.** The next rerun holds what tells most: of all sets of factors the one with the greatest expected
+   information. Of a likely factor it is seen what happens when it alone is free.
 
 It ends with an answer, or when the reruns are used up.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
-from ...schemas.runs.verification import Factor
-from .evidence import (
-    ENOUGH,
-    Decision,
-    Held,
-    Level,
-    Observation,
-    Weights,
-    decided,
-    flipping,
-    flips,
-    most_telling,
-    posterior,
-    with_held,
-)
+from ...schemas.runs.verification import FACTOR_IN_WORDS, FACTORS
+from .evidence import BESIDE_NETWORK, ENOUGH, Decision, Evidence, Held, Observation, Weights, sets_of
 
 MOST_RERUNS = 20
 """Reruns of one job: 20 of a minute are what somebody waits for."""
-BASELINE = 4
-"""Reruns with nothing held: a job that flips every other time is alike in one of eight such sets."""
+BASELINE = 6
+"""Reruns with nothing held whose ways differ, before it is asked what decides the way: of jobs whose verdict flips
+every other time, one in 32 ends alike in all of them.
+"""
 QUIET = 8
 """Reruns that are alike before a job is said to repeat: with one that flips every other time it happens once in 128."""
 ALL_HELD = 2
 """Reruns with everything held, before others hold less; those bring more evidence of the same."""
 
-LIKELY = 0.4
-"""Posterior from which the two proofs of a factor are tried in turn: it has one rival at most then."""
+LIKELY = 0.5
+"""Posterior from which a factor alone is left free: it is more probable than all else together."""
+CONTRASTS = 3
+"""Reruns that leave it free alone: of three, one differs from those that hold it in seven of eight cases."""
+HOPELESS = 0.99
+"""Posterior of "none of them" or of two factors from which no more reruns are spent; few of these say little."""
 
 TryOut = Callable[[Held], Sequence[Observation]]
 """Function that runs the job again with some factors held; several reruns where jobs run beside each other."""
@@ -55,18 +47,9 @@ class Found:
     """Reason why nothing was decided, as a clause; None: something was, or the job repeats."""
 
     @property
-    def free(self) -> list[Observation]:
-        """Reruns with nothing held."""
-        return with_held(self.observations, frozenset())
-
-    def held_alone(self, factor: Factor) -> list[Observation]:
-        """Reruns that held one factor alone."""
-        return with_held(self.observations, frozenset({factor}))
-
-    @property
     def repeats(self) -> bool:
         """Whether all reruns with nothing held were alike to the bit."""
-        return not flips(self.free, "bits")
+        return len({each.bits for each in self.observations if not each.held}) <= 1
 
 
 def search(
@@ -82,56 +65,50 @@ def search(
     """
     seen: list[Observation] = [first] if first is not None else []
     most += len(seen)
-
-    nothing: Held = frozenset()
-    free = with_held(seen, nothing)
-    while len(seen) < most and len(free) < (BASELINE if flips(free, "verdict") else QUIET):
-        seen.extend(try_out(nothing))
-        free = with_held(seen, nothing)
-    if not flips(free, "bits"):
+    while len(seen) < min(most, QUIET) and not _has_flipped(seen):
+        seen.extend(try_out(frozenset()))
+    if len({each.bits for each in seen}) <= 1:
         return Found(tuple(seen), None)
-    weights = weigh()
-    begun = len(seen)
-    while len(seen) < most and len(seen) - begun < ALL_HELD:
-        seen.extend(try_out(frozenset(weights)))
-    # Programs that do not hold what they were asked to hold never will.
-    in_fact = frozenset[Factor]().union(*(each.held for each in seen[begun:]))
-    factors: Weights = {each: weight for each, weight in weights.items() if each in in_fact}
-    if len(seen) > begun and flips(with_held(seen, frozenset(factors)), flipping(seen)):
-        return Found(tuple(seen), None, "it flips also while everything is held that can be")
-    return _look_closer(try_out, factors, most, seen)
-
-
-def _look_closer(try_out: TryOut, factors: Weights, most: int, seen: list[Observation]) -> Found:
+    for _ in range(min(ALL_HELD, most - len(seen))):
+        seen.extend(try_out(frozenset(weigh())))
     while len(seen) < most:
-        if (decision := decided(seen, factors)) is not None:
-            return Found(tuple(seen), decision)
-        level = _telling(seen, factors)
-        if posterior(seen, level, factors)[None] >= ENOUGH and level == "verdict":
-            return Found(tuple(seen), None, "no factor alone holds it")
-        seen.extend(try_out(_next(seen, level, factors)))
-    decision = decided(seen, factors)
-    return Found(tuple(seen), decision, None if decision else f"{len(seen)} reruns did not tell")
+        factors = weigh()
+        evidence = Evidence(seen, factors)
+        if (why := _why_none(evidence, HOPELESS)) or evidence.decision():
+            return Found(tuple(seen), evidence.decision(), why)
+        seen.extend(try_out(_next(seen, factors, evidence)))
+    evidence = Evidence(seen, weigh())
+    decision = evidence.decision()
+    why = _why_none(evidence, ENOUGH) or f"{len(seen) - (first is not None)} reruns did not tell"
+    return Found(tuple(seen), decision, None if decision else why)
 
 
-def _telling(seen: Sequence[Observation], factors: Weights) -> Level:
-    """Returns bits, unless no factor alone can hold these while the verdict flips."""
-    if posterior(seen, "bits", factors)[None] < 0.5:
-        return "bits"
-    return flipping(seen)
+def _next(seen: Sequence[Observation], factors: Weights, evidence: Evidence) -> Held:
+    """Returns the factors that the next rerun holds: all but a likely one a few times, else what tells most."""
+    of_factors = evidence.of_factors()
+    likely = max(factors, key=lambda each: of_factors[frozenset((each,))])
+    # A held network would hold neighbours and files, too.
+    with_it = {likely, "network"} if likely in BESIDE_NETWORK else {likely}
+    others: Held = frozenset(factors) - with_it
+    contrasts = sum(each.held == others for each in seen)
+    if of_factors[frozenset((likely,))] >= LIKELY and contrasts < CONTRASTS:
+        return others
+    return evidence.most_telling(sets_of(factors, evidence))
 
 
-def _next(seen: Sequence[Observation], level: Level, factors: Weights) -> Held:
-    """Returns the factors that the next rerun holds."""
-    chances = posterior(seen, level, factors)
-    likely: Factor = max(factors, key=lambda each: chances[each])
-    alone: Held = frozenset({likely})
-    others: Held = frozenset(factors) - alone
-    if chances[likely] < LIKELY:
-        return most_telling(seen, level, factors, _sets(factors), (others, alone))
-    # As many of both: what is seldom seen free is no contrast to what is held.
-    return min((others, alone), key=lambda held: len(with_held(seen, held)))
+def _has_flipped(free: Sequence[Observation]) -> bool:
+    """Returns whether reruns with nothing held have told enough: another verdict, or other ways for long enough."""
+    ways = len({each.bits for each in free})
+    return len({each.verdict for each in free}) > 1 or (len(free) >= BASELINE and ways > 1)
 
 
-def _sets(factors: Collection[Factor]) -> list[Held]:
-    return [frozenset(each) for size in range(len(factors) + 1) for each in combinations(factors, size)]
+def _why_none(evidence: Evidence, enough: float) -> str | None:
+    """Returns why no factor alone will be found to decide, as a clause; None: one may be."""
+    for factors, probability in evidence.of_factors().items():
+        if probability < enough or len(factors) == 1:
+            continue
+        names = [FACTOR_IN_WORDS[each] for each in FACTORS if each in factors]
+        if not names:
+            return "it flips also while everything is held that can be"
+        return f"two factors decide together: {names[0].lower()} and {names[1].lower()}"
+    return None

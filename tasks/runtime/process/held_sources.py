@@ -13,7 +13,9 @@ begins at the year 2000 and goes on with each look at it, so that it counts what
 # pyright: reportAttributeAccessIssue=false, reportUnknownMemberType=false, reportPrivateUsage=false
 
 import _thread
+import builtins
 import datetime
+import io
 import os
 import random
 import sys
@@ -40,6 +42,9 @@ _DRAWS = (
     *("getrandbits", "triangular", "betavariate", "expovariate", "lognormvariate"),
 )
 """Functions of the module `random` that draw from its own generator."""
+_DEVICES = ("/dev/urandom", "/dev/random")
+_DEVICE_BYTES = 4096
+"""Bytes that a held device has; programs seed generators with some tens of them."""
 _SHARED_FOLDERS = ("/tmp/", "/var/tmp/", "/dev/shm/")
 _SOCKET_EVENTS = ("socket.connect", "socket.bind", "socket.sendto")
 _FILE_EVENTS = ("open", "os.mkdir", "os.listdir", "os.scandir")
@@ -146,6 +151,7 @@ def _replace_randomness(seed, code, notes):
     if hasattr(os, "getrandom"):
         os.getrandom = lambda size, _flags=0: urandom(size)
     random._urandom = urandom
+    _replace_devices(urandom, seed is not None)
     seeded = random.Random.seed
 
     def seed_again(self, a=None, version=2):
@@ -162,6 +168,20 @@ def _replace_randomness(seed, code, notes):
         random.seed(seed)
     for name in _DRAWS:
         setattr(random, name, _noting(getattr(random, name), code, notes))
+
+
+def _replace_devices(urandom, is_held):
+    """Replaces files that are the system's randomness."""
+    real = io.open
+
+    def open_file(file, mode="r", *words, **named):
+        if isinstance(file, (str, os.PathLike)) and os.fspath(file) in _DEVICES and "b" in mode:
+            drawn = urandom(_DEVICE_BYTES)
+            if is_held:
+                return io.BytesIO(drawn)
+        return real(file, mode, *words, **named)
+
+    io.open = builtins.open = open_file
 
 
 def _noting(function, code, notes):

@@ -76,7 +76,8 @@ def set_of_doors():
 
 
 def address():
-    return (id(bytearray(1 << 20)) >> 12) % 2 == 0
+    # An object of this size has pages of its own; a smaller one's place in its pool is the same in each process.
+    return (id(tuple(range(1 << 16))) >> 12) % 2 == 0
 
 
 # What the clock decides

@@ -9,7 +9,7 @@ from prefect_robomaker.tasks.runtime.process import held_sources
 
 PROGRAM = """
 import datetime, os, random, time, uuid
-print(random.random(), uuid.uuid4(), os.urandom(4), random.Random().random())
+print(random.random(), uuid.uuid4(), os.urandom(4), random.Random().random(), open("/dev/urandom", "rb").read(2))
 print(time.time(), time.monotonic(), datetime.datetime.now(), isinstance(datetime.datetime(2000, 1, 1), datetime.date))
 print(list({"kitchen", "bath", "hall", "bedroom"}), hash("kitchen"))
 """
@@ -42,3 +42,10 @@ def test_a_program_says_what_it_holds_and_uses(tmp_path: Path) -> None:
 def test_a_held_clock_goes_on_with_sleeping(tmp_path: Path) -> None:
     code = "import time\nbegin = time.monotonic()\ntime.sleep(0.01)\nprint(0.01 <= time.monotonic() - begin < 0.011)"
     assert said(tmp_path, "time", code) == ["True"]
+
+
+def test_who_reads_a_device_uses_randomness(tmp_path: Path) -> None:
+    """What reads `/dev/urandom` as a file is held like `os.urandom`; text files are opened as ever."""
+    code = "from pathlib import Path\nprint(Path('/dev/urandom').open('rb').read(8))\nprint(open(__file__).read(4))"
+    assert said(tmp_path, "seed", code) == said(tmp_path, "seed", code)
+    assert "used seed" in (tmp_path / "mark").read_text().splitlines()
