@@ -48,7 +48,7 @@ BESIDE_NETWORK: Held = frozenset(("order", "files"))
 
 @dataclass(frozen=True)
 class Observation:
-    """End of one rerun, with the factors that were held in it."""
+    """End of one rerun, and what was held in it."""
 
     held: Held
     verdict: str

@@ -83,7 +83,8 @@ def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
     first = trials.first_observation()
     found = search(trials.try_out, trials.weights, most - REPLAYS, first)
     side, where = ("unknown", None) if found.repeats else side_of(trials, most - len(trials.made))
-    is_end_seen = trials.first_end in {None, *(each.verdict for each in found.free)}
+    free = (each for each in found.observations if not each.held)
+    is_end_seen = trials.first_end in {None, *(each.verdict for each in free)}
     answer = "decided" if found.decision else "repeats" if found.repeats and is_end_seen else "not decided"
     reran = [each for each in found.observations if each is not first]
     why = found.why_not

@@ -39,7 +39,7 @@ TryOut = Callable[[Held], Sequence[Observation]]
 
 @dataclass(frozen=True)
 class Found:
-    """Reruns of a job, with the factor that they have shown to decide."""
+    """Result of a search: the reruns of a job, and what they have decided."""
 
     observations: tuple[Observation, ...]
     decision: Decision | None
@@ -72,15 +72,23 @@ def search(
     for _ in range(min(ALL_HELD, most - len(seen))):
         seen.extend(try_out(frozenset(weigh())))
     while len(seen) < most:
-        factors = weigh()
+        factors = _held_in_fact(weigh(), seen)
         evidence = Evidence(seen, factors)
+        if not factors:
+            return Found(tuple(seen), None, "none of what may decide can be held here")
         if (why := _why_none(evidence, HOPELESS)) or evidence.decision():
             return Found(tuple(seen), evidence.decision(), why)
         seen.extend(try_out(_next(seen, factors, evidence)))
-    evidence = Evidence(seen, weigh())
+    evidence = Evidence(seen, _held_in_fact(weigh(), seen))
     decision = evidence.decision()
     why = _why_none(evidence, ENOUGH) or f"{len(seen) - (first is not None)} reruns did not tell"
     return Found(tuple(seen), decision, None if decision else why)
+
+
+def _held_in_fact(weights: Weights, seen: Sequence[Observation]) -> Weights:
+    """Returns the weights of factors that a rerun has held: a program in another language never holds some of them."""
+    held = frozenset[str]().union(*(each.held for each in seen))
+    return {factor: weight for factor, weight in weights.items() if factor in held}
 
 
 def _next(seen: Sequence[Observation], factors: Weights, evidence: Evidence) -> Held:

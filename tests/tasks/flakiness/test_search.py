@@ -64,26 +64,6 @@ def test_two_factors_that_both_bring_chance_are_no_single_one() -> None:
     assert found.why_not == "two factors decide together: randomness that no seed repeats and the clock of the programs"
 
 
-def test_factors_that_programs_never_hold_cost_no_reruns() -> None:
-    """Programs in other languages leave the clock and hashes free, also where a rerun is to hold them."""
-    outside: Held = frozenset({"order", "files", "network"})
-    draw = random.Random(1)
-
-    def try_out(held: Held) -> list[Observation]:
-        end = "FAIL" if "network" not in held and draw.random() < 0.5 else "PASS"
-        return [Observation(held & outside, end, f"{end} {draw.random() if 'network' not in held else ''}")]
-
-    found = search(try_out, lambda: WEIGHTS)
-    assert found.decision is not None
-    assert (found.decision.factor, len(found.observations) < MOST_RERUNS) == ("network", True)
-
-
-def test_a_search_that_held_nothing_says_nothing_of_what_is_held() -> None:
-    ways = iter(range(MOST_RERUNS))
-    found = search(lambda held: [Observation(held, "PASS", str(next(ways)))], lambda: WEIGHTS, 7)
-    assert (found.decision, found.why_not) == (None, "7 reruns did not tell")
-
-
 def test_where_either_of_two_holds_a_job_none_is_named() -> None:
     """Each would be named if no rerun had held the other."""
     assert searched(lambda held: not held & {"hash", "threads"}, 1, used("threads")).decision is None
@@ -132,3 +112,23 @@ def test_held_addresses_differ_by_what_else_is_held_and_still_repeat() -> None:
     assert of_hash > 0.01
     other = Observation(frozenset({"hash"}), "PASS", "PASS")
     assert Evidence([*seen, other], used("time")).of_factors()[frozenset({"hash"})] == 0.0
+
+
+def test_factors_that_programs_never_hold_cost_no_reruns() -> None:
+    """Programs in other languages leave the clock and hashes free, also where a rerun is to hold them."""
+    draw = random.Random(1)
+
+    def try_out(held: Held) -> list[Observation]:
+        end = "FAIL" if "network" not in held and draw.random() < 0.5 else "PASS"
+        return [Observation(held & {"order", "files", "network"}, end, end)]
+
+    found = search(try_out, lambda: ALL_USED, MOST)
+    assert found.decision is not None
+    assert found.decision.factor == "network"
+
+
+def test_where_nothing_can_be_held_no_reruns_are_spent_on_it() -> None:
+    ways = iter(range(MOST))
+    found = search(lambda _: [Observation(frozenset(), "PASS", str(next(ways)))], lambda: ALL_USED, MOST)
+    assert (found.decision, found.why_not) == (None, "none of what may decide can be held here")
+    assert len(found.observations) < MOST
