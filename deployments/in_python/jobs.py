@@ -33,6 +33,10 @@ class Job:
     """World that a simulation job used; `None`: none."""
     _service: Service = field(repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        """Describes the job in one line."""
+        return f"<Job {self.id}, {self.title}: {self.outcome}>"
+
     @property
     def id(self) -> str:
         """Id of the job, or `request 3` for a request without a job."""

@@ -94,7 +94,8 @@ def along(
         clusterings.append(evidence.worlds[known])
     clusters = len(np.unique(clusterings[0]))
     if clusters < FEWEST_CLUSTERS:
-        return f"{clusters} seeds or cells in {worlds} worlds are too few for an interval; {FEWEST_CLUSTERS} would do"
+        there = "1 world" if worlds == 1 else f"{worlds} worlds"
+        return f"{clusters} seeds or cells in {there} are too few for an interval; {FEWEST_CLUSTERS} would do"
     slope = float((x * y).sum()) / square
     left = y - slope * x
     parts = x * left / square

@@ -51,8 +51,8 @@ class WorldView:
 
     @property
     def area_m2(self) -> float:
-        """Area of all rooms in m²."""
-        return sum(room.area_m2 for room in self.content.floorplan.rooms) if self.content else 0.0
+        """Area of all rooms inside their walls, in m²."""
+        return sum(room.floor_m2 for room in self.content.floorplan.rooms) if self.content else 0.0
 
 
 def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:

@@ -9,9 +9,13 @@ from pathlib import Path
 
 import pytest
 from helpers.paths import REPOSITORY
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 PAGE = REPOSITORY / "docs" / "a-fault-found.md"
 EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "fault_found"
+DOOR_X_M, LEAF_LEFT_Y_M = 2.5, 0.25
+"""Where the door is, and from where to the left its left leaf is, half shut."""
 END = "=== end of command, exit code "
 
 
@@ -40,6 +44,15 @@ def test_the_page_shows_the_files_of_the_example() -> None:
     assert shown("diff") == [(EXAMPLE / "fix.patch").read_text()]
 
 
+def last_place(recording: Path) -> tuple[float, float]:
+    """x and y in metres at which the robot of a recording ends."""
+    with recording.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        *_, last = reader.iter_decoded_messages(topics=["/joint_states"])
+    joints = dict(zip(last.decoded_message.name, last.decoded_message.position, strict=True))
+    return joints["x"], joints["y"]
+
+
 @pytest.mark.deep
 def test_the_fault_is_found_explained_mended_and_shown_to_be_better(prefect_server: str, tmp_path: Path) -> None:
     commands = typed()
@@ -58,6 +71,9 @@ def test_the_fault_is_found_explained_mended_and_shown_to_be_better(prefect_serv
     for (command, lines), output in zip(commands, parts[::2], strict=False):
         told = {stable(line) for line in output.splitlines()}
         assert {stable(line) for line in lines} - {"…"} <= told, (command, output)
+    x, y = last_place(tmp_path / "fault_found" / "seen" / "rerun" / "output" / "recording.mcap")
+    assert x < DOOR_X_M, "before the door"
+    assert y > LEAF_LEFT_Y_M, "before its left leaf, not in the opening"
     decided = re.search(r"decided after (\d+) of 256 pairs; (\d+) trials saved", ended.stdout)
     planned = re.search(r"with a chance of 80%: (\d+) trials in each", ended.stdout)
     assert decided is not None

@@ -152,7 +152,7 @@ def _needed(needed: NeededPairs) -> str:
         "as found": "the difference as found",
         "10 points": "a difference, of which there was none,",
     }[needed.basis]
-    chance = f"{needed.power:.0%} chance"
+    chance = f"chance of {needed.power:.0%}"
     of = f"{basis} of {needed.difference * 100:.3g} points"
     if not needed.more:
         return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
@@ -161,7 +161,7 @@ def _needed(needed: NeededPairs) -> str:
 
 
 def _needed_for_margin(needed: NeededPairs) -> str:
-    what = f"to exclude a fall by {needed.difference * 100:.3g} points with a {needed.power:.0%} chance"
+    what = f"to exclude a fall by {needed.difference * 100:.3g} points with a chance of {needed.power:.0%}"
     what = f"{what}, if nothing changed"
     if not needed.more:
         return f"no more pairs: {needed.pairs}, which there are, are enough {what}; so something may have changed"

@@ -63,6 +63,7 @@ def _building(world: World) -> dict[str, Any]:
         "depth_m": round(max(ys) - min(ys), 3),
         "ceiling_height_m": plan.ceiling_height_m,
         "area_m2": round(sum(room.area_m2 for room in plan.rooms), 2),
+        "floor_area_m2": round(sum(room.floor_m2 for room in plan.rooms), 2),
         "windows": len(plan.windows),
     }
 
@@ -231,7 +232,8 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "stored", bundle["stored_at"]
     yield "copy" if bundle["stored_at"] else "bundle", bundle["local"]
     size = f"{building['width_m']:.2f} x {building['depth_m']:.2f} m, {building['ceiling_height_m']:.2f} m high"
-    yield "building", f"{size}, {len(facts['rooms'])} rooms of {building['area_m2']:.1f} m² together"
+    rooms = f"{len(facts['rooms'])} room{'' if len(facts['rooms']) == 1 else 's'}"
+    yield "building", f"{size}, {rooms}, {building['floor_area_m2']:.1f} m² inside the walls"
 
 
 def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:

@@ -124,7 +124,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
         title,
         *_ground(world, frame, fixtures),
         group(
-            (draw_label(r.called, f"{r.area_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
+            (draw_label(r.called, f"{r.floor_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
             class_="labels",
         ),
     )

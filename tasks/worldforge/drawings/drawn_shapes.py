@@ -107,6 +107,8 @@ class Drawing(NamedTuple):
     """Descriptions of the drawing's elements that could not be read as shapes."""
     is_exact: bool = True
     """Whether a person drew it, in contrast to a robot's map: only then is a door outside all walls an error."""
+    y_up: Literal[1, -1] = 1
+    """Direction of the file's own y: 1 is up, as that of the shapes; -1 is down, as in SVG."""
 
 
 def plain_words(text: str) -> list[str]:

@@ -132,7 +132,8 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
         name = " ".join(re.findall(r"[A-Za-z0-9_-]+", without_accents(label)) or [kind])
         taken[name] += 1
         name += f" {taken[name]}" if taken[name] > 1 else ""
-        corners = upright([_scaled(point, scale) for point in shape.points], what)
+        drawn = [(x, drawing.y_up * y) for x, y in shape.points]
+        corners = upright([_scaled(point, scale) for point in shape.points], what, drawn)
         rooms.append(DrawnRoom(name, label if label != name and label else None, kind, corners))
     return rooms
 

@@ -71,24 +71,26 @@ class Lines(NamedTuple):
         return (first + last) / 2
 
 
-def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
+def upright(points: Sequence[Point], what: str, drawn: Sequence[Point]) -> tuple[Point, ...]:
     """Returns the corners of an axis-parallel outline, counter-clockwise.
 
     Args:
         points: the outline, in metres.
         what: name of the outline in error messages.
+        drawn: the same points in the numbers of the drawing, for error messages.
 
     Raises:
         ConfigurationError: an edge runs at an angle.
     """
     lines: list[tuple[bool, float]] = []
-    for (x0, y0), (x1, y1) in zip(points, [*points[1:], points[0]], strict=True):
+    for number, ((x0, y0), (x1, y1)) in enumerate(zip(points, [*points[1:], points[0]], strict=True)):
         across, up = abs(x1 - x0), abs(y1 - y0)
         if max(across, up) <= _SQUARE_M / 5:
             continue
         if min(across, up) > _SQUARE_M:
             raise ConfigurationError(
-                f"{what}: its edge from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}) m runs at an angle; rooms with "
+                f"{what}: its edge from {_told(drawn[number])} to {_told(drawn[(number + 1) % len(drawn)])}, in metres "
+                f"with y up from {_told((x0, y0))} to {_told((x1, y1))}, runs at an angle; rooms with "
                 "level and upright edges are taken, such as the rectangle or the L around this one"
             )
         level = across >= up
@@ -104,6 +106,11 @@ def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
         for one, other in zip([lines[-1], *lines[:-1]], lines, strict=True)
     ]
     return tuple(corners) if area(corners) > 0 else tuple(reversed(corners))
+
+
+def _told(point: Point) -> str:
+    x, y = (at + 0.0 for at in point)  # -0.0 becomes 0.0
+    return f"({x:.6g}, {y:.6g})"
 
 
 def square(outlines: Outlines, on_faces: bool | None) -> Squared:

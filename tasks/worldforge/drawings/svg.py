@@ -84,7 +84,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
         metres = float(stated) if stated else None
     except ValueError:
         raise ConfigurationError(f"{name}: data-metres-per-unit is {stated!r}; a number would be right") from None
-    return Drawing(reader.shapes, reader.labels, metres, paper_m(root), left_out=counted(reader.unread))
+    return Drawing(reader.shapes, reader.labels, metres, paper_m(root), left_out=counted(reader.unread), y_up=-1)
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def proof_lines(world: World) -> list[ProofLine]:
         else [
             *_plan_lines(checks),
             *_room_lines(checks),
-            *_physics_lines(checks),
+            *_physics_lines(checks, world),
             _geoms_line(world, checks),
             *_file_lines(world, checks),
         ]
@@ -101,7 +101,11 @@ def proof_lines(world: World) -> list[ProofLine]:
 
 def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
     apart = rooms_apart(checks)
-    joined = f"no way to {', '.join(apart)}" if apart else f"{len(checks.rooms)} rooms, {len(checks.room_graph)} ways"
+    rooms, ways = (
+        f"{len(each)} {noun}{'' if len(each) == 1 else 's'}"
+        for each, noun in ((checks.rooms, "room"), (checks.room_graph, "way"))
+    )
+    joined = f"no way to {', '.join(apart)}" if apart else f"{rooms}, {ways}"
     if checks.rooms:
         yield ProofLine("Rooms joined", joined, _verdict(not apart))
     for way in checks.room_graph:
@@ -132,7 +136,7 @@ def _adherence(room: RoomMeasures) -> str:
     return f" ({room.reachable_share:.1%}), area {room.area_error:+.1%}, {aspect}"
 
 
-def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+def _physics_lines(checks: WorldChecks, world: World) -> Iterator[ProofLine]:
     deep = (
         f"{checks.penetrations} deeper than {1e3 * MAX_PENETRATION_M:g} mm, the deepest {_mm(checks.max_penetration_m)}"
     )
@@ -154,8 +158,9 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         yield ProofLine(f"Loose objects pushed by {pushed.push_mps:g} m/s", value, _verdict(_is_stable(pushed)))
     if checks.wishes is not None:
         count = checks.wishes
+        whose = "drawing" if world.source else "template"
         granted = f"{count.satisfied} granted, {count.missed} missed, {count.contradictory} contradictory"
-        yield ProofLine("Wishes of the template", granted, "")
+        yield ProofLine(f"Wishes of the {whose}", granted, "")
 
 
 def _geoms_line(world: World, checks: WorldChecks) -> ProofLine:

@@ -45,6 +45,11 @@ def test_a_run_is_named_by_id_folder_or_latest(service: Service) -> None:
     assert {each.id for each in same} == {run.id}
 
 
+def test_a_job_is_printed_in_one_line(service: Service) -> None:
+    job = stored(service, "F").jobs[0]
+    assert str(job) == repr(job) == f"<Job {job.id}, {job.title}: failed>"
+
+
 def test_a_run_that_lost_jobs_does_not_look_green(service: Service) -> None:
     lost = JobRecord(label="request 3", status="NotCreated", failure_code="LimitExceeded", failure_reason="too many")
     run = stored(service, [*make_night("PFE").jobs, lost])

@@ -80,11 +80,11 @@ def _described(spec: "CheckedSpec") -> dict[str, Any]:
 
 
 def _in_a_line(answer: dict[str, Any]) -> str:
-    """Describes a file without problems: `valid, 3 steps, 12 simulation jobs of axes; each run needs --set for arm`."""
+    """Describes a file without problems: `valid, 3 steps, 12 simulation jobs; each run needs --set for arm`."""
     from ...planning import counted
 
     jobs, missing = answer.get("jobs_of_axes"), answer.get("missing_parameters")
-    made = f", {counted(jobs, 'simulation job')} of axes" if jobs is not None else ""
+    made = f", {counted(jobs, 'simulation job')}" if jobs is not None else ""
     needs = f"; each run needs --set for {', '.join(missing)}" if missing else ""
     return f"{answer['file']}: valid, {counted(answer['steps'], 'step')}{made}{needs}\n"
 

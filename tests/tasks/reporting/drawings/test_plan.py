@@ -62,6 +62,13 @@ def test_walls_are_drawn_as_they_are_and_leave_doorways_open(world: World) -> No
     assert lines[0] == pytest.approx((*frame.at(first.start), *frame.at(first.end)), abs=0.06)
 
 
+def test_the_areas_of_a_plan_are_those_inside_the_walls(world: World) -> None:
+    rooms = [room.model_copy(update={"floor_area_m2": 1.5}) for room in world.floorplan.rooms]
+    measured = world.model_copy(update={"floorplan": world.floorplan.model_copy(update={"rooms": rooms})})
+    drawing = plan.draw_world_plan(measured, Frame.of_world(world), "w", "t")
+    assert drawing.count("1.5 m²") == len(rooms)
+
+
 def test_lintels_are_not_drawn(world: World) -> None:
     lintel = world.floorplan.walls[0].model_copy(update={"lintel": True, "bottom_m": 2.0})
     floorplan = world.floorplan.model_copy(update={"walls": [lintel, *world.floorplan.walls[1:]]})

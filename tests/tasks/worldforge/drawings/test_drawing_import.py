@@ -11,7 +11,7 @@ from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import DrawnSource, World, contains
 from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
-from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
+from prefect_robomaker.tasks.worldforge.proofs.guarantees import proof_lines, violations
 
 FLAT = REPOSITORY / "deployments" / "specs" / "plans" / "flat.svg"
 
@@ -71,6 +71,7 @@ def test_it_is_proved_and_says_what_is_not_as_drawn(flat: World) -> None:
     assert flat.checks is not None
     assert violations(flat.checks) == []
     assert flat.checks.closed_off_rooms == ["Bathroom"]
+    assert "Wishes of the drawing" in [line.name for line in proof_lines(flat)], "no template made it"
     assert {wish.path: wish.reason for wish in flat.floorplan.wishes if wish.outcome != "satisfied"} == {
         "flat.svg#to-bath": "it is 0.85 m wide here, so that 0.8 m stay clear",
         "flat.svg#front": "it leads out of Hall, and worlds end at their outer walls",

@@ -13,7 +13,10 @@ DOOR = '<line class="door" id="d" x1="4" y1="1" x2="4" y2="2"/>'
 
 CASES = {
     "no rooms": ("<circle r='3'/>", "0 rooms in it"),
-    "slanted": ('<polygon id="Kitchen" points="0,0 4,1 4,4 0,4"/>', "'Kitchen': its edge from"),
+    "slanted": (
+        '<polygon id="Kitchen" points="0,0 4,1 4,4 0,4"/>',
+        "'Kitchen': its edge from (0, 0) to (4, 1), in metres with y up from (0, 0) to (4, -1)",
+    ),
     "curved": ('<path id="Kitchen" d="M0 0 H4 C5 1 5 2 4 4 H0 Z"/>', "'Kitchen': its outline has curves"),
     "open": ('<polyline class="room" id="Kitchen" points="0,0 4,0 4,4"/>', "'Kitchen': its outline is not closed"),
     "unknown kind": ('<rect class="room" id="Xyzzy" width="4" height="4"/>', "'Xyzzy': what kind of room"),

@@ -74,6 +74,7 @@ def job_sheet(job: "Resource", service: "Service") -> "Sheet":
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
     from ......tasks.worldforge.viewer.contact_sheet import plan_numbers
+    from ....planning import counted
 
     document = WorldGenerationJobDocument.of(job)
     requested = document.request.world_count.total
@@ -84,7 +85,7 @@ def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
     told += [f"{deleted} deleted since"] if deleted else []
     plans = len(plan_numbers(shown))
     return (
-        f"{job.status}, {len(shown)} of {requested} worlds: {', '.join(told)}",
+        f"{job.status}, {len(shown)} of {counted(requested, 'world')}: {', '.join(told)}",
         f"{plans} different {'plan' if plans == 1 else 'plans'}",
         f"seed {document.seed}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
     )

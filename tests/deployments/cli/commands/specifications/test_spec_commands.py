@@ -17,6 +17,9 @@ def test_valid_files_are_said_to_be(robomaker) -> None:
     assert (ended.code, ended.err) == (0, "")
     assert ended.out == f"{SPECS}/quickstart.yaml: valid, 4 steps\n{SPECS}/nightly.yaml: valid, 5 steps\n"
 
+    seeds = SPECS / "examples" / "fault_found" / "courier.yaml"
+    assert robomaker("validate", seeds).out == f"{seeds}: valid, 3 steps, 16 simulation jobs\n", "seeds without axes"
+
 
 def test_every_file_is_checked_whatever_is_wrong_with_others(robomaker, spec) -> None:
     path = spec(WRONG)
