@@ -97,12 +97,51 @@ def known_failure(job: ReportedFailures, known: Sequence[KnownFailure], day: dat
         The one that ends first of those that are needed; None: a requirement was missed that is not known, or whose
         day is over.
     """
-    missed = job.missed or ()
-    explained = [
-        next((each for each in known if day <= each.until and each.covers(job.names, name)), None) for name in missed
-    ]
-    found = [each for each in explained if each is not None]
+    explained = _explained(job, known, day)
+    found = [each for each in explained.values() if each is not None]
     return min(found, key=lambda each: each.until) if found and len(found) == len(explained) else None
+
+
+def _explained(job: ReportedFailures, known: Sequence[KnownFailure], day: date) -> dict[str, KnownFailure | None]:
+    """Returns the known failure of each requirement that a job missed; None: it is not known on that day."""
+    return {
+        name: next((each for each in known if day <= each.until and each.covers(job.names, name)), None)
+        for name in job.missed or ()
+    }
+
+
+def partly_known(jobs: Sequence[tuple[str, ReportedFailures]], known: Sequence[KnownFailure], day: date) -> list[str]:
+    """Returns a sentence for jobs that count as failed although some of what they missed is known.
+
+    Jobs that missed the same requirements share a sentence.
+
+    Args:
+        jobs: title of each job, and what it missed.
+        known: known failures of the specification.
+        day: the day on which the run began, UTC.
+    """
+    titles: dict[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]], list[str]] = {}
+    for title, job in jobs:
+        explained = _explained(job, known, day)
+        names = tuple(name for name, each in explained.items() if each is not None)
+        others = tuple(name for name, each in explained.items() if each is None)
+        owners = tuple(dict.fromkeys(each.owner for each in explained.values() if each is not None))
+        if names and others:
+            titles.setdefault((names, owners, others), []).append(title)
+    return [
+        f"{_listed(names)} of {found[0] if len(found) == 1 else f'{len(found)} jobs, such as {found[0]},'} "
+        f"{_are(names)} known ({_listed(owners)}), {_listed(others)} {_are(others)} not: "
+        f"{'the job counts' if len(found) == 1 else 'the jobs count'} as failed"
+        for (names, owners, others), found in titles.items()
+    ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
 
 
 def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure], day: date) -> list[str]:
@@ -120,14 +159,18 @@ def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure
         where = "any job" if each.match.job == "*" else each.match.job
         about = f"the known failure of {each.match.requirement} in {where} ({each.owner})"
         meant = [job for job in jobs if each.is_about(job.names)]
-        if day > each.until:
-            told.append(f"{about} was known until {each.until}; it counts again")
-        elif not meant:
+        is_over = day > each.until
+        was = f" was known until {each.until}" if is_over else ""
+        if not meant:
+            over = f"; its last day was {each.until}: remove it from `known`" if is_over else ""
             told += [
-                f"{about} is about no job of this run, as {' or '.join(map(repr, job.names))} is" for job in jobs[:1]
+                f"{about} is about no job of this run, as {' or '.join(map(repr, job.names))} is{over}"
+                for job in jobs[:1]
             ]
         elif all(job.missed is not None for job in meant) and not any(
             each.covers(job.names, name) for job in meant for name in job.missed or ()
         ):
-            told.append(f"{about} did not occur; if it is mended, remove it from `known`")
+            told.append(f"{about}{was and f'{was} and'} did not occur; if it is mended, remove it from `known`")
+        elif is_over:
+            told.append(f"{about}{was}; it counts again")
     return told

@@ -65,7 +65,8 @@ class NewlyMissed(Model):
     trial: int | None = optional("Number of the trial; absent: the job has no trials.")
     detail: str = Field(default="", description="Measured and required value, as text.")
     certain: bool = Field(
-        description="Whether it is not by chance: same world, same seed, and programs that do the same every time."
+        description="Whether nothing that is recorded differs by chance: same world, same seed, and programs that the "
+        "simulation waited for. A program may draw numbers of its own; `robomaker flaky` tells."
     )
 
 

@@ -188,7 +188,9 @@ class Report(Model):
     )
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     known_notes: list[str] = Field(
-        default=[], description="Known failures that did not occur, or whose day is over, in words."
+        default=[],
+        description="Sentences on known failures: those that did not occur, are about no job or whose day is over, and "
+        "jobs that count as failed although some of what they missed is known.",
     )
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")

@@ -212,7 +212,9 @@ class RunRecord(Model):
         default=[], description="Known failures of the specification, which do not make the run red."
     )
     known_notes: list[str] = Field(
-        default=[], description="Known failures that did not occur, or whose day is over, in words."
+        default=[],
+        description="Sentences on known failures: those that did not occur, are about no job or whose day is over, and "
+        "jobs that count as failed although some of what they missed is known.",
     )
     report_path: Path | None = optional("The HTML report; absent when it could not be written.")
     rerun_of: RerunOf | None = optional("Run that it has run again; absent: it is no rerun.")

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
-from ..known_failures import ReportedFailures, idle_failures, known_failure
+from ..known_failures import ReportedFailures, idle_failures, known_failure, partly_known
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
 from .against import in_words as answer_in_words
@@ -88,7 +88,7 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
 
     Returns:
         The jobs, and a sentence for each known failure that did not occur, is about no job, or whose day is over, and
-        for each job that is red all the same, since requirements are not all that it failed for.
+        for jobs that are red all the same: only some of what they missed is known, or they failed for more.
     """
     if not record.known or record.challenge is not None:
         return list(jobs), []
@@ -113,7 +113,8 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     ]
     is_rerun = record.rerun_of is not None  # which has but some of the jobs
     told = [each for each in record.known if not is_rerun or any(each.is_about(job.names) for job in found)]
-    return marked, [*idle_failures(found, told, day), *besides]
+    partly = partly_known([(job.title, each) for job, each in zip(jobs, found, strict=True)], record.known, day)
+    return marked, [*idle_failures(found, told, day), *partly, *besides]
 
 
 def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """Effects of axes, one by one: whether failures, or margins, depend on each axis of a run, or nothing can be claimed.
 
 Values of drawn cells have no partners to be compared with; a straight line within the trials that are comparable says
-how much an axis changes at most, also one that changes nothing. All intervals of a run hold together with 95 %.
+how much an axis changes at most, also one that changes nothing. All intervals of a run hold together with 95 %, and
+none is without width: where all seeds or cells show the same change, the rule of three says what others may show.
 """
 
 from collections.abc import Iterator, Sequence
@@ -75,6 +76,8 @@ def _effect(
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
         which = "failures" if evidence.failed.sum() == rare else "passes"
         return Effect(on=name, refused=f"{rare} {which} are too few for an interval; {FEWEST_OUTCOMES} would do")
+    if np.nanmax(outcomes) == np.nanmin(outcomes):
+        return Effect(on=name, unit=unit, refused="it is the same in all trials")
     found: list[Effect] = []
     refused = ""
     for value, numbers in contrasts:
@@ -84,13 +87,8 @@ def _effect(
         if answer is None or isinstance(answer, str):
             refused = answer or refused
             continue
-        start, end, change, reach = answer
-        found.append(
-            Effect(
-                on=name, unit=unit, value=value, start=start, end=end, change=change, low=change - reach,
-                high=change + reach,
-            )
-        )  # fmt: skip
+        start, end, change, low, high = answer
+        found.append(Effect(on=name, unit=unit, value=value, start=start, end=end, change=change, low=low, high=high))
     surest = max(found, key=lambda each: abs(each.change) / max(each.high - each.low, 1e-300), default=None)
     return surest or Effect(on=name, unit=unit, refused=refused or "there are no trials with it")
 

@@ -18,6 +18,8 @@ FEWEST_CLUSTERS = 10
 """Cells, or seeds, from which on a slope has an interval: with fewer, t intervals of skewed margins are too narrow."""
 LEVEL = 0.95
 """Level at which all intervals of a kind hold together."""
+ROUNDING = 1e-9
+"""Share of the range of an outcome below which a change is an error of rounding: sums of doubles have 1e-12 of it."""
 
 
 def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensitivity], list[str]]:
@@ -42,7 +44,7 @@ def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensit
             if isinstance(answer, str):
                 refused[f"sensitivity of {name} to {axis.name}: {answer}"] = None
             elif answer is not None:
-                start, end, change, reach = answer
+                start, end, change, low, high = answer
                 found.append(
                     Sensitivity(
                         requirement=name,
@@ -51,8 +53,8 @@ def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensit
                         start=start,
                         end=end,
                         change=change,
-                        low=change - reach,
-                        high=change + reach,
+                        low=low,
+                        high=high,
                     )
                 )
     return found, list(refused)
@@ -66,8 +68,11 @@ def judged_margins(results: ResultTable, evidence: Evidence, requirement: str) -
 
 def along(
     margins: NDArray[np.float64], evidence: Evidence, values: NDArray[np.float64], level: float
-) -> tuple[float, float, float, float] | str | None:
+) -> tuple[float, float, float, float, float] | str | None:
     """Computes the change of an outcome along the values of an axis, as a straight line within jobs.
+
+    Where all clusters (seeds or cells) show the same change, they have no spread, and an interval from their spread
+    would have no width. The interval is at least that of `_unseen`, which has.
 
     Args:
         margins: Outcome of each trial; NaN where it is unknown.
@@ -77,7 +82,7 @@ def along(
 
     Returns:
         The axis's value that a tenth of the trials are below, that which a tenth are above, the outcome's change
-        between them and half its interval; or why not; None: there are no outcomes.
+        between them and both ends of its interval; or why not; None: there are no outcomes.
     """
     known = np.isfinite(margins) & np.isfinite(values)
     if not np.isfinite(margins).any():
@@ -106,7 +111,34 @@ def along(
     start, end = (float(each) for each in np.quantile(values[known], [0.1, 0.9]))
     if start == end:
         start, end = float(values[known].min()), float(values[known].max())
-    return start, end, slope * (end - start), reach * (end - start)
+    largest = float(np.ptp(margins[known]))
+    change, reach = (each * (end - start) for each in (slope, reach))
+    change = change if abs(change) > ROUNDING * largest else 0.0
+    low, high = change - reach, change + reach
+    is_binary = bool(np.isin(margins[known], (0.0, 1.0)).all())
+    if is_binary or reach <= ROUNDING * largest:
+        least, most = _unseen(change, largest, clusters, level)
+        low, high = min(low, least), max(high, most)
+    return start, end, change, low, high
+
+
+def _unseen(change: float, largest: float, clusters: int, level: float) -> tuple[float, float]:
+    """Returns the interval of a change that all clusters showed, which others may not show.
+
+    If a share p of clusters behaves otherwise, none of n does so with the chance (1 - p)^n. The exact upper bound of p
+    is thus 1 - (1 - level)^(1 / n), known as the rule of three, since it is about 3 / n at 95 % (Hanley and
+    Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"). Those clusters change by the outcome's whole
+    range at most, up or down.
+
+    Args:
+        change: Change that the clusters showed, in the unit of the outcome.
+        largest: Range of the outcome, in its unit; 1 for failures.
+        clusters: Number of clusters.
+        level: Confidence level of the interval.
+    """
+    share = 1 - (1 - level) ** (1 / clusters)
+    reach = max(largest, abs(change))  # a straight line through few values may be steeper than the range
+    return change - share * (reach + change), change + share * (reach - change)
 
 
 def within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -11,12 +11,19 @@ from ..results.table import ResultTable
 from .claims import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
 from .evidence import AxisColumn, Evidence, evidence_of, varies
 from .groups import Group, groups_of
+from .lift import lift_of
 from .plots import cell_plot, margin_plot
+from .regions import regions_of
 from .sensitivity import judged_margins, sensitivities, varying
 
 _SEED = 38
 """Seed of permutations: the same table has the same answer."""
 _MOST_PLOTS = 6
+_RELEVANT_LIFT, _RELEVANT_RISE = 1.5, 0.2
+"""Times as often, or failures of a trial more, from which on an effect of an axis must be ruled out to say it has none.
+
+A reader would look for a cause from about there on; the second is for what fails so often that it cannot do much more.
+"""
 
 
 def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | None] | None = None) -> Why | None:
@@ -43,7 +50,14 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
         (each for whole in wholes for each in _chosen(whole, claimed)),
         key=lambda each: (-each.count, each.signature.order),
     )
-    groups = [_reported(results, evidence, each, claimed.get(id(each), []), fewest, can_tell) for each in chosen]
+    groups = [
+        _reported(
+            results, evidence, each, claimed.get(id(each), []),
+            _too_few(len(evidence), each.count, fewest, can_tell)
+            or ("" if claimed.get(id(each)) else _in_doubt(evidence, each, axes)),
+        )
+        for each in chosen
+    ]  # fmt: skip
     margins, not_shown = sensitivities(results, evidence)
     names = [_name(each) for each in large]
     return Why(
@@ -81,9 +95,7 @@ def _name(group: Group) -> str:
     return FailureGroup(**group.signature._asdict(), failed=group.count, job="", command="").name
 
 
-def _reported(
-    results: ResultTable, evidence: Evidence, group: Group, claims: _Claims, fewest: int, can_tell: bool
-) -> FailureGroup:
+def _reported(results: ResultTable, evidence: Evidence, group: Group, claims: _Claims, refused: str) -> FailureGroup:
     region = claims[0][1].mask if claims else np.ones(len(evidence), dtype=np.bool_)
     rows = evidence.rows[group.failed & region]
     outputs = results.texts("output")
@@ -99,7 +111,7 @@ def _reported(
         trial=trial,
         clip=None if kept is None else outputs[kept],
         command=f"robomaker repro {job}" + ("" if trial is None else f" --trial {trial}"),
-        refused=_too_few(len(evidence), group.count, fewest, can_tell),
+        refused=refused,
     )
 
 
@@ -113,6 +125,28 @@ def _too_few(trials: int, failures: int, fewest: int, can_tell: bool) -> str:
     return (
         f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
         f"which at this rate takes {needed:,} trials instead of {trials:,}"
+    )
+
+
+def _in_doubt(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> str:
+    """Names the region of an axis that might explain a group although it is not shown to; empty: none might.
+
+    Trials that failed otherwise are counted nowhere, as they may have failed so later; their number is told.
+    """
+    regions = [(region.words, region.mask(axis)) for axis in axes for region in regions_of(axis)]
+    lifts = [(words, lift) for words, mask in regions if (lift := lift_of(evidence, group, mask)) is not None]
+    if not lifts:
+        return ""
+    words, best = max(lifts, key=lambda item: item[1].low)
+    if best.high < _RELEVANT_LIFT and best.outside * (best.high - 1) < _RELEVANT_RISE:
+        return ""
+    if best.value < _RELEVANT_LIFT and best.inside - best.outside < _RELEVANT_RISE:
+        return "too few trials to tell whether an axis explains it"
+    others = len(evidence) - int(group.at_risk.sum())
+    besides = f", without {others} that failed otherwise" if others else ""
+    return (
+        f"too few trials to tell: it may go with {words} ({best.failed_inside} of {best.trials_inside}, elsewhere "
+        f"{best.failed_outside} of {best.trials_outside}{besides})"
     )
 
 

@@ -154,7 +154,7 @@ def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> 
 
 
 def _repeats(pair: Pair, trials: TrialPairs, index: int) -> bool:
-    """Returns whether a job repeats exactly (equal programs give equal results), so a difference is not by chance."""
+    """Returns whether a trial had the same seed both times, and programs that the simulation waited for."""
     seeds = (
         table.numbers("seed")[rows[index]]
         for table, rows in ((trials.before, trials.before_rows), (trials.after, trials.after_rows))

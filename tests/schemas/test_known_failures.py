@@ -12,6 +12,7 @@ from prefect_robomaker.schemas.known_failures import (
     ReportedFailures,
     idle_failures,
     known_failure,
+    partly_known,
 )
 
 DAY = date(2027, 1, 15)
@@ -80,6 +81,39 @@ def test_an_entry_that_is_about_no_job_is_told_with_a_name_that_would_be_right()
         "the known failure of clearance in scout in flat 4 (anna) is about no job of this run, as 'scout in flat 3' or "
         "'world-3 scout' is"
     ]
+
+
+def test_an_entry_whose_day_is_over_counts_again_only_where_it_occurs() -> None:
+    over = [known(until=DAY - timedelta(1))]
+    assert idle_failures([job("scout", ["clearance"])], over, DAY) == [
+        "the known failure of clearance in any job (anna) was known until 2027-01-14; it counts again"
+    ]
+    assert idle_failures([job("scout", ["time"])], over, DAY) == [
+        "the known failure of clearance in any job (anna) was known until 2027-01-14 and did not occur; if it is "
+        "mended, remove it from `known`"
+    ]
+    assert idle_failures([job("scout", ["clearance"])], [known(job="rover", until=DAY - timedelta(1))], DAY) == [
+        "the known failure of clearance in rover (anna) is about no job of this run, as 'scout' is; its last day was "
+        "2027-01-14: remove it from `known`"
+    ]
+
+
+def test_a_job_that_missed_more_than_is_known_is_said_to_count_as_failed() -> None:
+    def said(*jobs: ReportedFailures, until: date = DAY) -> list[str]:
+        entries = [known("gentle", "*seed=4", until), known("clear*", owner="ben")]
+        return partly_known([(each.names[0], each) for each in jobs], entries, DAY)
+
+    assert said(job("drive seed=4", ["gentle", "no_hard_collision"])) == [
+        "gentle of drive seed=4 is known (anna), no_hard_collision is not: the job counts as failed"
+    ]
+    assert said(
+        job("a seed=4", ["gentle", "clearance", "x", "y"]), job("b seed=4", ["gentle", "clearance", "x", "y"])
+    ) == [
+        "gentle and clearance of 2 jobs, such as a seed=4, are known (anna and ben), x and y are not: the jobs count "
+        "as failed"
+    ]
+    assert said(job("seed=4", ["gentle"]), job("seed=5", ["x"]), job("seed=4", []), job("seed=4", None)) == []
+    assert said(job("seed=4", ["gentle", "x"]), until=DAY - timedelta(1)) == [], "nothing of it is known today"
 
 
 def test_who_mends_it_until_when_and_why_is_told() -> None:

@@ -68,7 +68,7 @@ def requirement_in_words(change: RequirementChange) -> str:
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
     same = "world and seed are" if all(place.cell.world for place in change.places) else "the seed is"
-    fact = f"; {same} the same, so this is not by chance" if _is_certain(change) else ""
+    fact = f"; {same} the same; `robomaker flaky` tells whether it is chance" if _is_certain(change) else ""
     return f"{change.name}: {', '.join(told)}{fact}"
 
 
@@ -91,7 +91,7 @@ def place_in_words(place: NewlyMissed) -> str:
 
 
 def _is_certain(change: RequirementChange) -> bool:
-    """Returns whether all trials of a change did the same before, as programs that repeat exactly do."""
+    """Returns whether nothing that is recorded differs by chance, in all trials of a change."""
     return bool(change.places) and all(place.certain for place in change.places)
 
 

@@ -67,6 +67,16 @@ def test_what_fails_for_more_than_requirements_is_not_known() -> None:
     assert "environment's own verdict" in notes[0]
 
 
+def test_a_job_that_missed_more_than_is_known_is_told_and_red() -> None:
+    known = KnownFailure(match=KnownMatch(requirement="gentle"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    own = Requirement(name="no_hard_collision", satisfied=False, detail="30 N")
+    jobs = [job.model_copy(update={"requirements": [*job.requirements, own]}) for job in night.jobs]
+    marked, notes = with_known(night, jobs)
+    assert run_state(["Completed"], marked) == "failed"
+    assert notes == [f"gentle of {jobs[0].title} is known (anna), no_hard_collision is not: the job counts as failed"]
+
+
 def test_a_known_failure_of_trials_says_what_it_covers() -> None:
     known = KnownFailure(match=KnownMatch(requirement="trials"), owner="anna", until=date(2026, 3, 1))
     night = make_night("F").model_copy(update={"known": [known]})

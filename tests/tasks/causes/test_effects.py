@@ -1,6 +1,7 @@
 """Each axis of a run has an answer: what changes with it, by how much at most, or no claim."""
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,42 @@ def test_an_axis_with_the_same_states_at_each_value_changes_nothing() -> None:
     found = effects_of(rows)
     assert found["unread"].answer.startswith("changes nothing")
     assert found["gain"].answer == "no claim"
+
+
+def grid(fails: Callable[[float, str], bool], seeds: int = 16) -> list[Row]:
+    """Trials of all cells of two axes, which do the same with each seed."""
+    return [
+        {
+            "axes": {"noise": noise, "SPEED": speed}, "seed": seed, "outcome": "failed" if fails(noise, speed) else
+            "passed", "margin": 0.1 * (speed == "slow") + 0.01 * seed, "state_digest": f"{noise} {speed} {seed}",
+        }
+        for seed in range(seeds) for noise in (0.1, 0.7, 0.9) for speed in ("slow", "fast")
+    ]  # fmt: skip
+
+
+def test_an_error_of_rounding_is_no_effect_and_trials_that_are_all_alike_have_an_interval() -> None:
+    found = effects_of(grid(lambda _, speed: speed == "fast"))
+
+    assert {name: each.answer for name, each in found.items()} == {
+        "noise": "no claim", "SPEED": "changes failures, margin of polite",
+    }  # fmt: skip
+    assert all(each.high > each.low for axis in found.values() for each in axis.effects)
+    assert [each.change for each in found["noise"].effects] == [0, 0]
+    [failures, margin] = found["SPEED"].effects
+    # Of 16 seeds, none did otherwise: at most a share of 1 - (0.05 / 4) ** (1 / 16) does, and changes by 2 at most.
+    assert max(abs(failures.low), abs(failures.high)) == 1
+    assert failures.high - failures.low == pytest.approx(2 * (1 - (0.05 / 4) ** (1 / 16)))
+    assert margin.high - margin.low > 0.01
+
+
+def test_what_happens_in_one_cell_of_each_seed_is_no_claim_of_few_seeds() -> None:
+    def alone(noise: float, speed: str) -> bool:
+        return speed == "fast" and noise == 0.9
+
+    few, many = (effects_of(grid(alone, seeds))["SPEED"] for seeds in (12, 60))
+    assert "failures" not in few.answer
+    assert many.effects[0].is_shown
+    assert few.effects[0].change == pytest.approx(many.effects[0].change)
 
 
 @pytest.mark.parametrize(

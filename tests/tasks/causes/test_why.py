@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.reports.causes import Why
 from prefect_robomaker.tasks.causes.why import explain
 from prefect_robomaker.tasks.results.table import ResultTable
 
-from .conftest import Row, table_of
+from .conftest import Row, missed, table_of
 
 CAUSES = {each["id"]: each for each in planted("causes") if not each.get("held_back")}
 
@@ -278,6 +278,45 @@ def test_too_few_failures_are_refused_with_what_would_do() -> None:
         "4 failures are too few to claim a cause; 10 would do, which at this rate takes 150 trials instead of 60"
     )
     assert why.groups[0].in_words == f"polite: 4 trials; {why.groups[0].refused}"
+
+
+def two_speeds(slow: int, fast: int, others: int = 0) -> list[Row]:
+    """Trials of 16 seeds at two speeds: how many fail at each, and how many slow ones fail otherwise."""
+    made: list[Row] = []
+    for number in range(32):
+        speed, seed = ("slow", "fast")[number % 2], number // 2
+        row: Row = {"axes": {"SPEED": speed}, "seed": seed, "state_digest": str(number)}
+        if seed < (fast if speed == "fast" else slow):
+            row |= {"outcome": "failed"}
+        elif speed == "slow" and seed < slow + others:
+            row |= {"outcome": "failed", "requirements": [missed("upright")]}
+        made.append(row)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (two_speeds(11, 16), "too few trials to tell: it may go with SPEED = fast (16 of 16, elsewhere 11 of 16)"),
+        (
+            two_speeds(0, 13, others=14),
+            "too few trials to tell: it may go with SPEED = fast (13 of 16, elsewhere 0 of 2, without 14 that failed "
+            "otherwise)",
+        ),
+    ],
+    ids=["more often", "what hides the rest"],
+)
+def test_an_axis_that_may_be_the_cause_is_named_where_trials_are_too_few(rows: list[Row], said: str) -> None:
+    why = explain(table_of(rows))
+    assert why is not None
+    [group] = [each for each in why.groups if each.requirement == "polite"]
+    assert (group.claims, group.nothing) == ([], said)
+
+
+def test_many_trials_tell_that_no_axis_is_the_cause() -> None:
+    why = explain(table_of(in_worlds(8, 100, lambda _, __, chance: chance.random() < 0.5)))
+    assert why is not None
+    assert why.groups[0].nothing == "no axis and no world explains it"
 
 
 def test_without_axes_and_with_few_worlds_nothing_can_be_claimed(made: Callable[..., Any]) -> None:

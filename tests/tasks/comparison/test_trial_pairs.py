@@ -41,7 +41,7 @@ def test_six_worlds_are_flipped_as_a_whole(tmp_path: Path) -> None:
     assert one.needed is not None
     assert one.needed.worlds is not None
     assert one.needed.pairs == 10 * one.needed.worlds > 70
-    # What newly failed in that world is not by chance and is said nonetheless.
+    # What newly failed in that world, with the same seeds, is said nonetheless.
     [gentle] = one.requirements
     assert (gentle.newly_missed, gentle.pairs, gentle.places[0].certain) == (10, 70, True)
     all_worse = compared(["P" * 10] * 6, ["F" + "P" * 9] * 6, tmp_path / "all")
