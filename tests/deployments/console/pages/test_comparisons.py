@@ -166,7 +166,8 @@ def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_job
             )
             for job, digest in zip(jobs, digests, strict=True)
         ]
-        sides = Sides.of_runs(*(make_night([job], night) for night, job in enumerate(jobs)))
+        before, after = (make_night([job], night) for night, job in enumerate(jobs))
+        sides = Sides.of_runs(before, after)
         return list(compared_page(sides, service, lambda *_: "", is_seen=lambda _: is_seen).cards)
 
     [same], [other], [hidden] = cards("aa"), cards("ab"), cards("cc", is_seen=False)
