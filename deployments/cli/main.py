@@ -75,19 +75,27 @@ def _execute(words: Sequence[str]) -> int:
     if chosen.command is None:
         parser.print_help(sys.stderr)
         return 2
-    _warn_of_misspelt_settings()
+    # Commands that import no pydantic until now may do without, and read no settings then.
+    is_told = _warn_of_misspelt_settings()
     code: int = chosen.execute(chosen)
+    if not is_told:
+        _warn_of_misspelt_settings()
     return code
 
 
-def _warn_of_misspelt_settings() -> None:
-    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it."""
-    if not any(name.startswith("ROBOMAKER_") for name in os.environ):
-        return  # Reading the settings' names takes pydantic, which `robomaker --help` does without.
+def _warn_of_misspelt_settings() -> bool:
+    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it.
+
+    Returns:
+        Whether it was looked for: not so while nothing has imported pydantic, by which alone settings are read.
+    """
+    if "pydantic" not in sys.modules:
+        return False
     from ...schemas.settings import misspelt_settings
 
     for name, setting in misspelt_settings(os.environ).items():
         sys.stderr.write(f"robomaker: warning: {name} is not a setting, and is ignored; did you mean {setting}?\n")
+    return True
 
 
 def _report(error: Exception, *, debug: bool) -> int:

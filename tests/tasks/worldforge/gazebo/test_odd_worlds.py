@@ -291,5 +291,7 @@ def test_an_import_that_waits_for_ever_is_ended(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "waits_for_ever.py").write_text("import time\ntime.sleep(3600)\n")
     monkeypatch.setattr(gazebo_imports, "_PROGRAM", "waits_for_ever")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    world = tmp_path / "some.world"
+    world.write_text("<sdf/>")
     with pytest.raises(ConfigurationError, match="takes too long"):
-        write_gazebo_bundle(GazeboImport(tmp_path / "some.world"), tmp_path / "bundle", most_s=1.0)
+        write_gazebo_bundle(GazeboImport(world), tmp_path / "bundle", most_s=1.0)
