@@ -11,7 +11,7 @@ from ..tasks.comparison.better_or_worse import compare
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.failure_starts import changed_nights
 from ..tasks.comparison.pairing import Pair, pair_jobs
-from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside
+from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
 from ..tasks.inspection.job_outputs import drive_of
 from ..tasks.reporting import ComparedSide, ComparisonPage, Drive, PairLine, PairPainter, change_in_words, outcomes
 from ..tasks.service.service import Service
@@ -116,6 +116,7 @@ def compared_page(
         differences=sides.differences,
         pairs=len(sides.pairs),
         changed=sum(map(has_changed, sides.pairs)),
+        not_run=sum(not was_run(pair) for pair in sides.pairs),
         first=first,
         cards=cards,
         worlds=list(painter.worlds.values()),

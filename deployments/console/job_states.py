@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.report import Share
+from ...schemas.reports.run_record import JobRecord
 from ...tasks.catalog import Resource
 from ...tasks.reporting import classify
 from ...tasks.results.rates import share_of
@@ -104,6 +105,16 @@ def job_line(job: Resource) -> JobLine:
             "uploads": document.upload_s or 0.0,
         },
     )
+
+
+def named_in_run(line: JobLine, record: JobRecord | None) -> JobLine:
+    """Returns the row with the job's name in its run, which no other job of the run has: `scout in flat 3, seed=4`.
+
+    Args:
+        line: Row of the job.
+        record: Its record in its run; `None`: it has none, or the run goes on.
+    """
+    return replace(line, name=record.name) if record is not None and record.name else line
 
 
 def _look_of_unfinished(status: str, *, draws: bool) -> Look:

@@ -28,10 +28,10 @@ from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
 from .files import published, send_file, tail_of
-from .job_states import JOB, job_line
+from .job_states import JOB, job_line, named_in_run
 from .live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .rendering import HOME, render
-from .runs import is_known, known_of
+from .runs import is_known, job_in_run
 from .streams import Parts
 from .timelines.job_timelines import RUNS_ON, VIDEOS, JobTimeline, timeline_of
 from .timelines.log_lines import LogLine, lines_of
@@ -69,17 +69,21 @@ def show(visit: Visit) -> Response:
     view = view_report(report_of_job(job.arn, visit.service)) if has_ended else None
     timeline = timeline_of(document.outputs, files, visit.service, visit.parameter("trial")) if has_ended else None
     card = view and view.jobs[0]
+    in_run = job_in_run(job.arn, document.spec_run, visit)
+    line = named_in_run(job_line(job), in_run)
     links = f"{HOME}/jobs/{quote(job.id)}/files/"
     is_batch_seen = visit.sees(job.parent)
     world = None if has_ended else world_of(document, visit.service)
     if card is not None:
         shown = [replace(file, link=links + quote(file.name) if file.name in files else "") for file in card.files]
-        told = card.job.model_copy(update={"known": known_of(job.arn, document.spec_run, visit)})
-        card = replace(card, job=told, files=shown, poster=None if "video.mp4" in files else card.poster, log="")
+        told = card.job.model_copy(update={"known": in_run.known, "name": line.name} if in_run else {})
+        card = replace(
+            card, job=told, title=told.title, files=shown, poster=None if "video.mp4" in files else card.poster, log=""
+        )
     return visit.page(
         "job.html.j2",
         job=job,
-        line=(line := job_line(job)),
+        line=line,
         times=times_by_part(line.parts_s),
         standing=standing_of(job, visit.service),
         document=document,

@@ -10,8 +10,9 @@ from urllib.parse import quote, unquote
 
 from starlette.responses import HTMLResponse, Response
 
+from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import SinceLastRun
-from ...schemas.reports.run_record import RunRecord
+from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
 from ...tasks.comparison.compared_runs import NightRun
@@ -55,6 +56,7 @@ def show(visit: Visit) -> Response:
     return visit.page(
         "run.html.j2",
         run=record,
+        answer=in_words(record.against) if record.against else "",
         jobs=[job for job in jobs if not job.known],
         known=[job for job in jobs if job.known],
         outcome_of=lambda job: classify(job.status, job.failure_code, job.verdict),
@@ -164,11 +166,11 @@ def record_of(run_id: str, visit: Visit) -> RunRecord | None:
     return _read(path, path.stat().st_mtime_ns)
 
 
-def known_of(arn: str, run_id: str | None, visit: Visit) -> str:
-    """Returns owner, last day and reason of a job's known failure; empty if it is not known, or its run goes on."""
+def job_in_run(arn: str, run_id: str | None, visit: Visit) -> JobRecord | None:
+    """Returns the record of a job in its run, with its name there; `None` if it has none, or its run goes on."""
     record = record_of(run_id, visit) if run_id else None
     jobs = [] if record is None else record.jobs
-    return next((job.known for job in jobs if job.arn == arn), "")
+    return next((job for job in jobs if job.arn == arn), None)
 
 
 def _path(visit: Visit) -> Path:

@@ -68,7 +68,8 @@ def compare(
     answer, why = looked_at or _answer(before, after, pairing, fair, judged, rate, alpha)
     if looked_at is None and answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
         answer, why = "not comparable", open_question
-    requirements = requirement_changes(trials, pairing.pairs)
+    ended = np.array([pair.is_told for pair in pairing.pairs], dtype=bool)
+    requirements = requirement_changes(trials.only(ended[trials.jobs]), pairing.pairs)  # the same as the run's report
     told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
     return Comparison(
         before=_compared(before),

@@ -13,7 +13,7 @@ from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome
 from ..results.table import ResultTable
-from .compared_runs import HEALTH, JUDGED, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
+from .compared_runs import HEALTH, JUDGED, TOLD, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
 
 Asked = tuple[str, str | None]
 """Name and kind of a requirement; its limit is in the request, since the limit in a result can depend on the run."""
@@ -35,6 +35,11 @@ class Pair:
     def is_judged(self) -> bool:
         """Whether the job has a verdict (pass or fail) in both runs."""
         return all(outcome in JUDGED for outcome in self.outcomes)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the job has a verdict or broke in both runs; a job that was not run to its end has neither."""
+        return all(outcome in TOLD for outcome in self.outcomes)
 
     @property
     def has_same_requirements(self) -> bool:

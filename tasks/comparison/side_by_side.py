@@ -1,6 +1,7 @@
 """Two runs, or two cells of an axis, side by side: which jobs to look at first, and how each requirement changed."""
 
 import json
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.requirement_kinds.kind import Requirement
 from ...schemas.specs.batch_splitting import step_of
 from ..reporting import Outcome, outcomes
-from .compared_runs import HEALTH, JUDGED, outcome_of
+from .compared_runs import HEALTH, JUDGED, TRIALS, outcome_of
 from .pairing import CellPlace, Pair, Pairing, place_beside
 
 Asked = Mapping[str, Mapping[str, Any]]
@@ -21,6 +22,9 @@ Asked = Mapping[str, Mapping[str, Any]]
 
 _YES_OR_NO = "predicate"
 """Kind of requirements whose margins say no more than whether they are met."""
+_NOT_RUN = (Outcome.CANCELED, Outcome.UNFINISHED)
+_MET = re.compile(r"met in (\d+) of (\d+) trials?$")
+"""The detail of a requirement of a job with trials: `met in 4 of 8 trials`."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +75,22 @@ def pair_cells(jobs: Sequence[JobRecord], axis: StepAxis, baseline: Value, other
 
 
 def by_change(pairs: Sequence[Pair]) -> list[Pair]:
-    """Sorts pairs: newly failing ones first, then other changed verdicts, then changed requirements, then the rest."""
+    """Sorts pairs: newly failing ones first, then other changed verdicts, then changed requirements, then the rest.
+
+    Pairs of which a side was not run to its end come last.
+    """
     return sorted(pairs, key=_rank)
 
 
 def has_changed(pair: Pair) -> bool:
     """Returns whether the two jobs of a pair ended differently: passed, failed, broke, or had no verdict."""
     before, after = pair.outcomes
-    return before is not after
+    return before is not after and was_run(pair)
+
+
+def was_run(pair: Pair) -> bool:
+    """Returns whether both jobs of a pair came to an end of their own; a run that stops early leaves some out."""
+    return not any(outcome in _NOT_RUN for outcome in pair.outcomes)
 
 
 def requirements_beside(pair: Pair, asked: tuple[Asked, Asked] | None = None) -> list[RequirementBeside]:
@@ -127,6 +139,8 @@ def _has_one_world(jobs: Sequence[JobRecord]) -> bool:
 
 def _rank(pair: Pair) -> int:
     before, after = pair.outcomes
+    if not was_run(pair):
+        return 4
     if before is not after:
         return 0 if after.is_failure and not before.is_failure else 1
     met, now = ({item.name: item.satisfied for item in job.requirements} for job in (pair.before, pair.after))
@@ -149,6 +163,8 @@ def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> 
     for letter, item in (("A", before), ("B", after)):
         if item.error is not None:
             return "not comparable", f"it broke in {letter}"
+    if any(item.name == TRIALS for job in (pair.before, pair.after) for item in job.requirements):
+        return _turn_of_trials(before, after)
     if before.satisfied != after.satisfied:
         return ("better", "newly met") if after.satisfied else ("worse", "newly missed")
     return _turn_of_margin(before, after)
@@ -160,11 +176,27 @@ def _turn_of_one(before: Requirement | None, after: Requirement | None, pair: Pa
     item = before or after
     outcome = outcome_of(job)
     if outcome not in JUDGED:
-        words = {Outcome.BROKEN: "broke", Outcome.CANCELED: "was canceled", Outcome.UNFINISHED: "has not ended"}
+        words = {Outcome.BROKEN: "broke", Outcome.CANCELED: "was not run", Outcome.UNFINISHED: "has not ended"}
         return "not comparable", f"{letter} {words.get(outcome, 'has no verdict')}"
     if item is not None and item.kind == HEALTH and item.error is None:  # results have it only where it was missed
         return ("worse", "newly missed") if before is None else ("better", "no longer missed")
     return "not comparable", f"it is not asked of {letter}"
+
+
+def _turn_of_trials(before: Requirement, after: Requirement) -> tuple[RequirementTurn, str]:
+    """Returns in how many more or fewer trials a requirement is met; their smallest margin decides nothing."""
+    met, now = _MET.search(before.detail), _MET.search(after.detail)
+    if met is None or now is None:
+        if before.satisfied == after.satisfied:
+            return "unchanged", "" if after.satisfied else "still missed"
+        return ("better", "newly met") if after.satisfied else ("worse", "newly missed")
+    if met[2] != now[2]:
+        return "not comparable", f"{met[2]} trials in A, {now[2]} in B"
+    change = int(now[1]) - int(met[1])
+    if not change:
+        return "unchanged", ""
+    trials = "trial" if abs(change) == 1 else "trials"
+    return ("better", f"met in {change} more {trials}") if change > 0 else ("worse", f"met in {-change} fewer {trials}")
 
 
 def _turn_of_margin(before: Requirement, after: Requirement) -> tuple[RequirementTurn, str]:

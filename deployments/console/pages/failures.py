@@ -11,7 +11,7 @@ from starlette.responses import Response
 from ....schemas.documents.simulation_jobs import JobInBrief
 from ....schemas.reports.run_record import JobRecord, RunRecord
 from ....tasks.catalog import Resource
-from ..job_states import JOB, JobLine, job_line
+from ..job_states import JOB, JobLine, job_line, named_in_run
 from ..rendering import HOME
 from ..runs import record_of
 from ..visit import Visit
@@ -83,7 +83,8 @@ def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGr
         short = by_run[run_id].get(job.arn)
         name = record.name if record is not None else _TIME_IN_RUN.sub("", run_id) or _NO_SPECIFICATION
         known = short.known if short is not None else ""
-        found.setdefault(name, {}).setdefault((reason_of(line, job, short), known), []).append(line)
+        reason = reason_of(line, job, short)
+        found.setdefault(name, {}).setdefault((reason, known), []).append(named_in_run(line, short))
     return [
         FailureGroup(name, reason, known, tuple(lines))
         for name, groups in found.items()

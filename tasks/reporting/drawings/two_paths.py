@@ -15,7 +15,10 @@ from .svg_writing import Frame, element, group, number, points
 from .trajectory import PathPoint, finite_path
 
 _NEAR = 46.0
-"""Units of the drawing within which two marks would cover each other, so that one letter goes below its mark."""
+"""Units of the drawing within which two marks would cover each other."""
+
+_LABEL_WIDTH, _LABEL_HEIGHT = 80.0, 24.0
+"""Units that `A end` takes, on narrow pages too: nearer labels cover each other, so that one goes below its mark."""
 
 _SPACING = 12.0
 """Units of the drawing between two points of a path that names of rooms keep clear of: half a letter."""
@@ -140,7 +143,7 @@ def _marks(ways: Sequence[Way], frame: Frame) -> Markup:
         if all(math.dist(start, other) > _NEAR / 2 for other in starts):
             marks.append(_mark(start, "start", element("circle", r=11), "start", -17))
         starts.append(start)
-        below = any(math.dist(end, other) < _NEAR for other in ends)
+        below = any(abs(end[0] - other[0]) < _LABEL_WIDTH and abs(end[1] - other[1]) < _LABEL_HEIGHT for other in ends)
         ends.append(end)
         marks.append(_end(end, way.letter, below))
         if way.missed is not None and (place := place_at(path, way.missed.time_s)) is not None:

@@ -79,7 +79,12 @@ class SideView:
     no_film: str
     """Reason why there is no video, as a sentence; empty: there is one."""
     first_miss: str
-    """The requirement that it missed first, and where, in words."""
+    """The requirement that it missed first, and where, in words; of a job with trials, how many did not pass."""
+
+    @property
+    def not_run(self) -> bool:
+        """Whether the job came to no end of its own: its run stopped early, or it was canceled."""
+        return self.outcome in (Outcome.CANCELED, Outcome.UNFINISHED)
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,8 @@ class PairView:
     plan: Markup | None
     note: str
     """Reason why there is no plan, or no path on it; empty: there is."""
+    of_trials: bool
+    """Whether the jobs have trials: these decide, and neither a margin nor a single requirement."""
     end_s: float
     """Simulated time at which the longer of both ends, in seconds; 0: nothing can be played."""
 
@@ -147,8 +154,9 @@ class PairPainter:
             title=title,
             before=before,
             after=after,
-            has_changed=before.outcome is not after.outcome,
+            has_changed=before.outcome is not after.outcome and not before.not_run and not after.not_run,
             rows=[RowView(row, _outcome_of(row.before), _outcome_of(row.after)) for row in rows],
+            of_trials=any(_has_trials(job) for job in jobs),
             plan=drawing,
             note=note,
             end_s=max((_end_of(drive.result) for drive in drives), default=0.0) if drawing or before.film or after.film
@@ -187,6 +195,8 @@ class PairPainter:
             for letter, job, drive in zip("AB", jobs, drives, strict=True)
             if drive.result is not None and drive.result.path
         ]
+        if not ways:
+            return None, _missing_paths(jobs, drives)
         content, why_not = same_world(*jobs)
         if why_not:
             return None, why_not
@@ -230,10 +240,15 @@ def same_world(before: JobRecord, after: JobRecord) -> tuple[str | None, str]:
         )
     if ours is not None:
         return ours, ""
-    used = [
-        {each.digest for each in inputs.applications if each.role == "simulation"}
-        for inputs in (before.inputs, after.inputs)
-    ]
+    used, robots = (
+        [{each.digest for each in inputs.applications if each.role == role} for inputs in (before.inputs, after.inputs)]
+        for role in ("simulation", "robot")
+    )
+    if all(used) and used[0] != used[1] and used == robots:
+        return None, (
+            "Robot and simulation are one package, which differs between A and B, and the jobs drove in no generated "
+            "world: it is not known that the place is the same, so that the paths are not drawn on one plan."
+        )
     if not used[0] or used[0] != used[1]:
         return None, (
             "The jobs drove in no generated world, and it is not known that their simulation applications are the "
@@ -248,11 +263,15 @@ def _missing_paths(jobs: Sequence[JobRecord], drives: Sequence[Drive]) -> str:
     for letter, job, drive in zip("AB", jobs, drives, strict=True):
         if drive.result is not None and drive.result.path:
             continue
-        if any(item.name == _TRIALS for item in job.requirements):
+        if _has_trials(job):
             told.append(f"{letter} has trials, whose paths are not drawn.")
         else:
             told.append(drive.trouble or f"{letter} left no path.")
     return " ".join(dict.fromkeys(told))
+
+
+def _has_trials(job: JobRecord) -> bool:
+    return any(item.name == _TRIALS for item in job.requirements)
 
 
 def _why_no_world(drives: Sequence[Drive]) -> str:
@@ -296,6 +315,8 @@ def _first_miss(job: JobRecord) -> Miss | None:
 
 
 def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
+    if own := next((item for item in job.requirements if item.name == _TRIALS), None):
+        return own.detail
     missed = [item for item in job.requirements if item.counts and not item.satisfied and item.error is None]
     if not missed:
         judged = outcome in (Outcome.PASSED, Outcome.FAILED)
@@ -303,7 +324,7 @@ def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
     first = _missed_first(job)
     if first is None:
         names = ", ".join(item.name.replace("_", " ") for item in missed)
-        return f"missed {names}, at no single moment"
+        return f"missed {names}"
     time_s, item = first
     place = "".join([f", in {item.room}" if item.room else "", f", {item.other}" if item.other else ""])
     return f"first missed {item.name.replace('_', ' ')} at {time_s:.1f} s{place}"

@@ -1,5 +1,6 @@
 """Small SVG charts of a specification's runs: pass rates with intervals, outcomes, bars of rates."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from markupsafe import Markup
@@ -14,6 +15,8 @@ WIDTH, HEIGHT = 720.0, 250.0
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 12.0, 12.0, 40.0
 _MOST_DATES = 6
+_ONE_LINE, _TWO_LINES = 14.0, 26.0
+"""Height of the dates above the chart's lower edge: texts are 10 to 24 units high, and times go below the dates."""
 _CELL, _GAP, _TALL = 10, 2, 16
 # Shape and colour say the same: what passed is low, what did not is high.
 _HEIGHTS: dict[CaseOutcome, tuple[int, int]] = {
@@ -130,14 +133,13 @@ def _column(night: Night, index: int, count: int) -> list[Markup]:
 def _dates(nights: Sequence[Night]) -> list[Markup]:
     count = len(nights)
     every = max(1, -(-count // _MOST_DATES))
-    # Counted from the last, which readers look for.
-    return [
-        element(
-            "text",
-            f"{nights[index].started_at:%d %b}".lstrip("0"),
-            class_="date",
-            x=_place(index, count),
-            y=HEIGHT - 14,
-        )
-        for index in range(count - 1, -1, -every)
-    ]
+    shown = range(count - 1, -1, -every)  # counted from the last, which readers look for
+    days = Counter(nights[index].started_at.date() for index in shown)
+    y = HEIGHT - (_TWO_LINES if max(days.values(), default=0) > 1 else _ONE_LINE)
+    labels = []
+    for index in shown:
+        at, x = nights[index].started_at, _place(index, count)
+        labels.append(element("text", f"{at:%d %b}".lstrip("0"), class_="date", x=x, y=y))
+        if days[at.date()] > 1:  # a day alone does not tell them apart
+            labels.append(element("text", f"{at:%H:%M}", class_="date", x=x, y=y, dy="1.1em"))
+    return labels

@@ -54,6 +54,8 @@ class ComparisonPage:
     """Number of all pairs."""
     changed: int
     """Number of the pairs whose two jobs ended differently."""
+    not_run: int
+    """Number of the pairs of which a side was not run to its end."""
     first: int
     """Number of the first card, from 1."""
     cards: Sequence[PairView]

@@ -13,6 +13,7 @@ from helpers.planted_causes import draw, planted
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.schemas.reports.against import AgainstAnswer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
@@ -474,6 +475,23 @@ def test_jobs_of_a_challenge_are_not_offered_to_run_again(browser: Any, service:
     assert challenge.run_id in page
     assert "rerun" not in page
     assert "Run it again" not in page
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_a_run_beside_an_earlier_one_begins_with_its_answer(browser: Any, service: Service, early: bool) -> None:
+    against = AgainstAnswer(
+        run_id="nightly-1", alpha=0.05, answer="better", why="decided after 64 of 256 pairs", pairs=64, planned=256,
+        saved=192 if early else 0, stopped_early=early,
+    )  # fmt: skip
+    night = make_night("PPCC", runs=service.settings.home / "runs").model_copy(update={"against": against})
+    store_night(night)
+
+    page = browser.get(f"/console/runs/{night.run_id}").text
+    answer = page.index("Better than nightly-1: decided after 64 of 256 pairs")
+    assert answer < page.index("2 of 4 jobs passed")
+    assert ("192 trials saved" in page) is early
+    assert ("robomaker rerun" not in page) is early
+    assert "better · 2 of 4 jobs passed" in browser.get("/console/runs").text
 
 
 def test_the_page_of_a_challenge_has_its_table(browser: Any, service: Service) -> None:

@@ -1,9 +1,10 @@
 """Comparing two runs: the four answers and what they rest on."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.night_records import make_job, make_night
+from helpers.night_records import make_job, make_night, make_trials_night
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from prefect_robomaker.schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
+from prefect_robomaker.tasks.comparison.history import since_last_run
 
 
 def compared(before: Any, after: Any, **options: Any) -> Comparison:
@@ -224,3 +226,19 @@ def test_two_runs_the_other_way_round_get_the_opposite_answer(before: str, after
     assert there.pairs == min(len(before), len(after))
     assert (there.only_before, there.only_after) == (len(before) - there.pairs, len(after) - there.pairs)
     assert {each.cell.test for each in there.newly_failing} == {each.cell.test for each in back.newly_passing}
+
+
+def test_trials_of_a_job_that_was_not_run_to_its_end_count_neither_here_nor_in_the_report(tmp_path: Path) -> None:
+    before, after = (
+        make_trials_night(trials, night, runs=tmp_path)
+        for night, trials in enumerate((("FFFF", "FFFF"), ("PPFF", "PPPP")))
+    )
+    last = after.jobs[1].model_copy(update={"status": "Canceled", "verdict": None})
+    after = after.model_copy(update={"jobs": [after.jobs[0], last]})
+    nights = NightRun.of(before), NightRun.of(after)
+
+    found = [
+        [(each.name, each.newly_met, each.pairs) for each in told.requirements]
+        for told in (compare(*nights, alpha=0.05, difference=None), since_last_run(nights))
+    ]
+    assert found[0] == found[1] == [("gentle", 2, 4)]

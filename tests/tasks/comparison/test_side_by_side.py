@@ -16,6 +16,7 @@ from prefect_robomaker.tasks.comparison.side_by_side import (
     has_changed,
     pair_cells,
     requirements_beside,
+    was_run,
 )
 
 LETTERS = st.sampled_from("PFECN")
@@ -48,7 +49,7 @@ def pair_of(before: Requirement | None, after: Requirement | None, letters: str 
         (item(margin=1.0, kind="predicate"), item(margin=0.5, kind="predicate"), "PP", "unchanged", ""),
         (item(), item(False, error="no such body"), "PP", "not comparable", "it broke in B"),
         (item(), None, "PE", "not comparable", "B broke"),
-        (None, item(), "CP", "not comparable", "A was canceled"),
+        (None, item(), "CP", "not comparable", "A was not run"),
         (item(), None, "PP", "not comparable", "it is not asked of B"),
         (None, item(False, kind="health"), "PF", "worse", "newly missed"),
         (item(False, kind="health"), None, "FP", "better", "no longer missed"),
@@ -59,6 +60,29 @@ def test_a_requirement_is_better_or_worse_only_where_both_were_judged(
     before: Requirement | None, after: Requirement | None, letters: str, turn: str, why: str
 ) -> None:
     [row] = requirements_beside(pair_of(before, after, letters))
+    assert (row.turn, row.why) == (turn, why)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "turn", "why"),
+    [
+        ("met in 4 of 8 trials", "met in 8 of 8 trials", "better", "met in 4 more trials"),
+        ("met in 5 of 8 trials", "met in 4 of 8 trials", "worse", "met in 1 fewer trial"),
+        ("met in 4 of 8 trials", "met in 4 of 8 trials", "unchanged", ""),
+        ("met in 4 of 8 trials", "met in 4 of 4 trials", "not comparable", "8 trials in A, 4 in B"),
+    ],
+)
+def test_trials_are_counted_and_their_smallest_margin_tells_nothing(
+    before: str, after: str, turn: str, why: str
+) -> None:
+    own = Requirement(name="trials", satisfied=False, detail="4 of 8 trials did not pass")
+    sides = [
+        make_job(0, "F").model_copy(
+            update={"requirements": [own, item(False, margin=margin, detail=detail, counts=False)]}
+        )
+        for margin, detail in ((-15.5, before), (-1.0, after))
+    ]
+    row = requirements_beside(Pair(*sides))[1]
     assert (row.turn, row.why) == (turn, why)
 
 
@@ -82,6 +106,8 @@ def test_no_pair_is_lost_and_those_that_changed_come_first(letters: list[tuple[s
     assert sorted(pair.after.label for pair in found) == sorted(pair.after.label for pair in pairs)
     changed = [has_changed(pair) for pair in found]
     assert changed == sorted(changed, reverse=True)
+    run = ["C" not in pair for pair in letters]
+    assert [was_run(pair) for pair in found] == sorted(run, reverse=True), "those that were not run are last"
 
 
 def cell(robot: Any, seed: int, label: str, **axes: Any) -> JobRecord:

@@ -54,7 +54,7 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     assert f"95&nbsp;% interval {100 * low:.1f} to {100 * high:.1f}&nbsp;%" in page
     assert "SPEED=0.4" in page
     assert "clear: 0.02 m, 0.1 m &lt;asked&gt;" in page
-    assert "robomaker repro sim-0 --trial 3" in page
+    assert 'robomaker repro sim-0 <span class="whole">--trial 3</span>' in page, "no line breaks inside of --trial"
     [suite] = summarize(made).steps
     share = suite.jobs[0].trials
     assert share is not None

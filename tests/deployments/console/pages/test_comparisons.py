@@ -11,6 +11,7 @@ from helpers.night_records import make_job, make_night, store_night
 
 from prefect_robomaker.deployments.compared_pages import Sides, compared_page
 from prefect_robomaker.schemas.reports.run_record import UsedApplication
+from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.reporting.nights.beside import PairView
 from prefect_robomaker.tasks.service.service import Service
 
@@ -62,6 +63,33 @@ def test_both_paths_are_on_the_plan_of_their_world_with_what_changed(
     assert re.search(r"Without a partner.*?sim-1-8.*?>B<", page, re.DOTALL)
     assert page.count('id="beside-1-fixtures"') == page.count('id="beside-2-fixtures"') == 1
     assert "style=" not in page
+
+
+def test_trials_are_told_by_their_counts_and_nothing_is_drawn_of_them(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    jobs = []
+    for night, (letter, met, detail) in enumerate((("F", 4, "4 of 8 trials did not pass"), ("P", 8, "none failed"))):
+        own = Requirement(name="trials", satisfied=letter == "P", detail=detail)
+        goal = Requirement(
+            name="there", kind="goal", satisfied=letter == "P", counts=False, margin=15.5, unit="s",
+            detail=f"met in {met} of 8 trials",
+        )  # fmt: skip
+        job = make_job(0, letter, night=night, world=None).model_copy(update={"requirements": [own, goal]})
+        jobs.append([job, make_job(1, "F" if night == 0 else "C", night=night, world=None)])
+    before, after = (make_night(some, night, runs=runs) for night, some in enumerate(jobs))
+    for record in (before, after):
+        store_night(record)
+
+    page = html.unescape(browser.get(f"/console/compare?before={before.run_id}&after={after.run_id}").text)
+    trials, not_run = cards_of(page)
+
+    assert re.search(r"there.*?met in 4 of 8 trials.*?met in 8 of 8 trials.*?>better<", trials, re.DOTALL)
+    for word in ("margin", "does not count", "at no single moment", "<figure", 'class="player"'):
+        assert word not in trials, word
+    assert "4 of 8 trials did not pass" in trials
+    assert "1 of 2 pairs ended differently; they come first. 1 pair was not run" in page
+    assert ">not run</span>" in not_run
+    assert "changed" not in re.findall(r'<article class="([^"]*)"', not_run)[0]
 
 
 def test_cells_in_other_worlds_have_no_plan_in_common(
@@ -155,14 +183,19 @@ def test_a_run_of_known_failures_alone_leads_to_others(browser: Any, service: Se
 def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_jobs(
     service: Service, tmp_path: Path
 ) -> None:
-    def cards(digests: str, is_seen: bool = True) -> list[PairView]:
+    def cards(digests: str, is_seen: bool = True, *, one_package: bool = False) -> list[PairView]:
         jobs = [
-            drive(service, tmp_path / f"{digests}-{is_seen}", "P", world=None, night=night)
+            drive(service, tmp_path / f"{digests}-{is_seen}-{one_package}", "P", world=None, night=night)
             for night in (0, 1)
         ]  # fmt: skip
         jobs = [
             job.model_copy(
-                update={"inputs": job.inputs and job.inputs.model_copy(update={"applications": [simulation(digest)]})}
+                update={
+                    "inputs": job.inputs
+                    and job.inputs.model_copy(
+                        update={"applications": [simulation(digest), *([robot(digest)] if one_package else [])]}
+                    )
+                }
             )
             for job, digest in zip(jobs, digests, strict=True)
         ]
@@ -171,12 +204,15 @@ def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_job
         return list(compared_page(sides, service, lambda *_: "", is_seen=lambda _: is_seen).cards)
 
     [same], [other], [hidden] = cards("aa"), cards("ab"), cards("cc", is_seen=False)
+    [packed] = cards("ab", one_package=True)
 
     assert str(same.plan).count("data-times=") == 2
     assert "<use" not in str(same.plan)
     assert same.note == "The jobs drove in no generated world, so that there is no plan."
     assert other.plan is None
     assert "it is not known that their simulation applications are the same" in other.note
+    assert packed.plan is None
+    assert packed.note.startswith("Robot and simulation are one package, which differs between A and B")
     assert hidden.plan is None
     assert hidden.before.no_film == "This job is not shown to your access key."
     assert hidden.end_s == 0.0
@@ -185,3 +221,8 @@ def test_without_a_world_paths_are_drawn_only_of_one_place_and_one_visitor_s_job
 def simulation(digest: str) -> UsedApplication:
     """A simulation application of some content."""
     return UsedApplication(role="simulation", name="arena", digest=digest)
+
+
+def robot(digest: str) -> UsedApplication:
+    """A robot application of some content."""
+    return UsedApplication(role="robot", name="arena", digest=digest)

@@ -66,6 +66,24 @@ def test_known_failures_stand_apart(browser: Any, service: Service, store_job: C
     assert "badge failed" not in apart.partition("</section>")[0]
 
 
+def test_jobs_have_the_names_that_their_run_gave_them(
+    browser: Any, service: Service, store_job: Callable[..., str]
+) -> None:
+    run_id = make_night("F").run_id
+    job = store_job(verdict="FAIL", robot_application_names=["scout"], world_name="flat 3", spec_run=run_id)
+    record = make_job(0, "F").model_copy(
+        update={"label": job, "arn": service.arn("simulation-job", job), "name": "scout in flat 3, seed=4"}
+    )
+    store_night(make_night([record], runs=service.settings.home / "runs"))
+    newest = f'Newest: <a href="/console/jobs/{job}">scout in flat 3, seed=4</a>'
+
+    assert newest in browser.get("/console").text
+    assert newest in browser.get("/console/failures").text
+    page = browser.get(f"/console/jobs/{job}").text
+    assert "<h1>scout in flat 3, seed=4</h1>" in page
+    assert "<title>scout in flat 3, seed=4" in page
+
+
 def test_the_page_of_a_run_and_of_a_job_says_what_is_known(
     browser: Any, service: Service, store_job: Callable[..., str]
 ) -> None:

@@ -64,3 +64,25 @@ def test_pages_keep_the_rules(serve_here: ServeHere, paths: list[str], tab: Page
             script = "axe.run().then((found) => found.violations.map((each) => `${each.id}: ${each.nodes[0].html}`))"
             assert tab.evaluate(script) == [], (path, scheme)
     assert tab.complaints == []
+
+
+_OVERLAPS = """(() => {
+  const boxes = [...document.querySelectorAll('.changes > .change')].map((each) => each.getBoundingClientRect());
+  const apart = (one, other) => one.right <= other.left || other.right <= one.left || one.bottom <= other.top
+    || other.bottom <= one.top;
+  const overlaps = boxes.flatMap((one, i) => boxes.slice(i + 1).filter((other) => !apart(one, other)));
+  return [boxes.length, overlaps.length];
+})()"""
+
+
+@pytest.mark.parametrize("width", [400, 1000, 1280, 1600])  # from 992 pixels on, the first page has two columns
+def test_changes_on_the_first_page_do_not_lie_on_top_of_each_other(
+    serve_here: ServeHere, paths: list[str], tab: Page, width: int
+) -> None:
+    del paths  # its runs are what the first page tells of
+    with serve_here() as served:
+        tab.load(f"{served.url}/console", width)
+        count, overlaps = tab.evaluate(_OVERLAPS)
+        assert count >= 2
+        assert overlaps == 0
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width

@@ -1,5 +1,6 @@
 """Two paths on one plan: where each robot was, and the marks of both."""
 
+import re
 from typing import Any
 from xml.etree import ElementTree
 
@@ -56,3 +57,22 @@ def test_both_ways_their_misses_and_goals_are_drawn_where_they_are(make_world: A
 def test_nothing_is_drawn_of_no_path(make_result: Any) -> None:
     still = make_result("FAIL", 0)
     assert draw_bare_paths([Way("A", still)], [Goal("there", (1.0, 1.0))], "Paths") is None
+
+
+@pytest.mark.parametrize(("right", "up"), [(0, 0), (0.6, 0), (0, 0.4), (0, -0.4), (0.5, 0.25), (-0.6, -0.1)])
+def test_the_words_at_both_ends_do_not_cover_each_other(make_result: Any, right: float, up: float) -> None:
+    ends = ((5.0, 5.0), (5.0 + right, 5.0 + up))  # of a drawing 10 m wide: 0.1 m are about 10 units
+    ways = [
+        Way(
+            letter,
+            make_result("PASS", 1).model_copy(update={"path": [(0.0, 0.0, 0.0), (5.0, 10.0, 10.0), (9.0, *end)]}),
+        )
+        for letter, end in zip("AB", ends, strict=True)
+    ]
+    drawing = str(draw_bare_paths(ways, [], "two"))
+    found = re.findall(
+        r'class="end-of[^"]*" transform="translate\(([-\d.]+)[ ,]([-\d.]+)\)".*?<text y="([-\d.]+)"', drawing
+    )
+    [(x, y), (other_x, other_y)] = [(float(x), float(y) + float(down)) for x, y, down in found]
+
+    assert abs(x - other_x) >= 55 or abs(y - other_y) >= 20, "a text of 20 units is about 55 wide"

@@ -1,6 +1,7 @@
 """The page of a history, and the beginning of a report: what they say, escape and draw."""
 
 import re
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.reporting import render_history, render_report, write_history
 from prefect_robomaker.tasks.reporting.nights.changes import change_in_words
-from prefect_robomaker.tasks.reporting.nights.charts import outcome_strip
+from prefect_robomaker.tasks.reporting.nights.charts import outcome_strip, rate_chart
 
 ATTACK = "</title></script><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
 RUNS = Path("/home/ann/runs")
@@ -47,6 +48,15 @@ def test_one_run_has_a_page() -> None:
     html = render_history(history("PF"), RUNS)
     assert "This is the first run of the specification that has results here" in html
     assert "1 run; 1 of 2 passed in the last one" in html
+
+
+def test_runs_of_one_day_are_told_apart_by_their_times() -> None:
+    nights = history("P", "F", "P").nights
+    later = nights[1].model_copy(update={"started_at": nights[0].started_at + timedelta(hours=3)})
+    chart = rate_chart([nights[0], later, nights[2]], ["a", "b", "c"])
+
+    assert re.findall(r'class="date"[^>]*>([^<]+)<', chart) == ["3 Mar", "1 Mar", "05:00", "1 Mar", "02:00"]
+    assert ":00<" not in rate_chart(nights, ["a", "b", "c"])
 
 
 def test_names_and_reasons_are_escaped() -> None:
