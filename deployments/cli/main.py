@@ -10,6 +10,9 @@ from contextlib import suppress
 from ...schemas import exit_codes
 from .grammar import build_parser
 
+_WITHOUT_SETTINGS = ("sdk-model", "completion")
+"""Commands that shells run at each start: importing the settings, with pydantic, would double their time."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the `robomaker` command line, and returns the exit code.
@@ -75,27 +78,18 @@ def _execute(words: Sequence[str]) -> int:
     if chosen.command is None:
         parser.print_help(sys.stderr)
         return 2
-    # Commands that import no pydantic until now may do without, and read no settings then.
-    is_told = _warn_of_misspelt_settings()
-    code: int = chosen.execute(chosen)
-    if not is_told:
+    if chosen.command not in _WITHOUT_SETTINGS:
         _warn_of_misspelt_settings()
+    code: int = chosen.execute(chosen)
     return code
 
 
-def _warn_of_misspelt_settings() -> bool:
-    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it.
-
-    Returns:
-        Whether it was looked for: not so while nothing has imported pydantic, by which alone settings are read.
-    """
-    if "pydantic" not in sys.modules:
-        return False
+def _warn_of_misspelt_settings() -> None:
+    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it."""
     from ...schemas.settings import misspelt_settings
 
     for name, setting in misspelt_settings(os.environ).items():
         sys.stderr.write(f"robomaker: warning: {name} is not a setting, and is ignored; did you mean {setting}?\n")
-    return True
 
 
 def _report(error: Exception, *, debug: bool) -> int:
