@@ -52,8 +52,8 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
     """Lists Prefect concurrency limits that belong to finished batches.
 
     Args:
-        batches: ids of the batches.
-        service: the service, with its catalog and object store.
+        batches: Ids of the batches.
+        service: The service, with its catalog and object store.
 
     Returns:
         The names of their limits.
@@ -87,8 +87,8 @@ class RecordedEnds:
     """Looks up in a data home how flow runs really ended, to correct Prefect's states.
 
     Args:
-        settings: the data home's.
-        client: client of the server that shows the flow runs.
+        settings: The data home's.
+        client: Client of the server that shows the flow runs.
     """
 
     def __init__(self, settings: Settings, client: SyncPrefectClient) -> None:
@@ -177,7 +177,7 @@ def close_dead_runs(settings: Settings) -> None:
     """Starts a thread that regularly closes flow runs whose process died, on the Prefect server.
 
     Args:
-        settings: settings of the data home that knows how its runs ended.
+        settings: Settings of the data home that knows how its runs ended.
     """
     connect = partial(get_client, sync_client=True)
     threading.Thread(target=_close_until_end, args=(connect, settings), name="dead runs", daemon=True).start()
@@ -187,7 +187,7 @@ async def close_dead_runs_beside(client: PrefectClient) -> None:
     """Starts the closing of dead flow runs inside this program's own Prefect server.
 
     Args:
-        client: a client of the server in this process.
+        client: A client of the server in this process.
     """
     secret = get_current_settings().server.api.auth_string
     connect = partial(
@@ -202,7 +202,7 @@ def close_dead_runs_once(settings: Settings) -> None:
     """Starts a thread that closes dead flow runs once.
 
     Args:
-        settings: settings of the data home that knows how its runs ended.
+        settings: Settings of the data home that knows how its runs ended.
     """
     # Prefect's settings of this block, which may name its server, are not those of a new thread.
     threading.Thread(target=copy_context().run, args=(_sweep_once, settings), name="dead runs").start()
@@ -281,9 +281,9 @@ def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[
     """Writes into the dead flow runs of interrupted runs how the run can be finished.
 
     Args:
-        client: the server's client.
-        settings: settings of the data home.
-        told: run ids and counts of interruptions that were already reported; the new ones are added.
+        client: The server's client.
+        settings: Settings of the data home.
+        told: Run ids and counts of interruptions that were already reported; the new ones are added.
     """
     for run in broken_off_runs(settings):
         key = (run.run_id, len(run.order.interruptions))

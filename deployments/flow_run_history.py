@@ -29,10 +29,10 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
     """Deletes old flow runs from the local Prefect server's database, and shrinks it.
 
     Args:
-        settings: settings of the data home with the local server.
-        policy: retention policy; without an age every flow run is kept.
-        now: the time.
-        act: whether anything is changed.
+        settings: Settings of the data home with the local server.
+        policy: Retention policy; without an age every flow run is kept.
+        now: The time.
+        act: Whether anything is changed.
 
     Returns:
         Number of flow runs, or the reason why none were examined; and the size of the database.
@@ -52,9 +52,9 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
     """Deletes concurrency limits of finished batches from the local Prefect server.
 
     Args:
-        settings: settings of the data home with the local server.
-        service: the service, with its catalog and object store.
-        act: whether anything is changed.
+        settings: Settings of the data home with the local server.
+        service: The service, with its catalog and object store.
+        act: Whether anything is changed.
 
     Returns:
         Names of the limits.

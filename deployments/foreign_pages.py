@@ -36,10 +36,10 @@ def refusal(
     """Returns why a request is refused because a foreign web page may have sent it; `None` if it is allowed.
 
     Args:
-        kind: kind of the requested resource.
-        method: the method, in capitals; of a WebSocket any.
-        headers: the request's headers.
-        is_own_host: whether a `Host` names this server and no web site can have that name.
+        kind: Kind of the requested resource.
+        method: The method, in capitals; of a WebSocket any.
+        headers: The request's headers.
+        is_own_host: Whether a `Host` names this server and no web site can have that name.
         schemes: URL schemes that the server's own pages may have; with `https` a proxy before it may end TLS.
     """
     found = _found(headers)
@@ -62,8 +62,8 @@ def foreign_site(method: str, headers: RawHeaders) -> str | None:
     allowed.
 
     Args:
-        method: the method, in capitals.
-        headers: the request's headers.
+        method: The method, in capitals.
+        headers: The request's headers.
     """
     return _foreign_site("http", method, _found(headers))
 
@@ -113,7 +113,7 @@ class Guard:
     """ASGI application wrapper that refuses requests of foreign web pages to a server that listens at 127.0.0.1.
 
     Args:
-        application: the ASGI application to protect.
+        application: The ASGI application to protect.
     """
 
     def __init__(self, application: ASGIApp) -> None:

@@ -15,12 +15,12 @@ def log_formatter(environ: Mapping[str, str], text: str, times: str | None = Non
     """Makes the log formatter for text or JSON lines, as `ROBOMAKER_LOG_FORMAT` says.
 
     Args:
-        environ: environment variables, of which `ROBOMAKER_LOG_FORMAT` is read.
-        text: format of lines for people.
-        times: format of their times.
+        environ: Environment variables, of which `ROBOMAKER_LOG_FORMAT` is read.
+        text: Format of lines for people.
+        times: Format of their times.
 
     Raises:
-        ConfigurationError: the variable has another value than `text` or `json`.
+        ConfigurationError: The variable has another value than `text` or `json`.
     """
     match environ.get(VARIABLE) or "text":
         case "text":

@@ -57,8 +57,8 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
     Without a server in Prefect's settings nothing is looked at.
 
     Args:
-        settings: settings of this process.
-        now: the time; `None`: that of the clock.
+        settings: Settings of this process.
+        now: The time; `None`: that of the clock.
     """
     if get_current_settings().api.url is None:
         return  # a server of its own, which Prefect would start to be asked, knows of no night

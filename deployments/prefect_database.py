@@ -49,8 +49,8 @@ def prepare_servers_database(settings: Settings, environ: Mapping[str, str]) -> 
     Imports Prefect, whose settings have to be there.
 
     Args:
-        settings: the data home's.
-        environ: the server's environment variables.
+        settings: The data home's.
+        environ: The server's environment variables.
     """
     if not _ELSEWHERE & environ.keys():
         path = database_file(settings)
@@ -86,7 +86,7 @@ def prepare_database(path: Path) -> None:
     """Makes a SQLite database able to shrink (incremental vacuum).
 
     Raises:
-        sqlite3.Error: the file cannot be written, or is no database; the server says what is wrong with it.
+        sqlite3.Error: The file cannot be written, or is no database; the server says what is wrong with it.
     """
     with _opened(path) as database:
         if _number(database, "auto_vacuum") != _INCREMENTAL:
@@ -100,7 +100,7 @@ def measure_database(path: Path) -> DatabaseSize:
     """Measures the size of a SQLite database and its unused part.
 
     Raises:
-        sqlite3.Error: it cannot be read.
+        sqlite3.Error: It cannot be read.
     """
     with _opened(path) as database:
         size = _number(database, "page_size")
@@ -113,7 +113,7 @@ def shrink_database(path: Path) -> None:
     A database of an earlier version stays as it is until it is prepared.
 
     Raises:
-        sqlite3.Error: it cannot be written, or others write all the time.
+        sqlite3.Error: It cannot be written, or others write all the time.
     """
     with _opened(path) as database:
         if _number(database, "auto_vacuum") != _INCREMENTAL:

@@ -68,8 +68,8 @@ class KnownFailure(Model):
         """Returns whether it is about a job's requirement.
 
         Args:
-            names: the job's names, in reports and in JUnit.
-            requirement: the requirement's name.
+            names: The job's names, in reports and in JUnit.
+            requirement: The requirement's name.
         """
         return self.is_about(names) and fnmatchcase(requirement, self.match.requirement)
 
@@ -89,9 +89,9 @@ def known_failure(job: ReportedFailures, known: Sequence[KnownFailure], day: dat
     """Finds the known failure that explains all of a job's missed requirements.
 
     Args:
-        job: the job.
-        known: known failures of the specification.
-        day: the day on which the run began, UTC.
+        job: The job.
+        known: Known failures of the specification.
+        day: The day on which the run began, UTC.
 
     Returns:
         The one that ends first of those that are needed; None: a requirement was missed that is not known, or whose
@@ -116,9 +116,9 @@ def partly_known(jobs: Sequence[tuple[str, ReportedFailures]], known: Sequence[K
     Jobs that missed the same requirements share a sentence.
 
     Args:
-        jobs: title of each job, and what it missed.
-        known: known failures of the specification.
-        day: the day on which the run began, UTC.
+        jobs: Title of each job, and what it missed.
+        known: Known failures of the specification.
+        day: The day on which the run began, UTC.
     """
     titles: dict[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]], list[str]] = {}
     for title, job in jobs:
@@ -150,9 +150,9 @@ def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure
     Nothing is said of one whose jobs were not judged: they may fail so again.
 
     Args:
-        jobs: the jobs of the run.
-        known: known failures of the specification.
-        day: the day on which the run began, UTC.
+        jobs: The jobs of the run.
+        known: Known failures of the specification.
+        day: The day on which the run began, UTC.
     """
     told: list[str] = []
     for each in known:

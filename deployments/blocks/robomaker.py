@@ -128,8 +128,8 @@ def open_service(*blocks: RobomakerCatalog | RobomakerObjectStore | RobomakerCre
     ```
 
     Raises:
-        ConfigurationError: a setting leads nowhere.
-        StorageError: the object store does not answer.
+        ConfigurationError: A setting leads nowhere.
+        StorageError: The object store does not answer.
     """
     import os
 

@@ -70,8 +70,8 @@ def given_options(arguments: argparse.Namespace, *names: str) -> list[str]:
     """Returns options as words of a command line, as they were given.
 
     Args:
-        arguments: parsed arguments of a command.
-        names: options with one or several values; those that were not given are left out.
+        arguments: Parsed arguments of a command.
+        names: Options with one or several values; those that were not given are left out.
     """
     values = {name: getattr(arguments, name) for name in names}
     several = {name: value if isinstance(value, list) else [value] for name, value in values.items()}

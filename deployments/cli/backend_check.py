@@ -19,7 +19,7 @@ def check_backend(settings: Settings) -> Finding:
     """Runs a test job on the configured backend (where jobs run), and reports the result.
 
     Args:
-        settings: settings of a run, with the backend that is examined.
+        settings: Settings of a run, with the backend that is examined.
     """
     from ...flows import lookup
     from ...tasks.jobs.job_owners import OwnOrder

@@ -61,8 +61,8 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
     """Runs all checks of `robomaker doctor`.
 
     Args:
-        settings: the settings that are examined.
-        notify: whether a test message is sent to the addresses that are notified of the ends of runs.
+        settings: The settings that are examined.
+        notify: Whether a test message is sent to the addresses that are notified of the ends of runs.
     """
     without_roles = settings.model_copy(update={"roles_file": None})  # a wrong file is told once, and in its place
     checks: dict[str, Callable[[], Finding]] = {
@@ -179,8 +179,8 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
     """Checks that the data home can be written to and has free space, and says what its folders take up.
 
     Args:
-        home: the data home.
-        least_free_bytes: bytes that have to be free on the disk before a job begins.
+        home: The data home.
+        least_free_bytes: Bytes that have to be free on the disk before a job begins.
     """
     probe = home / f".doctor-{uuid.uuid4().hex}"
     try:
@@ -210,8 +210,8 @@ def _used_in_words(home: Path, until_s: float) -> str:
     """Describes the disk space of a data home and of its largest folders: `23 MB (objects 15 MB, prefect 7 MB)`.
 
     Args:
-        home: the data home.
-        until_s: time limit on the monotonic clock; a size that is not known by then is called `at least`.
+        home: The data home.
+        until_s: Time limit on the monotonic clock; a size that is not known by then is called `at least`.
     """
     sizes: dict[str, int] = {}
     for entry in sorted(home.iterdir()):
@@ -408,8 +408,8 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
     """Checks for unfinished jobs that no process will continue by itself.
 
     Args:
-        settings: settings that the jobs' needs are compared with.
-        opened_with: settings that the catalog is opened with.
+        settings: Settings that the jobs' needs are compared with.
+        opened_with: Settings that the catalog is opened with.
     """
     from ...tasks.jobs.job_owners import left_jobs
     from ...tasks.service.service import Service

@@ -78,8 +78,8 @@ def find_commands(folder: Path, package: str) -> list[Command]:
     """Finds the commands in a folder of modules, in the help's order.
 
     Args:
-        folder: the folder.
-        package: full name of the package.
+        folder: The folder.
+        package: Full name of the package.
     """
     return sorted(_commands(folder, package), key=lambda command: _place(command.name, _FIRST))
 
@@ -169,7 +169,7 @@ class CommandParser(Parser):
     """Parser of one command, whose module is imported only when the command is chosen.
 
     Args:
-        command: the command; the rest is argparse's.
+        command: The command; the rest is argparse's.
     """
 
     def __init__(self, command: Command, **options: Any) -> None:

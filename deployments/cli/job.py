@@ -25,7 +25,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     from ...tasks.service.service import Service
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
@@ -97,7 +97,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
         Exit code, as of `perform`.
 
     Raises:
-        ServiceError: the request is refused; nothing was stored.
+        ServiceError: The request is refused; nothing was stored.
     """
     from ...tasks.jobs.job_owners import OwnOrder
     from ...tasks.operations.registry import registry

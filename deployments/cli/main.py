@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the `robomaker` command line, and returns the exit code.
 
     Args:
-        arguments: words after the program's name; absent: those the program was started with.
+        arguments: Words after the program's name; absent: those the program was started with.
 
     Returns:
         The exit code. Wrong usage ends the program with 2 at once.
@@ -40,7 +40,7 @@ def _executed(words: Sequence[str]) -> int:
     """Executes the command, prints errors, and returns the exit code.
 
     Raises:
-        BrokenPipeError: the reader of standard output or standard error has closed it.
+        BrokenPipeError: The reader of standard output or standard error has closed it.
     """
     try:
         return _execute(words)

@@ -28,10 +28,10 @@ def carry_out(
     """Runs a specification, shows its progress, prints the results, and returns the exit code.
 
     Args:
-        wanted: the specification, and everything that is asked of the run besides.
-        settings: settings of the run.
-        arguments: parsed command line: `output` and `open`.
-        report: path of a copy of the report; None: no copy.
+        wanted: The specification, and everything that is asked of the run besides.
+        settings: Settings of the run.
+        arguments: Parsed command line: `output` and `open`.
+        report: Path of a copy of the report; None: no copy.
 
     Returns:
         The exit code, which says how the run ended.
@@ -81,13 +81,13 @@ def check_before_start(
     """Raises errors for a run that cannot start, before a server is started and Prefect is imported.
 
     Args:
-        spec: the specification.
-        settings: settings of the run.
-        checks_templates: whether the templates that it names are checked, too.
-        against: the earlier run that it is compared with; `None`: none.
+        spec: The specification.
+        settings: Settings of the run.
+        checks_templates: Whether the templates that it names are checked, too.
+        against: The earlier run that it is compared with; `None`: none.
 
     Raises:
-        RobomakerError: the run cannot start; the message says why.
+        RobomakerError: The run cannot start; the message says why.
     """
     from ...tasks.inspection.preflight import check_named, check_templates
     from ...tasks.service.service import Service
@@ -141,7 +141,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Returns the settings of a run, with the backend from the command line.
 
     Raises:
-        ConfigurationError: a setting or the backend is invalid; nothing has been started.
+        ConfigurationError: A setting or the backend is invalid; nothing has been started.
     """
     from ...tasks.backends.backend import open_backend
 

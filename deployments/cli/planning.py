@@ -103,9 +103,9 @@ def with_time(needed: "PlannedPairs", forecast: "Forecast", planned: int) -> "Pl
     """Adds the time and cost of one run with as many trials as are needed, by the forecast of one with those it has.
 
     Args:
-        needed: the number of trials.
-        forecast: the forecast from a probe's measurements.
-        planned: trials that the specification has now.
+        needed: The number of trials.
+        forecast: The forecast from a probe's measurements.
+        planned: Trials that the specification has now.
     """
     more = needed.pairs / planned - 1
     driven = [step for step in forecast.steps if step.operation in DRIVES]

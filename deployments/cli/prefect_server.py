@@ -29,15 +29,15 @@ def use_server(settings: Settings, *, for_runs: bool = False) -> str:
     """Finds or starts the Prefect server; has to be called before Prefect is imported.
 
     Args:
-        settings: the data home's.
-        for_runs: whether this process carries out runs; what that takes is imported while a new server starts.
+        settings: The data home's.
+        for_runs: Whether this process carries out runs; what that takes is imported while a new server starts.
 
     Returns:
         The URL of its API.
 
     Raises:
-        LocalServerError: a local server did not start.
-        ConfigurationError: the configured server does not answer.
+        LocalServerError: A local server did not start.
+        ConfigurationError: The configured server does not answer.
     """
     status = server_status(settings)
     starting = not (status.running or status.busy or status.configured_elsewhere)
@@ -74,8 +74,8 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
 
     Args:
         api_url: API URL of the Prefect server, from `use_server`.
-        settings: the data home's.
-        tell: tells the user at once that the server is away, and when it is back; called from any thread.
+        settings: The data home's.
+        tell: Tells the user at once that the server is away, and when it is back; called from any thread.
 
     Returns:
         Tracker of the server's outages.
@@ -91,8 +91,8 @@ def waiting_for_server(api_url: str, settings: Settings, tell: Callable[[str], N
 
     Args:
         api_url: API URL of the Prefect server, from `use_server`.
-        settings: the data home's.
-        tell: tells the user at once that the server is away, and when it is back; called from any thread.
+        settings: The data home's.
+        tell: Tells the user at once that the server is away, and when it is back; called from any thread.
     """
     from ...tasks.execution.run_watch import WATCH
     from ..prefect_server.outage import Outage
@@ -112,8 +112,8 @@ def tell_after_outage(outage: "Outage", settings: Settings) -> None:
     """Reports to the Prefect server, at a run's end, the ends of flow runs that it missed during an outage.
 
     Args:
-        outage: outage tracker from `wait_for_server_once`.
-        settings: settings of the data home that knows how its runs ended.
+        outage: Outage tracker from `wait_for_server_once`.
+        settings: Settings of the data home that knows how its runs ended.
     """
     from ..dead_run_sweeper import close_dead_runs_once
 
@@ -135,7 +135,7 @@ def pages(api_url: str, secret: str | None) -> str:
 
     Args:
         api_url: API URL of the Prefect server, from `use_server`.
-        secret: the auth string with which the server is used, if any.
+        secret: The auth string with which the server is used, if any.
     """
     # Only a server on this machine can be ours; nothing that logs in is sent anywhere else.
     link = login_link(api_url, secret) if secret and api_url.startswith("http://127.0.0.1:") else None

@@ -35,10 +35,10 @@ class Machines:
         """Raises an error for an impossible number of machines or price.
 
         Args:
-            settings: settings of the probe, with its backend.
+            settings: Settings of the probe, with its backend.
 
         Raises:
-            ConfigurationError: a number is too small, or jobs run on this machine alone.
+            ConfigurationError: A number is too small, or jobs run on this machine alone.
         """
         if self.count < 1:
             raise ConfigurationError(f"--machines is {self.count}; a number from 1 would be right")
@@ -58,7 +58,7 @@ class ProbeFailedError(RobomakerError):
     """Raised when a probe (small trial run) failed, so that there can be no forecast.
 
     Args:
-        record: the pass that failed.
+        record: The pass that failed.
     """
 
     def __init__(self, record: RunRecord) -> None:
@@ -97,14 +97,14 @@ def run_pass(
     """Runs one pass of a probe (small trial run), and deletes resources that the whole run creates itself.
 
     Args:
-        spec: the specification.
-        settings: settings of the run, with the backend.
-        size: limits of the pass: worlds, jobs and trials.
-        listener: called with the progress of the pass.
-        spec_path: the file that the specification is from.
+        spec: The specification.
+        settings: Settings of the run, with the backend.
+        size: Limits of the pass: worlds, jobs and trials.
+        listener: Called with the progress of the pass.
+        spec_path: The file that the specification is from.
 
     Raises:
-        ProbeFailedError: the pass failed or was cancelled.
+        ProbeFailedError: The pass failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     quiet = settings.model_copy(update={"notify": ()})
@@ -148,14 +148,14 @@ def probe(
     are deleted, as the run itself is to make them.
 
     Args:
-        spec: the specification; `check_probed` accepts it.
-        settings: settings of the run, with the backend.
-        machines: number of machines, and their price.
-        listener: called with the progress of the probe.
-        spec_path: the file that the specification is from.
+        spec: The specification; `check_probed` accepts it.
+        settings: Settings of the run, with the backend.
+        machines: Number of machines, and their price.
+        listener: Called with the progress of the probe.
+        spec_path: The file that the specification is from.
 
     Raises:
-        ProbeFailedError: a pass of the probe failed or was cancelled.
+        ProbeFailedError: A pass of the probe failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
     cpus = os.cpu_count() or 1
@@ -192,8 +192,8 @@ def trials_within(seconds: float, first: RunRecord) -> int:
     """Computes how many trials a probe's job can run in a given time.
 
     Args:
-        seconds: wall-clock time that they may take.
-        first: the first pass.
+        seconds: Wall-clock time that they may take.
+        first: The first pass.
     """
     each_s = [job.duration_s / trials for job in first.jobs if job.duration_s and (trials := job.metrics.get("trials"))]
     return min(_MOST_TRIALS, max(_FIRST_TRIALS, round(seconds / max(each_s)))) if each_s else _FIRST_TRIALS

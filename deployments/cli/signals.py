@@ -14,7 +14,7 @@ class Terminated(KeyboardInterrupt):
     """Raised when a signal (SIGTERM, SIGHUP) asks this process to end.
 
     Args:
-        signal_number: the signal.
+        signal_number: The signal.
     """
 
     def __init__(self, signal_number: int) -> None:

@@ -57,7 +57,7 @@ def conflicts_among(version_of: Callable[[str], str | None]) -> Iterator[Found]:
     """Finds installed packages whose versions do not work together.
 
     Args:
-        version_of: version of a package there; `None` if it is missing.
+        version_of: Version of a package there; `None` if it is missing.
     """
     for conflict in CONFLICTS:
         pair = [Requirement(text) for text in (conflict.first, conflict.second)]

@@ -20,10 +20,10 @@ def work(batch: str, *, end_with_input: bool) -> int:
 
     Args:
         batch: ARN of the batch.
-        end_with_input: whether the process ends when its standard input closes.
+        end_with_input: Whether the process ends when its standard input closes.
 
     Raises:
-        ConfigurationError: the catalog of this machine does not have the batch.
+        ConfigurationError: The catalog of this machine does not have the batch.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))

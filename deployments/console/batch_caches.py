@@ -14,7 +14,7 @@ class BatchBriefs:
     """Cache of batch summaries for the web console, each valid until its batch changes.
 
     Args:
-        catalog: the catalog of the batches.
+        catalog: The catalog of the batches.
     """
 
     def __init__(self, catalog: Catalog) -> None:
@@ -50,7 +50,7 @@ class JobLines:
     """Cache of a batch's job rows for the web console, each valid until its job changes.
 
     Args:
-        catalog: the catalog of the jobs.
+        catalog: The catalog of the jobs.
     """
 
     def __init__(self, catalog: Catalog) -> None:
@@ -84,7 +84,7 @@ class Posters:
     """Cache of which jobs have a poster picture in their outputs.
 
     Args:
-        published: finds the names of the files of outputs.
+        published: Finds the names of the files of outputs.
     """
 
     def __init__(self, published: Callable[[StoredPlace], Mapping[str, int]]) -> None:

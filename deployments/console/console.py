@@ -71,9 +71,9 @@ def carry_out(visit: Visit) -> Response:
     """Handles a form of the web console (cancel, restart, ...), and shows the resource again.
 
     Raises:
-        ResourceNotFoundException: the console has no such action, or the catalog no such resource.
-        AccessDeniedException: the visitor's key is not good for it.
-        ServiceError: the action is not possible in the present state of the resource.
+        ResourceNotFoundException: The console has no such action, or the catalog no such resource.
+        AccessDeniedException: The visitor's key is not good for it.
+        ServiceError: The action is not possible in the present state of the resource.
     """
     folder, resource_id, act = (visit.request.path_params[name] for name in ("folder", "id", "act"))
     if (other := _OTHERS.get((folder, act))) is not None:
@@ -184,11 +184,11 @@ class Console:
     """Web console: serves pages below `/console`, and passes all other requests to the API server.
 
     Args:
-        endpoint: the application of all other paths; it makes the calls of operations, and counts requests.
-        service: the service, with its catalog and object store.
-        access_keys: access keys that may log in, by id; `None`: no login, and no foreign web page is admitted.
-        worker_status: returns the job worker's status to show.
-        spec_runs: runs of specifications that visitors order; `None`: they can order none.
+        endpoint: The application of all other paths; it makes the calls of operations, and counts requests.
+        service: The service, with its catalog and object store.
+        access_keys: Access keys that may log in, by id; `None`: no login, and no foreign web page is admitted.
+        worker_status: Returns the job worker's status to show.
+        spec_runs: Runs of specifications that visitors order; `None`: they can order none.
     """
 
     def __init__(

@@ -22,10 +22,10 @@ class FailedLogins:
 
         Args:
             client: IP address of the visitor.
-            now_s: time in seconds, of a clock that only grows.
+            now_s: Time in seconds, of a clock that only grows.
 
         Raises:
-            ThrottlingException: too many logins failed within the last minute.
+            ThrottlingException: Too many logins failed within the last minute.
         """
         failures = self._failures.get(client, ())
         if len(failures) == _MOST_FAILURES and now_s - failures[0] < _FAILURES_WITHIN_S:
@@ -36,7 +36,7 @@ class FailedLogins:
 
         Args:
             client: IP address of the visitor.
-            now_s: time in seconds, of the clock that `check` is given.
+            now_s: Time in seconds, of the clock that `check` is given.
         """
         times = self._failures.pop(client, None) or deque(maxlen=_MOST_FAILURES)
         times.append(now_s)

@@ -47,13 +47,13 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
     """Makes the HTTP response with one of a job's output files.
 
     Args:
-        place: place of the job's outputs in the object store.
-        name: name of the file there.
-        service: the service, with its catalog and object store.
+        place: Place of the job's outputs in the object store.
+        name: Name of the file there.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ObjectNotFoundError: no manifest names it.
-        StorageError: the file cannot be read.
+        ObjectNotFoundError: No manifest names it.
+        StorageError: The file cannot be read.
     """
     if place is None or name not in published(place, service):
         raise ObjectNotFoundError(f"there is no file {name}")

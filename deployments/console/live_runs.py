@@ -25,9 +25,9 @@ def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
     """Reads a small file that a running application has written; links are not followed.
 
     Args:
-        run: the folder of the run; `None`: it is not on this machine.
-        name: name of the file.
-        most_bytes: most bytes of it that are read.
+        run: The folder of the run; `None`: it is not on this machine.
+        name: Name of the file.
+        most_bytes: Most bytes of it that are read.
 
     Returns:
         First bytes of the file; empty if it cannot be read.
@@ -54,7 +54,7 @@ def live_view_of(run: Path | None) -> str:
     """Returns the URL of a run's live view; empty if it has none.
 
     Args:
-        run: the folder of the run; `None`: it is not on this machine.
+        run: The folder of the run; `None`: it is not on this machine.
     """
     try:
         url = json.loads(note_of(run, LIVE_VIEW_FILE, _MOST_NOTE_BYTES))["url"]

@@ -29,7 +29,7 @@ def asset(name: str) -> str:
     """Returns the content of the console's style sheet or of a script.
 
     Raises:
-        KeyError: the name is that of none.
+        KeyError: The name is that of none.
     """
     before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": page_script, "timeline.js": str}
     return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")

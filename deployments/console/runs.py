@@ -184,8 +184,8 @@ def find_record(visit: Visit) -> RunRecord:
     """Returns the record of the run that the visitor asks for.
 
     Raises:
-        ResourceNotFoundException: the visitor may see no such run.
-        ConfigurationError: the record cannot be read.
+        ResourceNotFoundException: The visitor may see no such run.
+        ConfigurationError: The record cannot be read.
     """
     path = _path(visit)
     record = _read(path, path.stat().st_mtime_ns)

@@ -31,9 +31,9 @@ class Sessions:
     """All login sessions of a web console server.
 
     Args:
-        access_keys: access keys that may log in, by id.
-        clock: seconds that only grow.
-        new_token: makes what cannot be guessed.
+        access_keys: Access keys that may log in, by id.
+        clock: Seconds that only grow.
+        new_token: Makes what cannot be guessed.
     """
 
     def __init__(
@@ -53,13 +53,13 @@ class Sessions:
         """Checks an access key, starts a session, and returns its cookie token.
 
         Args:
-            key_id: the id of an access key.
-            secret: secret of the access key.
-            client: the visitor's IP address: failed logins are limited for each address.
+            key_id: The id of an access key.
+            secret: Secret of the access key.
+            client: The visitor's IP address: failed logins are limited for each address.
 
         Raises:
-            UnrecognizedClientException: id and secret are not those of an access key.
-            ThrottlingException: too many logins failed within the last minute.
+            UnrecognizedClientException: Id and secret are not those of an access key.
+            ThrottlingException: Too many logins failed within the last minute.
         """
         now = self._clock()
         with self._lock:

@@ -38,8 +38,8 @@ class Streams:
         """Makes the HTTP response that streams changes to the browser (server-sent events).
 
         Args:
-            look: polled for changes, in a thread of its own.
-            every_s: seconds between two polls.
+            look: Polled for changes, in a thread of its own.
+            every_s: Seconds between two polls.
         """
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
         return _Stream(self, self._events(look, every_s), headers)

@@ -108,12 +108,12 @@ class Visit:
         """Returns a resource that the visitor may see.
 
         Args:
-            kind: kind of the resource.
-            resource_id: id of the resource.
-            members: members of its document to read; `None`: all.
+            kind: Kind of the resource.
+            resource_id: Id of the resource.
+            members: Members of its document to read; `None`: all.
 
         Raises:
-            ResourceNotFoundException: the resource does not exist, or the visitor may not see it.
+            ResourceNotFoundException: The resource does not exist, or the visitor may not see it.
         """
         arn = self.service.arn(kind, resource_id)
         found = self.seen(self.service.catalog.get_many([arn], members).values())
@@ -131,8 +131,8 @@ class Visit:
         """Calls an API operation with the visitor's rights.
 
         Raises:
-            AccessDeniedException: the visitor's key is not good for it.
-            ServiceError: the request is refused.
+            AccessDeniedException: The visitor's key is not good for it.
+            ServiceError: The request is refused.
         """
         call = Call(str(uuid.uuid4()), self.address, self.key)
         return self.context.calls.make(operation, members, call)
@@ -142,9 +142,9 @@ class Visit:
         """Writes an action of the visitor that is no API call to the audit log.
 
         Args:
-            name: name of the action, for the audit log.
+            name: Name of the action, for the audit log.
             resources: ARNs or names of the resources.
-            if_refused: whether only a refusal is written, because a call that follows writes the rest.
+            if_refused: Whether only a refusal is written, because a call that follows writes the rest.
 
         Yields:
             The entry of the audit log, to which the created resources are added.

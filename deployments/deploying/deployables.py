@@ -46,7 +46,7 @@ def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
     """Returns the needs whose object does not exist in the object store.
 
     Raises:
-        StorageError: the store does not answer.
+        StorageError: The store does not answer.
     """
     missing = []
     for need in needs:
@@ -162,14 +162,14 @@ def spec_deployable(
     """Returns a specification for deployment as a Prefect flow.
 
     Args:
-        spec: the specification, checked.
-        origin: name of its file, which problems of a run mention.
-        name: name of the deployment; absent: the specification's.
-        tags: more tags.
-        given: parameters whose values the deployment keeps, in place of the specification's defaults.
+        spec: The specification, checked.
+        origin: Name of its file, which problems of a run mention.
+        name: Name of the deployment; absent: the specification's.
+        tags: More tags.
+        given: Parameters whose values the deployment keeps, in place of the specification's defaults.
 
     Raises:
-        ConfigurationError: the specification is longer than the parameters that Prefect accepts.
+        ConfigurationError: The specification is longer than the parameters that Prefect accepts.
     """
     size = len(spec.text.encode())
     if size > _MOST_BYTES:

@@ -37,7 +37,7 @@ def environment_of_words(words: Sequence[str]) -> dict[str, str]:
     """Parses environment variables given as `NAME=VALUE`.
 
     Raises:
-        ConfigurationError: a word is none.
+        ConfigurationError: A word is none.
     """
     variables = {}
     for word in words:
@@ -52,7 +52,7 @@ def block_of_word(word: str) -> tuple[str, str]:
     """Parses a Prefect block given as `TYPE/NAME`.
 
     Raises:
-        ConfigurationError: the text does not name a block of a type that holds settings.
+        ConfigurationError: The text does not name a block of a type that holds settings.
     """
     slug, _, name = word.partition("/")
     if slug not in BLOCK_VARIABLES or not name:
@@ -65,11 +65,11 @@ def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, s
     """Returns environment variables whose values a Prefect worker takes from blocks.
 
     Args:
-        blocks: each `TYPE/NAME`, as `prefect block ls` shows them.
-        read: reads a block.
+        blocks: Each `TYPE/NAME`, as `prefect block ls` shows them.
+        read: Reads a block.
 
     Raises:
-        ConfigurationError: a block does not exist, or its type holds no settings.
+        ConfigurationError: A block does not exist, or its type holds no settings.
     """
     variables = {}
     for word in blocks:
@@ -89,11 +89,11 @@ def check_image(kind: str, image: str | None) -> None:
     """Checks the container image for runs of a Prefect work pool.
 
     Args:
-        kind: the type of the pool: `process`, `docker` or `kubernetes`.
-        image: the image, if one is given.
+        kind: The type of the pool: `process`, `docker` or `kubernetes`.
+        image: The image, if one is given.
 
     Raises:
-        ConfigurationError: the pool needs an image and none is given, or it cannot use the image that is given.
+        ConfigurationError: The pool needs an image and none is given, or it cannot use the image that is given.
     """
     if image is None and kind != "process":
         raise ConfigurationError(
@@ -126,12 +126,12 @@ def pool_template(
     """Makes a job template for `prefect work-pool create --base-job-template`.
 
     Args:
-        kind: the type of the pool, one of `TYPES`.
-        image: container image of its runs, which has this package; for docker and kubernetes.
-        environment: more variables for its runs.
+        kind: The type of the pool, one of `TYPES`.
+        image: Container image of its runs, which has this package; for docker and kubernetes.
+        environment: More variables for its runs.
 
     Raises:
-        ConfigurationError: an image is missing or of no use, or Prefect does not know the type.
+        ConfigurationError: An image is missing or of no use, or Prefect does not know the type.
     """
     check_image(kind, image)
     template = asyncio.run(get_default_base_job_template_for_infrastructure_type(kind))

@@ -42,8 +42,8 @@ def form_schema(flow: Flow[..., Any], own: Mapping[str, Parameter] | None = None
     a choice, which the service fills in, is chosen already.
 
     Args:
-        flow: the flow.
-        own: parameters of the specification that it runs, which are asked for one by one, and first; `None`: it is the
+        flow: The flow.
+        own: Parameters of the specification that it runs, which are asked for one by one, and first; `None`: it is the
             flow of no specification.
     """
     schema = _shown(parameter_schema(flow).model_dump_for_openapi())
@@ -131,8 +131,8 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
     """Creates or updates deployments on the Prefect server.
 
     Raises:
-        NoSuchPoolError: the work pool does not exist.
-        ConfigurationError: a block does not exist, or the server does not answer or refuses the deployment.
+        NoSuchPoolError: The work pool does not exist.
+        ConfigurationError: A block does not exist, or the server does not answer or refuses the deployment.
     """
     with _told(), get_client(sync_client=True) as client:
         pool = _pool(target.pool, client)
@@ -147,7 +147,7 @@ def close_dead_runs() -> None:
     """Sets up a remote Prefect server to close runs whose machine has died.
 
     Raises:
-        ConfigurationError: the server does not answer or refuses.
+        ConfigurationError: The server does not answer or refuses.
     """
     with _told(), get_client(sync_client=True) as client:
         ensure_automation(client)
@@ -296,11 +296,11 @@ def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
     """Makes a Prefect schedule from a cron expression.
 
     Args:
-        cron: five fields: minute, hour, day of the month, month, day of the week; or `@daily` and the like.
-        timezone: an IANA name such as `Europe/Berlin`, whose summer time counts.
+        cron: Five fields: minute, hour, day of the month, month, day of the week; or `@daily` and the like.
+        timezone: An IANA name such as `Europe/Berlin`, whose summer time counts.
 
     Raises:
-        ConfigurationError: the cron expression or the time zone is invalid.
+        ConfigurationError: The cron expression or the time zone is invalid.
     """
     try:
         schedule = CronSchedule(cron=cron, timezone=timezone)

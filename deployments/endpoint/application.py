@@ -42,13 +42,13 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
     """Starts the HTTP access log of the API server.
 
     Args:
-        path: file that lines are added to; `None`: standard error.
+        path: File that lines are added to; `None`: standard error.
 
     Returns:
         The handler; closing it is the caller's.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: The file cannot be written.
     """
     handler = logging.StreamHandler() if path is None else logging.FileHandler(path, encoding="utf-8")
     formatter = log_formatter(os.environ, "%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%SZ")
@@ -63,10 +63,10 @@ def log_access(request: ServiceRequest, status: int, error: str, duration_s: flo
     """Logs one HTTP request, if the access log is on.
 
     Args:
-        request: the HTTP request.
+        request: The HTTP request.
         status: HTTP status of the answer.
-        error: name of the error that it tells of; `-`: of none.
-        duration_s: duration of the request, in seconds.
+        error: Name of the error that it tells of; `-`: of none.
+        duration_s: Duration of the request, in seconds.
     """
     if LOGGER.handlers:
         LOGGER.info(
@@ -104,13 +104,13 @@ class Endpoint:
     """API server: the ASGI application that serves every RoboMaker operation over HTTP.
 
     Args:
-        service: the service, with its catalog and object store.
-        access_keys: access keys by id; `None`: requests need no signature, and web pages are refused.
-        on_submitted: called with the ARN of every stored job, again if the call is repeated;
+        service: The service, with its catalog and object store.
+        access_keys: Access keys by id; `None`: requests need no signature, and web pages are refused.
+        on_submitted: Called with the ARN of every stored job, again if the call is repeated;
             from several threads, before the client has its answer.
-        worker_status: returns the job worker's status for the health page; plain JSON.
-        audit_log: records every call of an operation, also refused ones.
-        console: path of the console beside it, which the status page leads to; `None`: there is none.
+        worker_status: Returns the job worker's status for the health page; plain JSON.
+        audit_log: Records every call of an operation, also refused ones.
+        console: Path of the console beside it, which the status page leads to; `None`: there is none.
     """
 
     def __init__(
@@ -176,10 +176,10 @@ class Endpoint:
         """Counts and logs an answered request.
 
         Args:
-            request: the HTTP request.
+            request: The HTTP request.
             status: HTTP status of the answer.
-            duration_s: duration of the request, in seconds.
-            error: name of the error that the answer tells of; `-`: of none.
+            duration_s: Duration of the request, in seconds.
+            error: Name of the error that the answer tells of; `-`: of none.
         """
         self._metrics.count(request.operation, status, duration_s)
         log_access(request, status, error, duration_s)

@@ -40,7 +40,7 @@ def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
     """Makes the uvicorn protocol class that enforces connection limits.
 
     Args:
-        limits: limits of each connection.
+        limits: Limits of each connection.
     """
 
     class Limited(_LimitedProtocol):

@@ -26,7 +26,7 @@ class Failures:
     """Converts exceptions of the API server to HTTP responses.
 
     Args:
-        settings: settings whose paths and addresses are hidden from clients.
+        settings: Settings whose paths and addresses are hidden from clients.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -36,9 +36,9 @@ class Failures:
         """Makes the error response for the client, and logs details.
 
         Args:
-            error: the error that occurred.
-            operation: name of the operation, if it is known.
-            request_id: the request's id; joins the answer to the log's line.
+            error: The error that occurred.
+            operation: Name of the operation, if it is known.
+            request_id: The request's id; joins the answer to the log's line.
         """
         is_protocol = isinstance(error, ProtocolError)
         if not is_protocol and (not isinstance(error, ServiceError) or error.status >= 500):

@@ -38,10 +38,10 @@ class HealthPages:
     """Health and status pages of the API server.
 
     Args:
-        service: the service, with its catalog and object store.
-        worker_status: returns the job worker's status; plain JSON.
-        is_open: whether every client may see what the service holds; otherwise only that it works.
-        console: path of the console; `None`: there is none.
+        service: The service, with its catalog and object store.
+        worker_status: Returns the job worker's status; plain JSON.
+        is_open: Whether every client may see what the service holds; otherwise only that it works.
+        console: Path of the console; `None`: there is none.
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class HealthPages:
         """Returns the health page at a path; `None` if there is none.
 
         Args:
-            request: the HTTP request.
-            is_of_job: whether a simulation job asks, which sees no more than that it works.
+            request: The HTTP request.
+            is_of_job: Whether a simulation job asks, which sees no more than that it works.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
-            MethodNotAllowedException: pages are only read.
+            ServiceUnavailableException: The catalog does not answer.
+            MethodNotAllowedException: Pages are only read.
         """
         if request.raw_path not in ("/", "/health"):
             return None
@@ -117,10 +117,10 @@ class Metrics:
     """Prometheus metrics of the API server: requests and resources.
 
     Args:
-        service: the service, whose resources are counted when metrics are read.
-        access_keys: access keys by id. With them, metrics are read with id and secret of one that is not confined to
+        service: The service, whose resources are counted when metrics are read.
+        access_keys: Access keys by id. With them, metrics are read with id and secret of one that is not confined to
             some resources, by HTTP's basic authentication, since scrapers do not sign; `None`: by every client.
-        worker_status: returns the job worker's status.
+        worker_status: Returns the job worker's status.
     """
 
     def __init__(
@@ -149,9 +149,9 @@ class Metrics:
         """Counts one API request.
 
         Args:
-            operation: the operation that it asked for; `None`: none.
+            operation: The operation that it asked for; `None`: none.
             status: HTTP status of its answer.
-            duration_s: duration of the request, in seconds.
+            duration_s: Duration of the request, in seconds.
         """
         name = operation or _NO_OPERATION
         self._requests.labels(name, str(status)).inc()
@@ -161,8 +161,8 @@ class Metrics:
         """Returns the metrics page if the request asks for it.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
-            MethodNotAllowedException: the request's method is neither GET nor HEAD.
+            ServiceUnavailableException: The catalog does not answer.
+            MethodNotAllowedException: The request's method is neither GET nor HEAD.
         """
         if request.raw_path != PATH:
             return None

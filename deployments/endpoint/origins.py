@@ -25,7 +25,7 @@ def check_origin(request: ServiceRequest) -> None:
     """Raises an error for requests that web pages of other sites could send.
 
     Raises:
-        AccessDeniedException: the request has an `Origin`, a `Host` that may be any site's name, or comes from a page
+        AccessDeniedException: The request has an `Origin`, a `Host` that may be any site's name, or comes from a page
             of another site that is not left for ours.
     """
     if (origin := request.headers.get("origin")) is not None:

@@ -31,7 +31,7 @@ def refused(request: ServiceRequest) -> Response | None:
     """Returns the error response if a request is meant for another AWS service; `None` for RoboMaker.
 
     Args:
-        request: the request, of any caller: the response contains only what the documentation has.
+        request: The request, of any caller: the response contains only what the documentation has.
     """
     if not f"{request.raw_path}/".startswith(f"{REFUSED}/"):
         return None

@@ -30,13 +30,13 @@ class Arrivals:
         """Admits a request body, or raises an error if too many are being received; yields its time limit in seconds.
 
         Args:
-            declared: the header `Content-Length`; `None` without that header, which counts as large.
+            declared: The header `Content-Length`; `None` without that header, which counts as large.
 
         Yields:
             Time limit for the body, in seconds.
 
         Raises:
-            ThrottlingException: too many are on their way already.
+            ThrottlingException: Too many are on their way already.
         """
         is_small = declared is not None and declared.isdecimal() and int(declared[:18]) <= SMALL_BODY_BYTES
         if self._arriving[is_small] >= (SMALL_BODIES if is_small else LARGE_BODIES):
@@ -52,15 +52,15 @@ async def read_body(request: ServiceRequest, declared: str | None, max_bytes: in
     """Reads a request's body, with limits on size and time.
 
     Args:
-        request: the request, whose body has not been read.
-        declared: the header `Content-Length`.
-        max_bytes: size limit of the body, in bytes.
-        timeout_s: time limit for the body, in seconds.
+        request: The request, whose body has not been read.
+        declared: The header `Content-Length`.
+        max_bytes: Size limit of the body, in bytes.
+        timeout_s: Time limit for the body, in seconds.
 
     Raises:
-        RequestEntityTooLargeException: the body is longer; the rest is left unread.
-        RequestTimeoutException: the body did not arrive in time.
-        ClientDisconnect: the client hung up.
+        RequestEntityTooLargeException: The body is longer; the rest is left unread.
+        RequestTimeoutException: The body did not arrive in time.
+        ClientDisconnect: The client hung up.
     """
     if declared is not None and declared.isdecimal() and (len(declared) > 18 or int(declared) > max_bytes):
         raise _too_large(max_bytes)

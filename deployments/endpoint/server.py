@@ -32,7 +32,7 @@ class TlsFiles:
         """Checks the TLS files; `None` if none are given.
 
         Raises:
-            ConfigurationError: certificate or key is missing, cannot be read or used, or they do not belong together.
+            ConfigurationError: Certificate or key is missing, cannot be read or used, or they do not belong together.
         """
         if certificate is None and key is None:
             return None
@@ -90,17 +90,17 @@ def run_server(
     """Runs the HTTP server until SIGTERM or SIGINT.
 
     Args:
-        application: the application to serve.
-        host: name or address to listen at.
+        application: The application to serve.
+        host: Name or address to listen at.
         port: TCP port; 0: any free one.
-        ready: called with the port once requests are answered.
-        stopping: called at a signal to stop, before requests in progress are waited for, so that they end.
-        tls: certificate and key for HTTPS; `None`: HTTP.
-        limits: limits of connections and times; `None`: the default ones.
-        proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
+        ready: Called with the port once requests are answered.
+        stopping: Called at a signal to stop, before requests in progress are waited for, so that they end.
+        tls: Certificate and key for HTTPS; `None`: HTTP.
+        limits: Limits of connections and times; `None`: the default ones.
+        proxies: Addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
-        ConfigurationError: the address or port cannot be listened on.
+        ConfigurationError: The address or port cannot be listened on.
         KeyboardInterrupt: SIGINT was received twice, and the requests in progress were not waited for.
     """
     with listening(host, port) as listener:
@@ -137,7 +137,7 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
     """Opens a listening socket inside the `with` block.
 
     Raises:
-        ConfigurationError: the address or port cannot be listened on.
+        ConfigurationError: The address or port cannot be listened on.
     """
     family = socket.AF_INET6 if is_address(host) and ":" in host else socket.AF_INET
     try:

@@ -58,11 +58,11 @@ class Router:
 
         Args:
             method: HTTP method.
-            raw_path: the path as it was sent; members in it are decoded once.
+            raw_path: The path as it was sent; members in it are decoded once.
 
         Raises:
-            UnknownOperationException: no operation has this path, or none with this method.
-            SerializationException: a member in the path is not UTF-8.
+            UnknownOperationException: No operation has this path, or none with this method.
+            SerializationException: A member in the path is not UTF-8.
         """
         by_method, members = self._at(raw_path)
         if (operation := by_method.get(method)) is None:
@@ -101,13 +101,13 @@ def request_members(route: Route, request: ServiceRequest) -> dict[str, Any]:
     """Collects the members of an operation's request from path, query and body.
 
     Args:
-        route: the operation, with the members in the path.
-        request: the rest.
+        route: The operation, with the members in the path.
+        request: The rest.
 
     Raises:
-        SerializationException: query or body cannot be read.
-        UnsupportedMediaTypeException: the body is not JSON.
-        InvalidParameterException: a member is in the body that belongs elsewhere.
+        SerializationException: Query or body cannot be read.
+        UnsupportedMediaTypeException: The body is not JSON.
+        InvalidParameterException: A member is in the body that belongs elsewhere.
     """
     operation = route.operation
     members: dict[str, Any] = dict(route.members)
@@ -191,9 +191,9 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
     """Makes an error response in the form that AWS SDKs read.
 
     Args:
-        code: the error's name.
+        code: The error's name.
         status: HTTP status.
-        message: text of the error; shortened for logs.
+        message: Text of the error; shortened for logs.
     """
     members = {"__type": code, "message": shorten(message, MAX_MESSAGE_CHARACTERS)}
     return WireResponse(members, status, {"x-amzn-errortype": code})

@@ -36,10 +36,10 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
     """Prints fleets, each with its latest deployment and a table of its robots.
 
     Args:
-        fleets: the fleets to show.
-        stream: output stream; names are folded to the width of a terminal, and left whole elsewhere.
-        everything: whether large fleets are shown with all their robots.
-        now: the time, for when robots were seen.
+        fleets: The fleets to show.
+        stream: Output stream; names are folded to the width of a terminal, and left whole elsewhere.
+        everything: Whether large fleets are shown with all their robots.
+        now: The time, for when robots were seen.
     """
     console = console_for(stream)
     with console.capture() as printed:
@@ -181,8 +181,8 @@ class LineWatcher:
     """Progress display of a deployment that prints a line for each change.
 
     Args:
-        stream: output stream, such as standard output.
-        clock: seconds on a clock that only runs forward.
+        stream: Output stream, such as standard output.
+        clock: Seconds on a clock that only runs forward.
     """
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
@@ -208,8 +208,8 @@ def changes(before: Look | None, after: Look) -> list[str]:
     """Describes the changes of a deployment between two snapshots, a line each.
 
     Args:
-        before: the earlier snapshot; `None`: the first one.
-        after: the later snapshot.
+        before: The earlier snapshot; `None`: the first one.
+        after: The later snapshot.
     """
     standing = deployment_standing(after.job, after.rollout, after.at_s)
     lines: list[str] = []
@@ -235,8 +235,8 @@ def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
     """Describes the causes that a deployment newly waits for, and those that it does not wait for any more.
 
     Args:
-        before: the deployment at the poll before; `None`: this is the first.
-        standing: the deployment now.
+        before: The deployment at the poll before; `None`: this is the first.
+        standing: The deployment now.
     """
     old = () if before is None else deployment_standing(before.job, before.rollout, before.at_s).waits
     now = {wait.cause for wait in standing.waits}
@@ -273,8 +273,8 @@ def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:
     """Formats a robot's state in a deployment in one line; `None` before its turn.
 
     Args:
-        state: the robot.
-        active: whether the rollout is in progress.
+        state: The robot.
+        active: Whether the rollout is in progress.
     """
     if state.outcome == "failed":
         return f"{robot_status(state, active=active) or 'Failed'}: {state.failure_code}" + (

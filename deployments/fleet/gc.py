@@ -20,7 +20,7 @@ def rules(arguments: argparse.Namespace) -> dict[str, Any]:
     """Returns the members of `RetentionPolicy` from the options.
 
     Raises:
-        ConfigurationError: a number is below 0.
+        ConfigurationError: A number is below 0.
     """
     keep = arguments.keep_deployments
     if keep is not None and keep < 0:

@@ -31,8 +31,8 @@ def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
     """Chooses the progress display of a deployment: animated on a terminal, else plain lines.
 
     Args:
-        stream: output stream, such as standard output.
-        environ: environment variables; `CI` and a dumb `TERM` mean lines.
+        stream: Output stream, such as standard output.
+        environ: Environment variables; `CI` and a dumb `TERM` mean lines.
     """
     if not is_animated(stream, environ):
         yield LineWatcher(stream)

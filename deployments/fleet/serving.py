@@ -30,8 +30,8 @@ class ServedAgents:
     """Connects the update server with enrolment and update repository; usable from any thread.
 
     Args:
-        service: the service, with its catalog and object store.
-        enrolled: called when an agent was enrolled, so that it is known soon.
+        service: The service, with its catalog and object store.
+        enrolled: Called when an agent was enrolled, so that it is known soon.
     """
 
     def __init__(self, service: Service, enrolled: Callable[[], None]) -> None:
@@ -83,7 +83,7 @@ class TrustUpkeep:
     """Thread that regularly renews expiring signatures of the update repository.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -131,11 +131,11 @@ class RobotsBeside:
     """ASGI application that serves robots, and passes all other requests on.
 
     Args:
-        endpoint: the application of all other paths.
-        service: the service, with its catalog and object store.
+        endpoint: The application of all other paths.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ConfigurationError: the setting `robots_url` is not right.
+        ConfigurationError: The setting `robots_url` is not right.
     """
 
     def __init__(self, endpoint: ASGIApp, service: Service) -> None:

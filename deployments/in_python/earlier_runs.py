@@ -12,13 +12,13 @@ def results(run: str | os.PathLike[str] = "latest", /) -> Run:
     """Opens the results of a run.
 
     Args:
-        run: a run's id, its folder, or `latest`: the run that began last, whether it has ended or not.
+        run: A run's id, its folder, or `latest`: the run that began last, whether it has ended or not.
 
     Returns:
         The run as it stands now: its `outcome` says whether it has ended, and how.
 
     Raises:
-        ConfigurationError: there is no such run; the message has the latest ones.
+        ConfigurationError: There is no such run; the message has the latest ones.
     """
     service = Service.current()
     given = run if isinstance(run, str) else os.path.join(os.fspath(run), "")  # noqa: PTH118 - with a slash it is a path

@@ -34,9 +34,9 @@ def card(title: str, outcome: str, *parts: Markup) -> Markup:
     """Makes the HTML card of a run, a job or a world.
 
     Args:
-        title: name of the run, job or world.
-        outcome: outcome of the run or job; empty: there is none.
-        parts: content of the card below the title.
+        title: Name of the run, job or world.
+        outcome: Outcome of the run or job; empty: there is none.
+        parts: Content of the card below the title.
     """
     shown = Markup(" {}").format(badge(outcome)) if outcome else Markup("")
     head = Markup('<div><strong style="font-size:1.1em">{}</strong>{}</div>').format(title, shown)
@@ -52,9 +52,9 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str | Markup]], left_o
     """Makes a table that scrolls sideways on a narrow page; nothing where there are no rows.
 
     Args:
-        columns: heads of the columns; empty: the first cell of each row is its head.
-        rows: cells; texts are escaped.
-        left_out: line below about rows that are left out.
+        columns: Heads of the columns; empty: the first cell of each row is its head.
+        rows: Cells; texts are escaped.
+        left_out: Line below about rows that are left out.
     """
     if not rows:
         return Markup("")
@@ -78,9 +78,9 @@ def image(content: bytes, media_type: str, text: str) -> Markup:
     A drawing is an image, too, so that nothing in it acts in the page.
 
     Args:
-        content: the file.
-        media_type: media type of the image: `image/png` or `image/svg+xml`.
-        text: the image in words.
+        content: The file.
+        media_type: Media type of the image: `image/png` or `image/svg+xml`.
+        text: The image in words.
     """
     if not content:
         return Markup("")

@@ -82,8 +82,8 @@ class Job:
         """Addresses of its output files by name, `file:///…` or `s3://…`; empty while nothing is stored.
 
         Raises:
-            ResourceNotFoundException: the job was deleted.
-            StorageError: the object store does not answer.
+            ResourceNotFoundException: The job was deleted.
+            StorageError: The object store does not answer.
         """
         place = self._place
         if place is None:
@@ -95,9 +95,9 @@ class Job:
         """Reads the job's `result.json`: verdict, requirements, metrics, rooms, collisions and path.
 
         Raises:
-            ResourceNotFoundException: no job came of the request, or it was deleted.
-            ObjectNotFoundError: it has stored no result.
-            StorageError: the object store does not answer.
+            ResourceNotFoundException: No job came of the request, or it was deleted.
+            ObjectNotFoundError: It has stored no result.
+            StorageError: The object store does not answer.
         """
         with self.open(RESULT_FILE) as file:
             result = RunResult.model_validate_json(file.read())
@@ -107,12 +107,12 @@ class Job:
         """Opens one of the job's outputs for reading, as a seekable binary file.
 
         Args:
-            name: name of the output, such as `recording.mcap`; `outputs` has all names.
+            name: Name of the output, such as `recording.mcap`; `outputs` has all names.
 
         Raises:
-            ResourceNotFoundException: no job came of the request, or it was deleted.
-            ObjectNotFoundError: it has no output of that name; the message says which there are.
-            StorageError: the object store does not answer.
+            ResourceNotFoundException: No job came of the request, or it was deleted.
+            ObjectNotFoundError: It has no output of that name; the message says which there are.
+            StorageError: The object store does not answer.
         """
         if self.record.arn is None:
             why = "has not become a job yet" if self.status == "Pending" else f"never became a job: {self.reason}"

@@ -33,13 +33,13 @@ def checked_options(given: Any) -> RunOptions:
     """Validates the options of a run.
 
     Args:
-        given: the second argument of `run`; None: none were given.
+        given: The second argument of `run`; None: none were given.
 
     Returns:
         The options, with the seed as a plain whole number and the report as an absolute path.
 
     Raises:
-        ConfigurationError: an option has an invalid value; the message names it and says what would be right.
+        ConfigurationError: An option has an invalid value; the message names it and says what would be right.
     """
     if given is None:
         return RunOptions()
@@ -59,7 +59,7 @@ def spec_file(given: Any) -> str:
     """Returns the path of a specification as text, after checking the argument's type.
 
     Raises:
-        ConfigurationError: it is no path.
+        ConfigurationError: It is no path.
     """
     return _path(given, "spec", "the path of a specification, 'quickstart' or 'nightly'")
 

@@ -20,11 +20,11 @@ def server_of_process(settings: Settings) -> str:
     Operations that are called later use the same one.
 
     Args:
-        settings: the data home's.
+        settings: The data home's.
 
     Raises:
-        LocalServerError: a local server did not start.
-        ConfigurationError: the configured server does not answer.
+        LocalServerError: A local server did not start.
+        ConfigurationError: The configured server does not answer.
     """
     known = _known_to_prefect()
     if known and known not in _chosen:

@@ -26,16 +26,16 @@ def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **pa
     """Runs a specification to its end, as `robomaker run` does, also where an event loop runs, as in notebooks.
 
     Args:
-        spec: a specification, a YAML file; or `quickstart` or `nightly`, which come with the package.
-        options: backend, name, seed and more; parameters of the specification may have any of these names.
-        parameters: values of the specification's parameters; the others have their defaults.
+        spec: A specification, a YAML file; or `quickstart` or `nightly`, which come with the package.
+        options: Backend, name, seed and more; parameters of the specification may have any of these names.
+        parameters: Values of the specification's parameters; the others have their defaults.
 
     Returns:
         The run, which has failed where its `outcome` says so: verdicts raise nothing.
 
     Raises:
-        SpecError: the specification or a parameter has problems; the message has all of them with their places.
-        ConfigurationError: an option or a setting is wrong; nothing was started.
+        SpecError: The specification or a parameter has problems; the message has all of them with their places.
+        ConfigurationError: An option or a setting is wrong; nothing was started.
         RunInterrupted: Ctrl-C was pressed, or the notebook's cell was interrupted; `results()` has what there is.
     """
     options = checked_options(options)

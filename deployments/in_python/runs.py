@@ -162,7 +162,7 @@ class Run:
         """Returns the table of results as a data frame of pandas.
 
         Raises:
-            ImportError: pandas is not installed.
+            ImportError: Pandas is not installed.
         """
         try:
             import pandas  # noqa: F401 # pyright: ignore[reportMissingImports, reportUnusedImport]
@@ -185,7 +185,7 @@ class Run:
         """Raises an error if a run is used as a truth value, as a failed run would be true.
 
         Raises:
-            TypeError: always.
+            TypeError: Always.
         """
         raise TypeError(f"{self.id} is neither true nor false; ask whether it .passed, or for its .outcome")
 

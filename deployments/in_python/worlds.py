@@ -32,8 +32,8 @@ class World:
         """Folder of its files on this machine: `world.xml`, `world.json`, the map; they are downloaded if necessary.
 
         Raises:
-            ResourceNotFoundException: the world was deleted.
-            StorageError: its files cannot be fetched.
+            ResourceNotFoundException: The world was deleted.
+            StorageError: Its files cannot be fetched.
         """
         return world_bundle(self._resource, self._service)
 

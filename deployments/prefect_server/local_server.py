@@ -67,13 +67,13 @@ def ensure_server(
     One that is busy is waited for, and a local one that stays so is started again.
 
     Args:
-        settings: the data home's.
-        environ: variables that may name a server, usually `os.environ`.
-        meanwhile: called with the URL of a server that has just been started, and does not answer yet.
+        settings: The data home's.
+        environ: Variables that may name a server, usually `os.environ`.
+        meanwhile: Called with the URL of a server that has just been started, and does not answer yet.
 
     Raises:
-        LocalServerError: the server did not answer in time.
-        ConfigurationError: a configured server does not answer.
+        LocalServerError: The server did not answer in time.
+        ConfigurationError: A configured server does not answer.
     """
     status = _status_once_idle(settings, environ)
     if status.configured_elsewhere:
@@ -98,11 +98,11 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
 
     Args:
         api_url: API URL of the Prefect server, from `ensure_server`.
-        settings: the data home's.
-        environ: variables that are there already, usually `os.environ`.
+        settings: The data home's.
+        environ: Variables that are there already, usually `os.environ`.
 
     Raises:
-        ConfigurationError: the secret of the local server cannot be used.
+        ConfigurationError: The secret of the local server cannot be used.
     """
     given = os.environ if environ is None else environ
     variables = {"PREFECT_API_URL": api_url}

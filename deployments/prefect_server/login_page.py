@@ -27,9 +27,9 @@ class OneTimeTokens:
     """One-time tokens for login links to the local Prefect server.
 
     Args:
-        life_s: validity of a token, in seconds.
-        clock: seconds that only grow.
-        make: makes a token that cannot be guessed.
+        life_s: Validity of a token, in seconds.
+        clock: Seconds that only grow.
+        make: Makes a token that cannot be guessed.
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class LoginPage:
 
     Args:
         application: Prefect's.
-        origin: origin of the server's pages, such as `http://127.0.0.1:4200`.
-        auth_string: credentials that a browser gets by logging in, `user:secret`.
+        origin: Origin of the server's pages, such as `http://127.0.0.1:4200`.
+        auth_string: Credentials that a browser gets by logging in, `user:secret`.
     """
 
     def __init__(self, application: ASGIApp, origin: str, auth_string: str) -> None:

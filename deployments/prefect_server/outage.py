@@ -55,10 +55,10 @@ def wait_while_busy(
     """Waits while a Prefect server is busy.
 
     Args:
-        ask: checks the server's health; may take some seconds.
-        what: description of the server, for the log.
-        patience_s: longest wait, in seconds.
-        clock: function that returns seconds.
+        ask: Checks the server's health; may take some seconds.
+        what: Description of the server, for the log.
+        patience_s: Longest wait, in seconds.
+        clock: Function that returns seconds.
 
     Returns:
         The server's health; busy only after `patience_s` has passed.
@@ -87,11 +87,11 @@ class Outage:
 
     Args:
         api_url: URL of its API.
-        ask: asks the server how it does; takes some seconds at most.
-        tell: tells the user a sentence; called from any thread.
-        is_own: whether the home's own server is there, which nothing starts again by itself.
-        clock: function that returns seconds.
-        look_s: seconds between two polls of a server that is away, and of the requests that wait for an answer.
+        ask: Asks the server how it does; takes some seconds at most.
+        tell: Tells the user a sentence; called from any thread.
+        is_own: Whether the home's own server is there, which nothing starts again by itself.
+        clock: Function that returns seconds.
+        look_s: Seconds between two polls of a server that is away, and of the requests that wait for an answer.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Outage:
         """Checks the server's health after an unanswered request.
 
         Args:
-            since: start of that request.
+            since: Start of that request.
 
         Returns:
             Whether the server is away.

@@ -41,7 +41,7 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
     """Makes all of Prefect's requests and events wait during an outage, inside the `with` block.
 
     Args:
-        outage: state of the server's outage.
+        outage: State of the server's outage.
         api_url: URL of its API; requests to others are left alone.
     """
     patience = _Patience(outage, api_url)

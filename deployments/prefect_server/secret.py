@@ -22,7 +22,7 @@ def server_folder(settings: Settings) -> Path:
     """Returns the folder of the data home's Prefect server, private to its owner.
 
     Raises:
-        ConfigurationError: the data home cannot be used.
+        ConfigurationError: The data home cannot be used.
     """
     prepare_home(settings)
     folder = settings.home / "prefect"
@@ -36,7 +36,7 @@ def auth_string(settings: Settings) -> str:
     """Returns the login secret (`user:secret`) of the home's Prefect server, created on first use.
 
     Raises:
-        ConfigurationError: the file cannot be read, or others could read it.
+        ConfigurationError: The file cannot be read, or others could read it.
     """
     path = server_folder(settings) / FILE
     if not path.exists():
@@ -79,9 +79,9 @@ def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str
     """Returns the environment variables for the Prefect server's process.
 
     Args:
-        folder: folder of the server's database.
-        port: port of 127.0.0.1 that it listens at.
-        auth_string: credentials that every request needs, `user:secret`.
+        folder: Folder of the server's database.
+        port: Port of 127.0.0.1 that it listens at.
+        auth_string: Credentials that every request needs, `user:secret`.
     """
     return {
         "PREFECT_HOME": str(folder),
@@ -117,7 +117,7 @@ def login_link(api_url: str, auth_string: str) -> str | None:
 
     Args:
         api_url: API of the server.
-        auth_string: the server's, `user:secret`.
+        auth_string: The server's, `user:secret`.
     """
     basic = base64.b64encode(auth_string.encode()).decode()
     request = urllib.request.Request(  # noqa: S310 - an http URL of ours

@@ -45,7 +45,7 @@ async def beside(jobs: "Sequence[Job]", api_url: str, auth_string: str) -> "Asyn
     """Runs background jobs beside the Prefect server, until the block ends.
 
     Args:
-        jobs: the functions to run.
+        jobs: The functions to run.
         api_url: API of the server, which answers.
         auth_string: `user:secret`, as the server wants it.
     """
@@ -231,8 +231,8 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
     """Makes the Prefect server's ASGI application for a local port.
 
     Args:
-        port: the port.
-        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
+        port: The port.
+        auth_string: Credentials that every request to Prefect's API needs, `user:secret`.
     """
     return Guard(LoginPage(RepeatedLogins(create_app(final=True)), f"http://{_HOST}:{port}", auth_string))
 
@@ -241,8 +241,8 @@ def run(listener: socket.socket, auth_string: str) -> None:
     """Runs the Prefect server until SIGTERM or SIGINT.
 
     Args:
-        listener: a socket that listens at a port of 127.0.0.1.
-        auth_string: credentials that every request to Prefect's API needs, `user:secret`.
+        listener: A socket that listens at a port of 127.0.0.1.
+        auth_string: Credentials that every request to Prefect's API needs, `user:secret`.
     """
     wait_in_the_event_loop()
     look_seldom()

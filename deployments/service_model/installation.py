@@ -67,10 +67,10 @@ def install(*, force: bool = False) -> Installation:
     """Installs the API model for this user's AWS SDKs.
 
     Args:
-        force: whether a model from elsewhere is replaced.
+        force: Whether a model from elsewhere is replaced.
 
     Raises:
-        ConfigurationError: a model from elsewhere is there.
+        ConfigurationError: A model from elsewhere is there.
     """
     folder = installed_folder()
     ours = {name: (MODEL_FOLDER / name).read_bytes() for name in FILES}
@@ -93,7 +93,7 @@ def uninstall() -> Installation:
     """Removes the installed API model.
 
     Raises:
-        ConfigurationError: a model from elsewhere is there.
+        ConfigurationError: A model from elsewhere is there.
     """
     folder = installed_folder()
     there = tuple(name for name in FILES if (folder / name).exists())

@@ -49,7 +49,7 @@ def service_model() -> dict[str, Any]:
     """Generates `service-2.json`, the API model for AWS SDKs.
 
     Raises:
-        ValueError: two different types claim one shape's name, or a type has none.
+        ValueError: Two different types claim one shape's name, or a type has none.
     """
     shapes = Shapes()
     operations = {name: _operation(OPERATIONS[name], shapes) for name in sorted(OPERATIONS)}

@@ -41,7 +41,7 @@ class Shapes:
         """Adds a structure with everything it refers to; returns its name.
 
         Raises:
-            ValueError: two different types claim one name, or a type has none.
+            ValueError: Two different types claim one name, or a type has none.
         """
         name = model.__name__
         if name not in self.definitions:

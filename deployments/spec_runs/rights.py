@@ -23,12 +23,12 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
     """Lists the rights that a visitor's access key lacks for running a specification.
 
     Args:
-        key: the visitor's access key; `None`: no access key is required.
-        spec: the specification.
-        catalog: the catalog of the resources.
+        key: The visitor's access key; `None`: no access key is required.
+        spec: The specification.
+        catalog: The catalog of the resources.
 
     Raises:
-        SpecError: the request of a step, which is made to find its resources, is invalid.
+        SpecError: The request of a step, which is made to find its resources, is invalid.
     """
     if key is None:
         return []
@@ -57,10 +57,10 @@ class Permits:
     """Checks for each step of an ordered run whether its visitor has the right, and logs it.
 
     Args:
-        key: the visitor's access key; `None`: no access key is required.
+        key: The visitor's access key; `None`: no access key is required.
         address: IP address of the visitor.
-        audit_log: records every step, also refused ones; `None`: steps are not recorded.
-        service: the service, with its catalog and object store.
+        audit_log: Records every step, also refused ones; `None`: steps are not recorded.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, key: AccessKey | None, address: str | None, audit_log: AuditLog | None, service: Service):
@@ -75,8 +75,8 @@ class Permits:
         """Carries out a step's request.
 
         Raises:
-            AccessDeniedException: the key is not good for it.
-            ServiceError: the request is refused.
+            AccessDeniedException: The key is not good for it.
+            ServiceError: The request is refused.
         """
         call = Call(str(uuid.uuid4()), self._address, self._key, step.operation)
         try:

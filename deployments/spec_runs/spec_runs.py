@@ -63,8 +63,8 @@ class StandingFile:
     """Progress listener that writes the state of an ordered run to its folder.
 
     Args:
-        folder: the run's.
-        standing: initial state of the run.
+        folder: The run's.
+        standing: Initial state of the run.
     """
 
     def __init__(self, folder: Path, standing: Standing) -> None:
@@ -125,9 +125,9 @@ class SpecRuns:
     """Runs of specifications that are ordered through one server.
 
     Args:
-        home: the data home.
-        variables: environment variables of their processes, besides those of this one.
-        audit_log: audit log of their steps; `None`: steps are not recorded.
+        home: The data home.
+        variables: Environment variables of their processes, besides those of this one.
+        audit_log: Audit log of their steps; `None`: steps are not recorded.
     """
 
     def __init__(self, home: Path, variables: Mapping[str, str], audit_log: Path | None = None) -> None:
@@ -140,7 +140,7 @@ class SpecRuns:
         """Starts a run in a process that outlives this one.
 
         Raises:
-            ThrottlingException: too many run already.
+            ThrottlingException: Too many run already.
         """
         with self._lock:
             self._check_room()
@@ -166,7 +166,7 @@ class SpecRuns:
             Whether it was resumed; False: it has ended, or is already running.
 
         Raises:
-            ThrottlingException: too many run already.
+            ThrottlingException: Too many run already.
         """
         with self._lock:
             self._check_room()

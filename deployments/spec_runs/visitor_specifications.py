@@ -21,12 +21,12 @@ def checked(
 
     Args:
         text: YAML or JSON.
-        filename: name of the file in error messages.
-        parameters: values of its parameters, as `load_spec` takes them.
-        is_complete: whether each parameter has to have a value, as for a run.
+        filename: Name of the file in error messages.
+        parameters: Values of its parameters, as `load_spec` takes them.
+        is_complete: Whether each parameter has to have a value, as for a run.
 
     Raises:
-        SpecError: the specification is invalid; the error lists all its problems.
+        SpecError: The specification is invalid; the error lists all its problems.
     """
     most_worlds = max_worlds_per_job(os.environ)
     return load_spec(text, filename, parameters, is_complete=is_complete, most_worlds=most_worlds)

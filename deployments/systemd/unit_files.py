@@ -15,10 +15,10 @@ def units(programs: Path) -> dict[str, str]:
     """Returns the texts of the systemd units by file name.
 
     Args:
-        programs: folder of `robomaker` and `prefect`.
+        programs: Folder of `robomaker` and `prefect`.
 
     Raises:
-        ConfigurationError: systemd cannot take its path.
+        ConfigurationError: Systemd cannot take its path.
     """
     if found := "".join(character for character in str(programs) if character in _UNSAFE):
         raise ConfigurationError(f"{programs} cannot be in a unit: a path without {found!r} would be right")
@@ -36,14 +36,14 @@ def install(programs: Path, environ: Mapping[str, str]) -> list[Path]:
     """Writes the systemd units, and their settings file unless it exists.
 
     Args:
-        programs: folder of `robomaker` and `prefect`.
-        environ: environment variables, which say where configurations are.
+        programs: Folder of `robomaker` and `prefect`.
+        environ: Environment variables, which say where configurations are.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        ConfigurationError: a file cannot be written.
+        ConfigurationError: A file cannot be written.
     """
     folder, settings = places(environ)
     written: list[Path] = []

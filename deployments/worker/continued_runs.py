@@ -20,7 +20,7 @@ class Continuing:
     """Orders flow runs by which Prefect workers resume interrupted runs.
 
     Args:
-        pools: the work pools whose Prefect workers are known to be there.
+        pools: The work pools whose Prefect workers are known to be there.
     """
 
     def __init__(self, pools: Sequence[str]) -> None:
@@ -30,7 +30,7 @@ class Continuing:
         """Orders a flow run that resumes an interrupted run, once for each interruption.
 
         Args:
-            order: the run.
+            order: The run.
 
         Returns:
             Whether a Prefect worker finishes the run; false: its deployment is gone, or is of another pool, or the

@@ -22,8 +22,8 @@ def mark_crashed(job_ids: Iterable[str], message: str) -> None:
     """Marks the flow runs of some jobs as crashed in Prefect; a failure to do so is only logged.
 
     Args:
-        job_ids: ids of the jobs, which are the names of their flow runs.
-        message: why they have ended.
+        job_ids: Ids of the jobs, which are the names of their flow runs.
+        message: Why they have ended.
     """
     names = list(job_ids)
     if not names:

@@ -27,7 +27,7 @@ def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
     """Returns the pools of all kinds of jobs.
 
     Args:
-        max_jobs: simulation jobs at once; those of batches share the machine with them.
+        max_jobs: Simulation jobs at once; those of batches share the machine with them.
     """
     return (
         JobPool("simulation-job", "CreateSimulationJob", max_jobs),

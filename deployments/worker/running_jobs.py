@@ -48,11 +48,11 @@ class Jobs:
     """Runs jobs in this process, each as a Prefect flow run in a thread.
 
     Args:
-        service: the service, with its catalog and object store.
-        changed: called when one has ended, from its thread.
-        prefect: watches the server that flow runs need.
-        held: record of the leases that this process holds.
-        find_flow: finds what performs the jobs of an operation.
+        service: The service, with its catalog and object store.
+        changed: Called when one has ended, from its thread.
+        prefect: Watches the server that flow runs need.
+        held: Record of the leases that this process holds.
+        find_flow: Finds what performs the jobs of an operation.
     """
 
     service: Service
@@ -76,7 +76,7 @@ class Jobs:
         """Starts the oldest waiting jobs of a pool, as many as may run.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
+            ServiceUnavailableException: The catalog does not answer.
         """
         free = pool.at_once - self.counts()[pool.kind]
         if free <= 0:

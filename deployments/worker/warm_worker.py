@@ -46,10 +46,10 @@ class WarmWorker:
     """Job worker that is kept warm: finds waiting jobs and runs them.
 
     Args:
-        service: the service, with its catalog and object store.
-        pools: kinds of jobs, and how many of each run at once.
-        prefect: watches the Prefect server; no job begins without it.
-        look: event that is set when a job may wait.
+        service: The service, with its catalog and object store.
+        pools: Kinds of jobs, and how many of each run at once.
+        prefect: Watches the Prefect server; no job begins without it.
+        look: Event that is set when a job may wait.
     """
 
     def __init__(
@@ -149,9 +149,9 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
     """Describes the number of running jobs in a pool: `2 of at most 4 running, 1 waiting`.
 
     Args:
-        pool: the pool.
-        begun: number of its jobs that have begun and not ended.
-        waiting: number of simulation jobs that wait for resources of this machine.
+        pool: The pool.
+        begun: Number of its jobs that have begun and not ended.
+        waiting: Number of simulation jobs that wait for resources of this machine.
     """
     if pool.kind != "simulation-job" or not waiting:
         return f"{begun} of at most {pool.at_once} running"

@@ -27,8 +27,8 @@ class WorkerProcess:
     """Job worker in a child process, which always ends with this one.
 
     Args:
-        settings: settings of the job worker.
-        variables: environment variables in addition to those of this process.
+        settings: Settings of the job worker.
+        variables: Environment variables in addition to those of this process.
     """
 
     def __init__(self, settings: Settings, variables: Mapping[str, str] | None = None) -> None:

@@ -38,8 +38,8 @@ def world_name(template: str | None, world_id: str) -> str:
     """Returns the name of a world: `flat 3`; its id where its template has no name, or no job made it.
 
     Args:
-        template: name of the template that it was made from, when it was made.
-        world_id: id of the world.
+        template: Name of the template that it was made from, when it was made.
+        world_id: Id of the world.
     """
     number = _NUMBER_OF_WORLD.search(world_id)
     return f"{' '.join(template.split())} {number[1]}" if template and template.strip() and number else world_id
@@ -69,7 +69,7 @@ def unique_world_names(names: Mapping[str, str]) -> dict[str, str]:
     """Returns names that no two worlds share, `flat 3` and `flat 3 (generation-8285)`, by ARN.
 
     Args:
-        names: names of worlds by ARN; those that several have get the beginning of what made them.
+        names: Names of worlds by ARN; those that several have get the beginning of what made them.
     """
     by_name: dict[str, list[str]] = defaultdict(list)
     for arn, name in names.items():
@@ -87,8 +87,8 @@ def unique_job_names(names: Sequence[str], settings: Sequence[Mapping[str, Any]]
     """Returns names that no two jobs of a run share: with the settings in which they differ, else with a number.
 
     Args:
-        names: names of the jobs, in the order of their requests.
-        settings: request of each job, and what else tells it from others, such as its step.
+        names: Names of the jobs, in the order of their requests.
+        settings: Request of each job, and what else tells it from others, such as its step.
     """
     places: dict[str, list[int]] = defaultdict(list)
     for place, name in enumerate(names):
@@ -105,8 +105,8 @@ def meant(wanted: str, known: Mapping[str, Iterable[str]]) -> list[str]:
     """Returns the ids that a text means: one of that id or name, else those whose id begins so.
 
     Args:
-        wanted: an id, a name, or the beginning of an id, with or without its kind: `sim-8285`, `8285`.
-        known: names of each thing, by its id.
+        wanted: An id, a name, or the beginning of an id, with or without its kind: `sim-8285`, `8285`.
+        known: Names of each thing, by its id.
     """
     exact = [each for each, names in known.items() if wanted == each or wanted in names]
     return exact or [each for each in known if begins_id(wanted, each)]
@@ -123,7 +123,7 @@ def begins_id(wanted: str, resource_id: str) -> bool:
 
     Args:
         wanted: `sim-8285`, `8285`; of a world `generation-8285/world-3`.
-        resource_id: the id.
+        resource_id: The id.
     """
     beginning, _, rest = wanted.partition("/")
     whole, _, rest_of_whole = resource_id.partition("/")

@@ -38,7 +38,7 @@ class RetentionPolicy(Model):
         """Raises an error for a policy that would delete everything, or whose rules have no effect.
 
         Raises:
-            ConfigurationError: names the option and what would be right.
+            ConfigurationError: Names the option and what would be right.
         """
         if self.older_than is None and self.keep_runs is None and self.keep_deployments is None:
             raise ConfigurationError("nothing says what is to be removed; --older-than 30d or --keep-runs 20 would")

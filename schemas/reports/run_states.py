@@ -83,8 +83,8 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     such as trials that broke beside trials that failed. The jobs of a challenge fail on purpose.
 
     Args:
-        record: the run, with its known failures.
-        jobs: its jobs.
+        record: The run, with its known failures.
+        jobs: Its jobs.
 
     Returns:
         The jobs, and a sentence for each known failure that did not occur, is about no job, or whose day is over, and
@@ -121,8 +121,8 @@ def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]
     """Returns the names by which known failures name a job; in a rerun those that it had in the whole run.
 
     Args:
-        job: the job.
-        rerun_of: the run that was run again; None: it is the job of no rerun.
+        job: The job.
+        rerun_of: The run that was run again; None: it is the job of no rerun.
     """
     if rerun_of is not None:  # a rerun's only job is its request 1, which another one was in the whole run
         return tuple(rerun_of.names.get((job.earlier or "").rpartition(": ")[0], ()))
@@ -165,8 +165,8 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
     """Determines the state of a whole run (passed, failed, broken or canceled) from its steps and jobs.
 
     Args:
-        statuses: statuses of the run's steps.
-        jobs: simulation jobs of the run.
+        statuses: Statuses of the run's steps.
+        jobs: Simulation jobs of the run.
         is_whole: Whether all steps of the run were completed.
     """
     states: set[RunState] = {_STATES.get(status, "succeeded") for status in statuses}
@@ -214,7 +214,7 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
 
     Args:
         state: State of the finished run.
-        jobs: simulation jobs of the run.
+        jobs: Simulation jobs of the run.
         troubles: Other problems as text, the worst first.
         look: Command line to inspect the failures; empty: none.
     """

@@ -51,7 +51,7 @@ def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustnes
         period_s: Seconds between two samples.
 
     Raises:
-        ImportError: rtamt is not installed.
+        ImportError: Rtamt is not installed.
         OverflowError: A comparison has numbers that are too large.
     """
     least, most = (_at_all_times(formula, samples, period_s, is_worst=each)[0] for each in (True, False))

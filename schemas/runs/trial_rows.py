@@ -173,7 +173,7 @@ def fails_besides(result: RunResult | None) -> bool:
     The environment may have a verdict of its own, or trials may have broken, be missing, or have no verdict.
 
     Args:
-        result: the job's result; None: it has none.
+        result: The job's result; None: it has none.
     """
     trials = TrialsSummary.of(result)
     was_judged = trials is None or trials.planned == trials.counts.passed + trials.counts.failed

@@ -64,7 +64,7 @@ def load_spec(
     out.
 
     Args:
-        text: the file's content, YAML or JSON.
+        text: The file's content, YAML or JSON.
         filename: File name for the places of problems.
         parameters: Parameter values by name: plain ones, `AsText`, or nodes of the file from which they are. The others
             have their defaults.
@@ -72,7 +72,7 @@ def load_spec(
         most_worlds: Maximum number of worlds of one generation job; `None`: not checked.
 
     Raises:
-        SpecError: with everything that is wrong.
+        SpecError: With everything that is wrong.
     """
     given = _Given(parameters or {}, is_complete, most_worlds)
     root = parse(text, filename)
@@ -93,7 +93,7 @@ def declared_parameters(text: str) -> dict[str, Parameter]:
     """Returns the parameters that a specification declares, for a form; none if they cannot be read.
 
     Args:
-        text: the specification, YAML or JSON, which may have problems.
+        text: The specification, YAML or JSON, which may have problems.
     """
     try:
         found = child(parse(text, ""), PARAMETERS)
@@ -120,16 +120,16 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
     """Parses and checks the request of one operation, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
 
     Args:
-        text: the request, YAML or JSON.
+        text: The request, YAML or JSON.
         filename: File name for the places of problems.
-        operation: the operation's name.
+        operation: The operation's name.
 
     Returns:
         A specification of one step.
 
     Raises:
-        SpecError: with everything that is wrong with the request.
-        InvalidParameterException: there is no operation of that name.
+        SpecError: With everything that is wrong with the request.
+        InvalidParameterException: There is no operation of that name.
     """
     operation_shape(operation)
     root = parse(text, filename)

@@ -30,7 +30,7 @@ def fold_parameters(
     """Replaces references to parameters in the inputs of all steps by the parameters' values.
 
     Args:
-        root: the specification.
+        root: The specification.
         kinds: Types of its parameters.
         values: Values of the parameters; a reference to a parameter without a value is kept.
 

@@ -22,7 +22,7 @@ def value_in_words(value: ParameterValue, *, as_json: bool = False) -> str:
     """Returns a parameter's value as people write it: `true`, `20`, `scout`.
 
     Args:
-        value: the value.
+        value: The value.
         as_json: Whether a text that JSON would read as another type, such as `20`, gets quotes.
     """
     if isinstance(value, bool):

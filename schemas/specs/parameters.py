@@ -150,8 +150,8 @@ def declaration_problems(name: str, declared: Parameter) -> Iterator[ValueProble
     """Yields problems of a parameter's declaration beyond its schema: contradicting members.
 
     Args:
-        name: the parameter's name.
-        declared: its declaration.
+        name: The parameter's name.
+        declared: Its declaration.
     """
     location = (PARAMETERS, name)
     if name in OWN_NAMES:
@@ -236,7 +236,7 @@ def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, K
     """Returns the type of `parameters` in references.
 
     Args:
-        declared: the parameters.
+        declared: The parameters.
         others: Types of parameters with invalid declarations.
     """
     return Record({**{name: each.kind for name, each in declared.items()}, **(others or {})}, "there is no parameter")

@@ -63,11 +63,11 @@ def check_probed(spec: CheckedSpec, what: str = "a probe") -> None:
     """Raises an error if a specification has steps that change existing resources, which a probe must not do.
 
     Args:
-        spec: the specification.
+        spec: The specification.
         what: Words for the command that would change existing resources.
 
     Raises:
-        SpecError: a step is of an operation that a probe must not call.
+        SpecError: A step is of an operation that a probe must not call.
     """
     problems = [
         Problem(

@@ -101,7 +101,7 @@ class Reference:
         """Returns the type of the reference's value, given the types of the steps and variables.
 
         Raises:
-            ReferenceMistake: it cannot work.
+            ReferenceMistake: It cannot work.
         """
         if unknown := sorted(self.names() - scope.keys()):
             if unknown[0] == PARAMETERS:
@@ -154,7 +154,7 @@ class Template:
         """Returns the type of the text's value, given the types of the steps and variables.
 
         Raises:
-            ReferenceMistake: it cannot work.
+            ReferenceMistake: It cannot work.
         """
         if self.whole:
             return self.whole.kind(scope)
@@ -172,7 +172,7 @@ class Template:
             interpreter: Interpreter that limits several texts together; `None`: a new one for each reference.
 
         Raises:
-            ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
+            ReferenceMistake: A reference gives nothing, or something that cannot stand inside text.
         """
         if self.whole:
             return self.whole.value(scope, interpreter)
@@ -187,7 +187,7 @@ def parse_template(text: str) -> Template:
     """Splits a specification's text into plain text and `${...}` references.
 
     Raises:
-        ReferenceMistake: a reference is not closed, or is no JMESPath expression.
+        ReferenceMistake: A reference is not closed, or is no JMESPath expression.
     """
     parts: list[str | Reference] = []
     position = 0

@@ -27,11 +27,11 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
     One that is for more jobs than a batch may have is run in parts, see `parts_of`.
 
     Args:
-        step: a checked step.
+        step: A checked step.
         outputs: Output of each step that it needs, by step name.
 
     Raises:
-        SpecError: a reference gives nothing or something that does not fit, with its place.
+        SpecError: A reference gives nothing or something that does not fit, with its place.
     """
     scope = {**outputs, PARAMETERS: step.parameters} if step.parameters else outputs
     resolved: dict[str, Any] = _resolve(step.input, scope, step.location)

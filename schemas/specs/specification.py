@@ -187,7 +187,7 @@ def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
 
     Args:
         problem: Problem of the request.
-        node: the request as written.
+        node: The request as written.
         outermost: Place where the whole request begins.
     """
     written = as_written(node, problem.location)

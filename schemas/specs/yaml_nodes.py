@@ -143,11 +143,11 @@ def parse(text: str, filename: str) -> Node:
     """Parses a YAML or JSON document into nodes that know their line and column.
 
     Args:
-        text: the document.
+        text: The document.
         filename: File name for places.
 
     Raises:
-        SpecError: the text cannot be read; reading stops at the first problem.
+        SpecError: The text cannot be read; reading stops at the first problem.
     """
     start = Place(filename, 1, 1)
     if len(text.encode(errors="surrogatepass")) > MAX_BYTES:

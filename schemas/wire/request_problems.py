@@ -201,9 +201,9 @@ def placed_by_its_path(line: str, location: Location, value: object) -> RequestP
     """Returns the problem that a line of a rule's text tells: about the member with whose path it begins, if any.
 
     Args:
-        line: the text.
-        location: where the value that the rule is about stands.
-        value: that value.
+        line: The text.
+        location: Where the value that the rule is about stands.
+        value: That value.
     """
     found = _LEADING_PATH.match(line)
     steps = _PATH_STEP.finditer(found[0]) if found else ()

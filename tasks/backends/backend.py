@@ -36,7 +36,7 @@ class JobWorkers(Protocol):
             Text for the user about the job workers: `2 job workers on tcp://10.0.0.7:8786`.
 
         Raises:
-            BackendError: no job worker can be started.
+            BackendError: No job worker can be started.
         """
         ...
 
@@ -48,7 +48,7 @@ class Backend(Protocol):
         """Checks, before a run begins, that the cluster or work pool exists and answers.
 
         Raises:
-            BackendError: the cluster or work pool does not exist or does not answer.
+            BackendError: The cluster or work pool does not exist or does not answer.
         """
         ...
 
@@ -57,10 +57,10 @@ class Backend(Protocol):
 
         Args:
             batch: ARN of the batch.
-            wanted: number of job workers that can be of use.
+            wanted: Number of job workers that can be of use.
 
         Raises:
-            BackendError: the cluster or work pool does not exist.
+            BackendError: The cluster or work pool does not exist.
         """
         ...
 
@@ -82,7 +82,7 @@ class ByHandWorkers:
 
     Args:
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
+        wanted: Number of job workers that can be of use.
     """
 
     def __init__(self, batch: str, wanted: int) -> None:
@@ -101,13 +101,13 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
     """Validates a cluster address in `ROBOMAKER_BACKEND`, without connecting, and that its library is installed.
 
     Args:
-        kind: kind of the cluster, and extra that installs its library: `dask`.
-        place: address after the kind: a host and a port, with or without a protocol.
-        library: the module that speaks with the cluster.
-        wanted: description of a valid address, for the error message.
+        kind: Kind of the cluster, and extra that installs its library: `dask`.
+        place: Address after the kind: a host and a port, with or without a protocol.
+        library: The module that speaks with the cluster.
+        wanted: Description of a valid address, for the error message.
 
     Raises:
-        ConfigurationError: the address is not valid, or the library of the cluster is not installed.
+        ConfigurationError: The address is not valid, or the library of the cluster is not installed.
     """
     if _ADDRESS.fullmatch(place) is None:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is '{kind}:{place}'; after {kind}: there has to be {wanted}")
@@ -121,12 +121,12 @@ def check_answer(cluster: str, address: str, program: str) -> None:
     """Raises an error at once if no program listens at a cluster's address; the clusters' own clients try for long.
 
     Args:
-        cluster: description for messages: `the Dask cluster tcp://10.0.0.7:8786`.
-        address: host and port of the cluster.
-        program: name of the program that has to listen there.
+        cluster: Description for messages: `the Dask cluster tcp://10.0.0.7:8786`.
+        address: Host and port of the cluster.
+        program: Name of the program that has to listen there.
 
     Raises:
-        BackendError: no program listens at the address; the message says what to check.
+        BackendError: No program listens at the address; the message says what to check.
     """
     found = _ADDRESS.fullmatch(address)
     assert found is not None

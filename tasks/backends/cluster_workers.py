@@ -43,8 +43,8 @@ class Staffing:
     """Decides which machines of a cluster get a job worker of a batch, and when one that ended is restarted.
 
     Args:
-        place: description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
-        wanted: number of job workers that can be of use.
+        place: Description of the cluster, for messages: `the Dask cluster tcp://10.0.0.7:8786`.
+        wanted: Number of job workers that can be of use.
     """
 
     def __init__(self, place: str, wanted: int) -> None:
@@ -58,14 +58,14 @@ class Staffing:
         """Returns the machines that get a job worker now; from then on they count as having one.
 
         Args:
-            present: the machines that there are; those named first are taken first.
-            now: seconds of a clock that never goes back.
+            present: The machines that there are; those named first are taken first.
+            now: Seconds of a clock that never goes back.
 
         Returns:
             The machines.
 
         Raises:
-            BackendError: the settings of every machine are wrong, and none has done any work.
+            BackendError: The settings of every machine are wrong, and none has done any work.
         """
         self._present = tuple(present)
         self._check()
@@ -82,9 +82,9 @@ class Staffing:
         """Records that the job worker of a machine has ended, though its batch has not.
 
         Args:
-            name: the machine.
-            ended: report of its end.
-            now: seconds of a clock that never goes back.
+            name: The machine.
+            ended: Report of its end.
+            now: Seconds of a clock that never goes back.
         """
         machine = self._machines[name]
         assert machine.started_at is not None
@@ -149,7 +149,7 @@ class Cluster(Protocol):
         """Returns the names of the machines that are in the cluster now.
 
         Raises:
-            Exception: the cluster does not answer.
+            Exception: The cluster does not answer.
         """
         ...
 
@@ -157,7 +157,7 @@ class Cluster(Protocol):
         """Starts a job worker for a batch on a machine of the cluster.
 
         Raises:
-            Exception: the cluster does not answer, or the machine has left it.
+            Exception: The cluster does not answer, or the machine has left it.
         """
         ...
 
@@ -170,9 +170,9 @@ class ClusterWorkers:
     """Job workers of one batch on a cluster, started and watched by a thread.
 
     Args:
-        cluster: the cluster that they are started on.
+        cluster: The cluster that they are started on.
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
+        wanted: Number of job workers that can be of use.
     """
 
     def __init__(self, cluster: Cluster, batch: str, wanted: int) -> None:
@@ -191,7 +191,7 @@ class ClusterWorkers:
         """Returns the state of the job workers as text for the user.
 
         Raises:
-            BackendError: no machine can run jobs.
+            BackendError: No machine can run jobs.
         """
         if self._error is not None:
             raise self._error
@@ -222,7 +222,7 @@ class ClusterWorkers:
         """Records job workers that have ended, and starts missing ones.
 
         Args:
-            now: seconds of a clock that never goes back.
+            now: Seconds of a clock that never goes back.
         """
         if self._looked_at is None or now - self._looked_at >= _LOOK_FOR_MACHINES_S:
             self._machines = self._cluster.machines()
@@ -244,9 +244,9 @@ def cluster_workers(cluster: Cluster, batch: str, wanted: int) -> Generator[Clus
     """Runs job workers for a batch on a cluster while the `with` block is active.
 
     Args:
-        cluster: the connected cluster.
+        cluster: The connected cluster.
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
+        wanted: Number of job workers that can be of use.
     """
     workers = ClusterWorkers(cluster, batch, wanted)
     workers.begin()

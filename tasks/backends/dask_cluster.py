@@ -27,10 +27,10 @@ def backend_at(place: str) -> Backend:
     """Creates the backend for a Dask cluster; it does not connect yet.
 
     Args:
-        place: address of its scheduler, such as `tcp://10.0.0.7:8786`.
+        place: Address of its scheduler, such as `tcp://10.0.0.7:8786`.
 
     Raises:
-        ConfigurationError: the address is not valid, or Dask is not installed.
+        ConfigurationError: The address is not valid, or Dask is not installed.
     """
     wanted = "the address of a scheduler, such as tcp://10.0.0.7:8786"
     check_place("dask", place, library="distributed", wanted=wanted)
@@ -67,8 +67,8 @@ class DaskCluster:
     """A Dask cluster, on whose Dask workers job workers of a batch are started.
 
     Args:
-        client: connected client of the cluster.
-        place: description of the cluster, for messages.
+        client: Connected client of the cluster.
+        place: Description of the cluster, for messages.
     """
 
     def __init__(self, client: "Client", place: str) -> None:

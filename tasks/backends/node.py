@@ -45,8 +45,8 @@ def run_job_worker(
 
     Args:
         batch: ARN of the batch.
-        environment: variables besides those of this process.
-        should_stop: called twice a second; once true, the worker releases its jobs and ends.
+        environment: Variables besides those of this process.
+        should_stop: Called twice a second; once true, the worker releases its jobs and ends.
 
     Returns:
         Report of how the job worker ended.

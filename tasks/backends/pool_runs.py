@@ -39,8 +39,8 @@ class Places:
         """Records that a job worker ended before its batch.
 
         Args:
-            lived_s: lifetime of the job worker, in seconds.
-            now: the time in seconds, of a clock that only goes forward.
+            lived_s: Lifetime of the job worker, in seconds.
+            now: The time in seconds, of a clock that only goes forward.
         """
         self._short_lives = 0 if lived_s >= _LONG_LIFE_S else self._short_lives + 1
         pause_s = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** max(0, self._short_lives - 1))
@@ -50,9 +50,9 @@ class Places:
         """Returns how many job workers to start now; negative if there are too many.
 
         Args:
-            alive: number of job workers that are scheduled or running.
-            room: number of job workers that there should be.
-            now: the time in seconds, of a clock that only goes forward.
+            alive: Number of job workers that are scheduled or running.
+            room: Number of job workers that there should be.
+            now: The time in seconds, of a clock that only goes forward.
         """
         self._empty_until = [until for until in self._empty_until if until > now]
         if alive > room:
@@ -79,13 +79,13 @@ def opened_pool(pool: str, most: int | None, batch: str, wanted: int) -> Generat
     """Connects to the Prefect server and yields the flow runs that are a batch's job workers in a work pool.
 
     Args:
-        pool: name of the work pool.
-        most: limit of job workers; `None`: one for each machine.
+        pool: Name of the work pool.
+        most: Limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
+        wanted: Number of job workers that can be of use.
 
     Raises:
-        BackendError: the pool or the deployment is missing, or the number.
+        BackendError: The pool or the deployment is missing, or the number.
     """
     with get_client(sync_client=True) as client:
         runs = PoolRuns(pool, most, batch, wanted, client)
@@ -97,11 +97,11 @@ class PoolRuns:
     """Prefect flow runs that are the job workers of one batch in a work pool; used by one thread at a time.
 
     Args:
-        pool: name of the work pool.
-        most: limit of job workers; `None`: one for each machine.
+        pool: Name of the work pool.
+        most: Limit of job workers; `None`: one for each machine.
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
-        client: client of the Prefect server.
+        wanted: Number of job workers that can be of use.
+        client: Client of the Prefect server.
     """
 
     def __init__(self, pool: str, most: int | None, batch: str, wanted: int, client: SyncPrefectClient) -> None:
@@ -121,7 +121,7 @@ class PoolRuns:
         """Checks that the work pool can start job workers; a server that does not answer is asked again later.
 
         Raises:
-            BackendError: the work pool cannot start job workers.
+            BackendError: The work pool cannot start job workers.
         """
         try:
             self._room()
@@ -136,7 +136,7 @@ class PoolRuns:
             Text for the user about the job workers.
 
         Raises:
-            BackendError: no job worker can be started.
+            BackendError: No job worker can be started.
         """
         try:
             if self._deployment is None:
@@ -168,7 +168,7 @@ class PoolRuns:
         """Cancels the job workers' flow runs that have not begun.
 
         Args:
-            also_running: whether those that run are cancelled, too.
+            also_running: Whether those that run are cancelled, too.
 
         Returns:
             Whether the server answered.

@@ -26,10 +26,10 @@ def backend_at(place: str) -> Backend:
     """Creates the backend for a Ray cluster; it does not connect yet.
 
     Args:
-        place: address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
+        place: Address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
 
     Raises:
-        ConfigurationError: the address is not valid, or Ray is not installed.
+        ConfigurationError: The address is not valid, or Ray is not installed.
     """
     wanted = "the address of a cluster, such as 10.0.0.7:6379 or ray://10.0.0.7:10001"
     check_place("ray", place, library="ray", wanted=wanted)
@@ -59,9 +59,9 @@ class RayDriver:
     """Child process that is connected to a Ray cluster and starts job workers there; it is restarted if it dies.
 
     Args:
-        address: address of the cluster.
+        address: Address of the cluster.
         batch: ARN of the batch.
-        wanted: number of job workers that can be of use.
+        wanted: Number of job workers that can be of use.
     """
 
     def __init__(self, address: str, batch: str, wanted: int) -> None:
@@ -78,7 +78,7 @@ class RayDriver:
         """Returns the state of the job workers as text for the user.
 
         Raises:
-            BackendError: no machine can run jobs.
+            BackendError: No machine can run jobs.
         """
         if self._error:
             raise BackendError(self._error)

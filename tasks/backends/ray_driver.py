@@ -29,7 +29,7 @@ class RayCluster:
     """The Ray cluster that this process is connected to, on whose nodes job workers are started.
 
     Args:
-        address: address of the cluster.
+        address: Address of the cluster.
     """
 
     def __init__(self, address: str) -> None:

@@ -33,9 +33,9 @@ class WorkPool:
     """Backend that starts job workers as Prefect flow runs in a work pool.
 
     Args:
-        name: name of the pool.
-        most: limit of job workers; absent: as many as the pool has machines.
-        look_s: seconds between two polls of the server.
+        name: Name of the pool.
+        most: Limit of job workers; absent: as many as the pool has machines.
+        look_s: Seconds between two polls of the server.
     """
 
     name: str
@@ -56,7 +56,7 @@ class WorkPool:
         Those of a process that has died are taken over.
 
         Raises:
-            BackendError: the work pool does not exist, has no deployment of the job worker, or has no concurrency
+            BackendError: The work pool does not exist, has no deployment of the job worker, or has no concurrency
                 limit.
         """
         from .pool_runs import opened_pool
@@ -76,7 +76,7 @@ def backend_at(place: str) -> WorkPool:
     """Creates the backend for the setting `workers:PLACE`, a Prefect work pool; it does not connect yet.
 
     Args:
-        place: name of a work pool, with `*4` after it for four job workers at most.
+        place: Name of a work pool, with `*4` after it for four job workers at most.
     """
     name, star, number = place.rpartition("*")
     if star and name and re.fullmatch(r"[1-9][0-9]{0,3}", number):
@@ -88,8 +88,8 @@ class PoolWorkers:
     """Job workers of one batch in a Prefect work pool, started and watched by a thread.
 
     Args:
-        runs: flow runs of the job workers.
-        look_s: seconds between two polls of the server.
+        runs: Flow runs of the job workers.
+        look_s: Seconds between two polls of the server.
     """
 
     def __init__(self, runs: "PoolRuns", look_s: float) -> None:
@@ -104,7 +104,7 @@ class PoolWorkers:
         """Returns the last known state of the job workers as text for the user.
 
         Raises:
-            BackendError: no job worker can be started.
+            BackendError: No job worker can be started.
         """
         if self._broken is not None:
             raise self._broken
@@ -118,7 +118,7 @@ class PoolWorkers:
         """Cancels job workers that have not begun; running ones end by themselves, because the batch is over.
 
         Args:
-            also_running: whether the batch is not over, so that running ones have to be cancelled.
+            also_running: Whether the batch is not over, so that running ones have to be cancelled.
         """
         self._over.set()
         self._keeper.join(_END_S)

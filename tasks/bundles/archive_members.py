@@ -72,12 +72,12 @@ def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
     """Yields the members of a tar or zip archive, in order.
 
     Args:
-        archive: the archive.
-        links: whether a tar archive may have links, too.
+        archive: The archive.
+        links: Whether a tar archive may have links, too.
 
     Raises:
-        ArchiveError: the file is not an archive, or has a member that is neither file, folder nor link.
-        OSError: the archive cannot be read.
+        ArchiveError: The file is not an archive, or has a member that is neither file, folder nor link.
+        OSError: The archive cannot be read.
     """
     with archive.open("rb") as file:
         beginning = file.read(262)
@@ -185,7 +185,7 @@ class _Forward(io.RawIOBase):
         """Checks that the archive is not truncated.
 
         Raises:
-            ArchiveError: the archive is damaged, truncated or continues after its end mark.
+            ArchiveError: The archive is damaged, truncated or continues after its end mark.
         """
         if len(self._latest) < tarfile.BLOCKSIZE or any(self._latest):
             raise ArchiveError("the archive is damaged: a header is broken or missing, or the archive is cut off")

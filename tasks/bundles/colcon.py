@@ -79,8 +79,8 @@ def sourced(setups: Sequence[Path], argv: Sequence[str]) -> tuple[str, ...]:
     """Returns a command that sources setup scripts in bash and then runs a program; missing scripts are left out.
 
     Args:
-        setups: the scripts, in the order of sourcing.
-        argv: the program and its arguments.
+        setups: The scripts, in the order of sourcing.
+        argv: The program and its arguments.
     """
     there = [str(setup) for setup in setups if setup.is_file()]
     if not there:
@@ -102,12 +102,12 @@ def unpack_overlays(folder: Path, unpack: Unpack) -> None:
     """Replaces the archives in an unpacked colcon bundle by their content; does nothing to other bundles.
 
     Args:
-        folder: the unpacked outer archive.
-        unpack: unpacks an archive.
+        folder: The unpacked outer archive.
+        unpack: Unpacks an archive.
 
     Raises:
-        ArchiveError: the colcon bundle is of another version, damaged or incomplete.
-        OSError: the disk is full, or the folder cannot be written.
+        ArchiveError: The colcon bundle is of another version, damaged or incomplete.
+        OSError: The disk is full, or the folder cannot be written.
     """
     if not (folder / "version").is_file() or not any(map(Path.is_file, folder.glob("metadata.tar*"))):
         return
@@ -150,7 +150,7 @@ def _overlays_in(text: bytes) -> dict[str, str]:
     Offsets and sizes in it are for readers that download parts of a bundle, and are ignored.
 
     Raises:
-        ValueError: the text is not a valid list of overlays.
+        ValueError: The text is not a valid list of overlays.
     """
     content: Any = json.loads(text.decode())
     entries = content.get("overlays") if isinstance(content, dict) else None

@@ -50,9 +50,9 @@ def extract(archive: Path, top: Path, limits: ArchiveLimits) -> None:
     """Unpacks an archive into an empty folder.
 
     Raises:
-        ArchiveError: the file is not an archive, is damaged or too large, or has a member that is neither file nor
+        ArchiveError: The file is not an archive, is damaged or too large, or has a member that is neither file nor
             folder or would land elsewhere; what was written stays.
-        OSError: the disk is full, or the folder cannot be written.
+        OSError: The disk is full, or the folder cannot be written.
     """
     extraction = _Extraction(top, limits, archive.stat().st_size)
     try:
@@ -94,7 +94,7 @@ class _Extraction:
         """Writes one member.
 
         Raises:
-            ArchiveError: the member is not allowed, such as for its path, its size or its place in the limits.
+            ArchiveError: The member is not allowed, such as for its path, its size or its place in the limits.
         """
         self.entries += 1
         if self.entries > self.limits.entries:

@@ -53,8 +53,8 @@ def is_launch_file(file: str, path: Path | None) -> bool:
     """Whether a file is a ROS launch file, by its name, or by the functions that a Python file defines.
 
     Args:
-        file: name of the file.
-        path: path of the file; `None`: it is not in a bundle.
+        file: Name of the file.
+        path: Path of the file; `None`: it is not in a bundle.
     """
     if file.endswith(_XML + _ONLY_ROS_2):
         return True
@@ -67,8 +67,8 @@ def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
     """Returns the ROS generations (ROS 1, ROS 2) that may read a launch file, the likelier one first.
 
     Args:
-        file: name of the file.
-        path: path of the file; `None`: it is not in a bundle, so that only the name is used.
+        file: Name of the file.
+        path: Path of the file; `None`: it is not in a bundle, so that only the name is used.
     """
     if not file.endswith(_XML):
         return (2,)
@@ -85,9 +85,9 @@ def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
     ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
 
     Args:
-        bundle: the unpacked bundle.
-        package: the package's name, as its `package.xml` says.
-        file: the launch file's name.
+        bundle: The unpacked bundle.
+        package: The package's name, as its `package.xml` says.
+        file: The launch file's name.
     """
     folders = [path.parent for path in bundle.rglob(MANIFEST) if path.is_file() and name_in(path) == package]
     found = {path.name: path for folder in folders for path in sorted(folder.rglob("*"))}
@@ -148,11 +148,11 @@ def node_variables(
     """Returns the environment variables of ROS nodes, in addition to those of all programs of the job.
 
     Args:
-        packages: folders of the application's bundle, whose packages are found by name.
+        packages: Folders of the application's bundle, whose packages are found by name.
         launcher: `roslaunch` or `ros2`.
-        python: the interpreter that runs jobs.
-        variables: the launch configuration's own.
-        environ: variables of this process.
+        python: The interpreter that runs jobs.
+        variables: The launch configuration's own.
+        environ: Variables of this process.
     """
     # Nodes begin with `#!/usr/bin/env python3` and mean ROS's Python, not the one that jobs are performed with.
     own = str(Path(python).parent)

@@ -68,10 +68,10 @@ class Catalog(CatalogLeases):
 
         Args:
             url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
-            clock: function that returns the time, with a time zone.
+            clock: Function that returns the time, with a time zone.
 
         Raises:
-            ConfigurationError: the URL leads nowhere, or a newer program made the catalog.
+            ConfigurationError: The URL leads nowhere, or a newer program made the catalog.
         """
         return cls(url, clock)
 
@@ -90,14 +90,14 @@ class Catalog(CatalogLeases):
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
         Args:
-            resource: the resource to add.
-            token: the caller's token; `None`: every call adds.
-            unique_name: whether no other of its kind may have its name, then or later.
-            lease: lease of the resource, if it is held from the beginning; `None`: any job worker may take it.
+            resource: The resource to add.
+            token: The caller's token; `None`: every call adds.
+            unique_name: Whether no other of its kind may have its name, then or later.
+            lease: Lease of the resource, if it is held from the beginning; `None`: any job worker may take it.
 
         Raises:
-            IdempotentParameterMismatchException: the token was used for another request.
-            ResourceAlreadyExistsException: the name is taken, or the ARN.
+            IdempotentParameterMismatchException: The token was used for another request.
+            ResourceAlreadyExistsException: The name is taken, or the ARN.
         """
         try:
             return self._create(resource, token, unique_name, lease)
@@ -159,12 +159,12 @@ class Catalog(CatalogLeases):
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
-            make: makes the child from the parent and the number; its errors are passed on.
-            most: limit of children of that kind.
+            make: Makes the child from the parent and the number; its errors are passed on.
+            most: Limit of children of that kind.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such parent.
-            LimitExceededException: the parent has `most` children already.
+            ResourceNotFoundException: The catalog has no such parent.
+            LimitExceededException: The parent has `most` children already.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -190,10 +190,10 @@ class Catalog(CatalogLeases):
 
         Args:
             arn: ARN of the resource.
-            children: kinds of children that go with it.
+            children: Kinds of children that go with it.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             if not changed_one(connection.execute(delete(resources).where(resources.c.arn == arn))):
@@ -218,16 +218,16 @@ class Catalog(CatalogLeases):
 
         Args:
             arn: ARN of the resource.
-            changes: the members that are set; or a function that, given the document, returns these or
+            changes: The members that are set; or a function that, given the document, returns these or
                 the whole new document. It has to be quick, and is called again when another process
                 changed the resource meanwhile; what it raises is raised, and nothing is changed.
-            owner: owner that has to hold the lease; `None`: the lease is not checked.
-            name: new name, for kinds whose names may repeat; `None`: unchanged.
-            labels: new labels; `None`: unchanged.
-            status: new status, for kinds without a lifecycle; `None`: unchanged.
+            owner: Owner that has to hold the lease; `None`: the lease is not checked.
+            name: New name, for kinds whose names may repeat; `None`: unchanged.
+            labels: New labels; `None`: unchanged.
+            status: New status, for kinds without a lifecycle; `None`: unchanged.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
             StateConflictError: `owner` does not hold the lease.
         """
         given = {"name": name, "labels": labels, "status": status}
@@ -248,7 +248,7 @@ class Catalog(CatalogLeases):
         """Changes the documents of many resources in one transaction.
 
         Args:
-            changes: the members that are set, by ARN; resources that do not exist are left out.
+            changes: The members that are set, by ARN; resources that do not exist are left out.
         """
         if not changes:
             return
@@ -274,8 +274,8 @@ class Catalog(CatalogLeases):
         """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
-            InvalidParameterException: the resource would have more than 50 tags.
+            ResourceNotFoundException: The catalog has no such resource.
+            InvalidParameterException: The resource would have more than 50 tags.
         """
 
         def merged(row: RowMapping) -> dict[str, Any]:
@@ -287,7 +287,7 @@ class Catalog(CatalogLeases):
         """Removes tags from a resource, by key; keys that it does not have are ignored.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         gone = set(keys)
 
@@ -310,14 +310,14 @@ class Catalog(CatalogLeases):
 
         Args:
             arn: ARN of the resource.
-            event: event of the kind's lifecycle.
-            document_changes: members of the document that are set with it.
-            owner: owner that has to hold the lease; `None`: the lease is not checked.
-            labels: labels that are set with it; others stay; `None`: all stay as they are.
+            event: Event of the kind's lifecycle.
+            document_changes: Members of the document that are set with it.
+            owner: Owner that has to hold the lease; `None`: the lease is not checked.
+            labels: Labels that are set with it; others stay; `None`: all stay as they are.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
-            StateConflictError: the event cannot happen in its state, or as it is to be cancelled; its kind has no
+            ResourceNotFoundException: The catalog has no such resource.
+            StateConflictError: The event cannot happen in its state, or as it is to be cancelled; its kind has no
                 lifecycle, or `owner` does not hold the lease.
         """
 
@@ -371,7 +371,7 @@ class Catalog(CatalogLeases):
         """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
@@ -385,7 +385,7 @@ class Catalog(CatalogLeases):
         """Whether a resource is marked to be cancelled; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         return self.standing(arn)[1]
 

@@ -42,7 +42,7 @@ def tokens_of(owner: str) -> Generator[None]:
     """Sets the owner of client tokens inside a `with` block, so that equal tokens of two callers do not collide.
 
     Args:
-        owner: an access key or a job; empty: a caller without either.
+        owner: An access key or a job; empty: a caller without either.
     """
     before = _OWNER.set(owner)
     try:
@@ -92,7 +92,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
     """Finds the resource that an earlier call of the same account with the same client token created.
 
     Raises:
-        IdempotentParameterMismatchException: the earlier call with this client token had another request.
+        IdempotentParameterMismatchException: The earlier call with this client token had another request.
     """
     meant = {"called": token.operation, "by": account, "given": token.stored}
     earlier = connection.execute(_EARLIER, meant).mappings().one_or_none()

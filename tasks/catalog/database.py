@@ -38,8 +38,8 @@ def open_engine(url: str) -> Engine:
     """Connects to a catalog's database and updates its tables to this release.
 
     Raises:
-        CatalogAwayError: the database's server is away, or has not started or ended yet.
-        ConfigurationError: the URL leads nowhere, a driver is missing, or a newer program made the
+        CatalogAwayError: The database's server is away, or has not started or ended yet.
+        ConfigurationError: The URL leads nowhere, a driver is missing, or a newer program made the
             database.
     """
     engine = _connect(_checked(url))

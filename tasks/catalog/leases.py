@@ -63,15 +63,15 @@ class CatalogLeases(CatalogReader):
         A lease that has run out was its owner's until it died: `lost_workers` counts that.
 
         Args:
-            arn: the resource.
-            owner: name of the caller, which no other has in this process or another.
-            lease_s: time without renewal after which another owner may take it, in seconds.
+            arn: The resource.
+            owner: Name of the caller, which no other has in this process or another.
+            lease_s: Time without renewal after which another owner may take it, in seconds.
 
         Returns:
             Whether `owner` holds the lease now.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         now = self._now()
         values = {"now": now, "until": now + timedelta(seconds=lease_s)}
@@ -88,12 +88,12 @@ class CatalogLeases(CatalogReader):
 
         Args:
             parent: ARN of the children's parent.
-            kind: kind of the children.
-            owner: name of the caller, which no other has in this process or another.
-            lease_s: time without renewal after which another owner may take it, in seconds.
-            most: member of the parent's document that says how many may be held at once.
-            parent_in: statuses of the parent in which they are taken.
-            finishing: member that the document of a resource has once it only finishes.
+            kind: Kind of the children.
+            owner: Name of the caller, which no other has in this process or another.
+            lease_s: Time without renewal after which another owner may take it, in seconds.
+            most: Member of the parent's document that says how many may be held at once.
+            parent_in: Statuses of the parent in which they are taken.
+            finishing: Member that the document of a resource has once it only finishes.
 
         Returns:
             ARN of the resource; `None`: there is none, or as many are held as may be.
@@ -148,7 +148,7 @@ class CatalogLeases(CatalogReader):
         """Returns the owner of a resource's lease, or `None`, and whether the lease has expired.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         held = select(resources.c.lease_owner, resources.c.lease_expires_at <= self._now()).where(
             resources.c.arn == arn
@@ -181,7 +181,7 @@ class CatalogLeases(CatalogReader):
         """Expires the leases of a process that is known to be dead, so that others need not wait.
 
         Args:
-            owners: prefix of the names of the leases' owners.
+            owners: Prefix of the names of the leases' owners.
 
         Returns:
             Number of leases that the process held.
@@ -195,7 +195,7 @@ class CatalogLeases(CatalogReader):
         """Returns how many job workers died while they held a resource's lease and had to be replaced.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         with self._transaction(self._engine) as connection:
             lost = connection.scalar(select(resources.c.lost_workers).where(resources.c.arn == arn))
@@ -207,8 +207,8 @@ class CatalogLeases(CatalogReader):
         """Resets the count of lost job workers to 0, because the job has made progress since.
 
         Args:
-            arn: the resource.
-            owner: holds its lease; otherwise nothing is changed.
+            arn: The resource.
+            owner: Holds its lease; otherwise nothing is changed.
         """
         self._lease(_HELD, arn, owner, {"lost_workers": 0})
 
@@ -220,8 +220,8 @@ class CatalogLeases(CatalogReader):
         Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
 
         Args:
-            kinds: kinds of the jobs.
-            limit: largest number of resources.
+            kinds: Kinds of the jobs.
+            limit: Largest number of resources.
             without: ARNs of jobs that are left out, too.
         """
         batches = resources.alias("batches")

@@ -43,9 +43,9 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
     """Makes the pagination token for the page of a list that follows an entry.
 
     Args:
-        kind: kind of the listed resources.
-        filters: conditions of the list.
-        sequence: the entry's place in the order of creation.
+        kind: Kind of the listed resources.
+        filters: Conditions of the list.
+        sequence: The entry's place in the order of creation.
     """
     return base64.urlsafe_b64encode(f"{sequence}.{_fingerprint(kind, filters)}".encode()).decode()
 
@@ -57,7 +57,7 @@ def decode_page_token(kind: str, filters: Filters, token: str) -> int:
         The place of the entry that the page follows.
 
     Raises:
-        InvalidParameterException: the text is not a pagination token, or is that of another list.
+        InvalidParameterException: The text is not a pagination token, or is that of another list.
     """
     try:
         sequence = int(base64.urlsafe_b64decode(token).decode("ascii").partition(".")[0])
@@ -162,7 +162,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
     """Reads the database row of a resource, with its lease's owner.
 
     Raises:
-        ResourceNotFoundException: the catalog has no resource of this ARN and kind.
+        ResourceNotFoundException: The catalog has no resource of this ARN and kind.
     """
     row = connection.execute(_ONE_ROW, {"arn": arn}).mappings().one_or_none()
     if row is None:
@@ -182,12 +182,12 @@ def list_query(
     """Makes the database query for a page of a list of resources, newest first.
 
     Args:
-        kinds: kinds of the listed resources.
-        filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
+        kinds: Kinds of the listed resources.
+        filters: For each name the values one of which is wanted; a name that is no column is a label, `tag` is a
             tag, written `key=value`.
-        before: the place in the order of creation that the page lies before; `None`: the first page.
-        limit: largest number of rows.
-        without: names that are left out, by kind.
+        before: The place in the order of creation that the page lies before; `None`: the first page.
+        limit: Largest number of rows.
+        without: Names that are left out, by kind.
     """
     kind, order = resources.c.kind, resources.c.sequence
     query: Select[Any] = select(resources.c.sequence, *COLUMNS)
@@ -227,9 +227,9 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
     """Makes the database query for the newest resources of each kind that are in given statuses.
 
     Args:
-        wanted: the statuses, by kind.
-        not_below: resources whose parent is of this kind are left out.
-        limit: largest number of resources of each kind.
+        wanted: The statuses, by kind.
+        not_below: Resources whose parent is of this kind are left out.
+        limit: Largest number of resources of each kind.
     """
     is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)
     standing = or_(*(and_(resources.c.kind == kind, resources.c.status.in_(each)) for kind, each in wanted.items()))
@@ -289,7 +289,7 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
     """Raises an error if a new resource's ARN is taken, or its name where names have to be unique.
 
     Raises:
-        ResourceAlreadyExistsException: the ARN or the name is taken.
+        ResourceAlreadyExistsException: The ARN or the name is taken.
     """
     taken = [resources.c.arn == resource.arn]
     if unique_name:

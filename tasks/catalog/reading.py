@@ -75,10 +75,10 @@ class CatalogReader:
 
         Args:
             arn: ARN of the resource.
-            kind: expected kind of the resource; `None`: any.
+            kind: Expected kind of the resource; `None`: any.
 
         Raises:
-            ResourceNotFoundException: the catalog has no resource of this ARN and kind.
+            ResourceNotFoundException: The catalog has no resource of this ARN and kind.
         """
         with self._transaction(self._once) as connection:
             return resource_of(one_row(connection, arn, kind))
@@ -88,7 +88,7 @@ class CatalogReader:
 
         Args:
             arns: ARNs of the resources.
-            members: members of the documents to read; `None`: all.
+            members: Members of the documents to read; `None`: all.
         """
         wanted = list(arns)
         found: dict[str, Resource] = {}
@@ -107,11 +107,11 @@ class CatalogReader:
         Handlers ask this before they check anything else: a repeated call succeeds whatever has changed since.
 
         Args:
-            token: the caller's token; `None`: the call has none, so it repeats no other.
-            account: account that the token belongs to.
+            token: The caller's token; `None`: the call has none, so it repeats no other.
+            account: Account that the token belongs to.
 
         Raises:
-            IdempotentParameterMismatchException: the earlier call with this client token had another request.
+            IdempotentParameterMismatchException: The earlier call with this client token had another request.
         """
         if token is None:
             return None
@@ -128,10 +128,10 @@ class CatalogReader:
         """Lists the resources of a kind whose ids begin and end so, newest first.
 
         Args:
-            kind: their kind.
-            beginning: beginning of their ids.
-            ending: end of their ids; empty: any.
-            limit: how many at most.
+            kind: Their kind.
+            beginning: Beginning of their ids.
+            ending: End of their ids; empty: any.
+            limit: How many at most.
         """
         wanted = resources.c.kind == kind, resources.c.id.startswith(beginning, autoescape=True)
         query = select(*COLUMNS).where(*wanted).order_by(resources.c.sequence.desc()).limit(limit)
@@ -157,7 +157,7 @@ class CatalogReader:
         """Returns a resource's status, and whether its cancellation was requested; fast enough to be polled.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such resource.
+            ResourceNotFoundException: The catalog has no such resource.
         """
         with self._transaction(self._once) as connection:
             row = connection.execute(_STANDING, {"of": arn}).one_or_none()
@@ -199,18 +199,18 @@ class CatalogReader:
         """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
-            kinds: kinds of the listed resources.
-            filters: for `name`, `parent`, `status`, `tag` (written `key=value`) or a label the values that are
+            kinds: Kinds of the listed resources.
+            filters: For `name`, `parent`, `status`, `tag` (written `key=value`) or a label the values that are
                 wanted, one of which has to be equal.
-            limit: largest number of resources.
-            after: the page before's `next_token`; `None`: the first page.
-            scope: operation for which the list is made; page tokens of other operations are refused.
-            members: members of the documents to read, for kinds whose documents are large;
+            limit: Largest number of resources.
+            after: The page before's `next_token`; `None`: the first page.
+            scope: Operation for which the list is made; page tokens of other operations are refused.
+            members: Members of the documents to read, for kinds whose documents are large;
                 `None`: all.
-            without: names that are left out, by kind.
+            without: Names that are left out, by kind.
 
         Raises:
-            InvalidParameterException: the token is not of this list.
+            InvalidParameterException: The token is not of this list.
         """
         wanted = filters or {}
         each_kind = (kinds,) if isinstance(kinds, str) else tuple(kinds)
@@ -230,10 +230,10 @@ class CatalogReader:
         """Lists the newest resources of each kind that are in given statuses, newest first.
 
         Args:
-            wanted: the statuses, by kind.
-            not_below: resources whose parent is of this kind are left out.
-            limit: largest number of resources of each kind.
-            members: members of the documents to read.
+            wanted: The statuses, by kind.
+            not_below: Resources whose parent is of this kind are left out.
+            limit: Largest number of resources of each kind.
+            members: Members of the documents to read.
         """
         query = only_members(newest_query(wanted, not_below, limit), members)
         with self._transaction(self._once) as connection:

@@ -18,11 +18,11 @@ def merged_tags(arn: str, before: Mapping[str, str], added: Mapping[str, str]) -
 
     Args:
         arn: ARN of the resource, for the error.
-        before: tags that the resource has.
-        added: tags to add; keys that the resource has get the new value.
+        before: Tags that the resource has.
+        added: Tags to add; keys that the resource has get the new value.
 
     Raises:
-        InvalidParameterException: the resource would have more than 50 tags.
+        InvalidParameterException: The resource would have more than 50 tags.
     """
     after = {**before, **added}
     if len(after) > MAX_TAGS:

@@ -349,7 +349,7 @@ def holm_adjusted(p_values: Sequence[float]) -> list[float]:
     Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979).
 
     Args:
-        p_values: p-value of each test.
+        p_values: P-value of each test.
 
     Returns:
         The adjusted ones in the same order, each at least the given one and at most 1.

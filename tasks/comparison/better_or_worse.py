@@ -50,7 +50,7 @@ def compare(
     Args:
         before: First run.
         after: Second run.
-        alpha: error probability of the test; the intervals of all metrics together have it too (Bonferroni).
+        alpha: Error probability of the test; the intervals of all metrics together have it too (Bonferroni).
         difference: Difference of pass rates for which `needed` is computed, a share from 0 to 1; None: the observed
             one.
         margin: Relevant decrease of the pass rate, a share from 0 to 1; if given, a second run that is shown to have

@@ -129,7 +129,7 @@ def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin
 
     Args:
         trials: Judged pairs, at least one.
-        alpha: error probability of the test that decides.
+        alpha: Error probability of the test that decides.
         asked: Requested difference above 0; None: none was requested.
         margin: Decrease of the pass rate to be excluded if nothing changed; None: the question is whether there is a
             difference.
@@ -163,8 +163,8 @@ def pairs_for(
 
     Args:
         difference: Difference to be shown, or margin to be excluded; a share above 0.
-        discordant: share of pairs that differ.
-        alpha: error probability of the test.
+        discordant: Share of pairs that differ.
+        alpha: Error probability of the test.
         by_world: Sum of the changes in each world and its number of pairs, if whole worlds decide; else None.
         is_margin: Whether `difference` is a margin.
 

@@ -213,9 +213,9 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
     """Converts a decision to the model that records have.
 
     Args:
-        asked: the question.
-        found: the decision.
-        is_over: whether all pairs there will be have been looked at, so that what is open stays open.
+        asked: The question.
+        found: The decision.
+        is_over: Whether all pairs there will be have been looked at, so that what is open stays open.
     """
     answer: Answer = found.answer or "no difference shown"
     pairs = f"{found.pairs} of {_counted(found.planned, 'pair')}"
@@ -251,10 +251,10 @@ def answer_while_running(
     """Returns the answer about two runs of which one was looked at while it ran, and why it is that.
 
     Args:
-        before: the first run.
-        after: the second run.
-        alpha: error probability of all answers together; it may differ from the one with which the run was ordered.
-        margin: fall of the pass rate that would matter, a share from 0 to 1; None: any.
+        before: The first run.
+        after: The second run.
+        alpha: Error probability of all answers together; it may differ from the one with which the run was ordered.
+        margin: Fall of the pass rate that would matter, a share from 0 to 1; None: any.
 
     Returns:
         None: a test of all trials answers.

@@ -29,9 +29,9 @@ def score(pairs: int, worse: NDArray[np.float64], better: NDArray[np.float64], m
     """Computes Tango's score of the hypothesis that the pass rate fell by the margin; large values speak against it.
 
     Args:
-        pairs: number of pairs.
-        worse: numbers of pairs that passed before and not after, any shape.
-        better: numbers of pairs that passed after and not before, of the same shape.
+        pairs: Number of pairs.
+        worse: Numbers of pairs that passed before and not after, any shape.
+        better: Numbers of pairs that passed after and not before, of the same shape.
         margin: Relevant decrease of the pass rate, above 0 and below 1.
 
     Returns:
@@ -49,7 +49,7 @@ def margin_p_value(pairs: int, worse: int, better: int, margin: float) -> float:
     """Computes the one-sided p-value of the test that the pass rate did not fall by the margin or more.
 
     Raises:
-        ValueError: the margin is not between 0 and 1, or the numbers cannot be.
+        ValueError: The margin is not between 0 and 1, or the numbers cannot be.
     """
     if not 0 < margin < 1 or min(worse, better) < 0 or worse + better > pairs or pairs < 1:
         raise ValueError(f"a margin of {margin} with {worse} and {better} of {pairs} pairs cannot be")
@@ -60,10 +60,10 @@ def margin_power(pairs: int, discordant: float, margin: float, alpha: float) -> 
     """Computes the power of the margin test if the true pass rates are equal.
 
     Args:
-        pairs: number of pairs.
-        discordant: share of pairs whose verdicts differ, half of them in each direction; from 0 to 1.
+        pairs: Number of pairs.
+        discordant: Share of pairs whose verdicts differ, half of them in each direction; from 0 to 1.
         margin: Relevant decrease of the pass rate.
-        alpha: two-sided error probability; the test has half of it.
+        alpha: Two-sided error probability; the test has half of it.
     """
     needed, half = -float(ndtri(alpha / 2)), discordant / 2
     if pairs > _ENUMERATED_PAIRS:
@@ -84,13 +84,13 @@ def margin_pairs_needed(discordant: float, margin: float, alpha: float = 0.05, p
     """Computes the number of pairs that show, if nothing changed, that nothing got worse by more than the margin.
 
     Args:
-        discordant: share of pairs whose verdicts differ; from 0 to 1.
-        margin: the fall of the pass rate that would matter.
-        alpha: two-sided error probability; the test has half of it.
+        discordant: Share of pairs whose verdicts differ; from 0 to 1.
+        margin: The fall of the pass rate that would matter.
+        alpha: Two-sided error probability; the test has half of it.
         power: Probability with which it is to be shown.
 
     Raises:
-        ValueError: the margin is not between 0 and 1, or the share not between 0 and 1.
+        ValueError: The margin is not between 0 and 1, or the share not between 0 and 1.
     """
     if not 0 < margin < 1 or not 0 <= discordant <= 1:
         raise ValueError(f"a margin of {margin} with {discordant} of pairs that differ cannot be")
@@ -108,11 +108,11 @@ def shown_between_worlds(
     `sqrt(margin * (1 - margin) / worlds)`.
 
     Args:
-        mean: mean change of the pass rate, any shape.
+        mean: Mean change of the pass rate, any shape.
         error: Standard error of the mean between worlds, of the same shape.
-        worlds: number of worlds, at least 2.
-        margin: the fall of the pass rate that would matter.
-        alpha: two-sided error probability; the test has half of it.
+        worlds: Number of worlds, at least 2.
+        margin: The fall of the pass rate that would matter.
+        alpha: Two-sided error probability; the test has half of it.
     """
     least = math.sqrt(margin * (1 - margin) / worlds)
     return mean - float(stdtrit(worlds - 1, 1 - alpha / 2)) * np.maximum(error, least) > -margin
@@ -135,11 +135,11 @@ def margin_worlds_needed(
     Args:
         differences: Difference of the pass rates in each known world; if all are equal, their variance is unknown.
         trials: Number of trials in a world.
-        margin: the fall of the pass rate that would matter.
+        margin: The fall of the pass rate that would matter.
         chance: Random generator.
         discordant: Share of pairs whose verdicts differ, used if nothing is known of the worlds.
         alpha: 1 minus the confidence level of the interval.
-        power: probability with which it is to be shown.
+        power: Probability with which it is to be shown.
     """
     spread = differences - differences.mean()
     sizes = max(1, round(trials))

@@ -218,7 +218,7 @@ def pair_trials(
         pairs: Jobs that both runs have.
         before: First run.
         after: Second run.
-        ignoring: axes whose values do not matter.
+        ignoring: Axes whose values do not matter.
     """
     tables = before.results, after.results
     keys = [_keys_of(table, ignoring) for table in tables]

@@ -90,7 +90,7 @@ def margin_trends(runs: Sequence[NightRun]) -> list[MarginTrend]:
     Only runs that judged a requirement as often as the last run count: the smallest of more margins is smaller.
 
     Args:
-        runs: runs of one specification, the oldest first; at least one.
+        runs: Runs of one specification, the oldest first; at least one.
 
     Returns:
         Their trends, the soonest miss first.

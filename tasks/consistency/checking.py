@@ -76,12 +76,12 @@ def compare_folder(place: StoredPlace, store: ObjectStore, *, read_content: bool
     """Compares a stored folder with its manifest; objects that the manifest does not name are ignored.
 
     Args:
-        place: the stored folder.
-        store: the object store.
-        read_content: whether every object is read; else sizes are compared, by one list of the folder.
+        place: The stored folder.
+        store: The object store.
+        read_content: Whether every object is read; else sizes are compared, by one list of the folder.
 
     Raises:
-        StorageError: the store does not answer or refuses, or what should be a manifest is none.
+        StorageError: The store does not answer or refuses, or what should be a manifest is none.
     """
     there = {info.key: info.size_bytes for info in store.list(place.bucket, join_key(place.prefix, ""))}
     manifest_key, next_key = (join_key(place.prefix, name) for name in (MANIFEST_NAME, NEXT_NAME))
@@ -140,13 +140,13 @@ def check_consistency(service: Service, *, read_content: bool = False, mend: boo
     Jobs in progress are left out until they have ended.
 
     Args:
-        service: the service, with the catalog and object store to check.
-        read_content: whether every object is read and its SHA-256 compared; else sizes are.
-        mend: whether to store what is on this machine only, finish removals, and remove parts of old uploads.
+        service: The service, with the catalog and object store to check.
+        read_content: Whether every object is read and its SHA-256 compared; else sizes are.
+        mend: Whether to store what is on this machine only, finish removals, and remove parts of old uploads.
 
     Raises:
-        StorageUnavailableError: the object store does not answer.
-        ServiceUnavailableException: the catalog does not.
+        StorageUnavailableError: The object store does not answer.
+        ServiceUnavailableException: The catalog does not.
     """
     return _Check(service, read_content=read_content, mend=mend).run()
 

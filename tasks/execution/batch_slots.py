@@ -55,11 +55,11 @@ class Slots:
     Use it as a context manager.
 
     Args:
-        name: name of the global concurrency limit, the batch's own.
-        limit: number of slots.
-        wanted: number of slots that this job worker can use at once.
-        look_s: seconds between two checks whether the limit was changed on the server.
-        order: places of those that will hold slots, in the order in which they shall get them; empty: in none.
+        name: Name of the global concurrency limit, the batch's own.
+        limit: Number of slots.
+        wanted: Number of slots that this job worker can use at once.
+        look_s: Seconds between two checks whether the limit was changed on the server.
+        order: Places of those that will hold slots, in the order in which they shall get them; empty: in none.
     """
 
     def __init__(self, name: str, limit: int, wanted: int, look_s: float = LOOK_S, order: Iterable[int] = ()) -> None:
@@ -100,8 +100,8 @@ class Slots:
         """Waits for a slot, so that a job of the batch may run, and holds it inside the `with` block.
 
         Args:
-            should_stop: called while waiting; once true, waiting ends.
-            place: place in the order; absent: no matter.
+            should_stop: Called while waiting; once true, waiting ends.
+            place: Place in the order; absent: no matter.
 
         Yields:
             Whether a slot is held; false only when `should_stop` ended the wait.

@@ -10,8 +10,8 @@ def read_credential_block(slug: str, name: str) -> Mapping[str, Any] | None:
     It is read as it is stored, so its type need not be installed here: prefect-aws binds boto3 to old releases.
 
     Args:
-        slug: slug of its type.
-        name: name of the block.
+        slug: Slug of its type.
+        name: Name of the block.
     """
     from prefect.client.orchestration import get_client  # only roles that are blocks wait for its import
     from prefect.exceptions import ObjectNotFound

@@ -103,9 +103,9 @@ def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: d
     """Whether a flow run of some flows is running or ended lately; only then there can be dead runs to clean up.
 
     Args:
-        client: the server's client.
-        flow_names: names of the flows that are asked about.
-        since: a run that has ended since then counts, too.
+        client: The server's client.
+        flow_names: Names of the flows that are asked about.
+        since: A run that has ended since then counts, too.
     """
     open_states = _with_states([*_OPEN, StateType.CANCELLING])
     chosen = _flow_runs(operator=Operator.or_, state=open_states, end_time={"after_": since})
@@ -116,9 +116,9 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     """Closes task runs and subflow runs that are left open by flow runs which died or were cancelled.
 
     Args:
-        client: the server's client.
-        flow_names: names of the flows whose task runs and subflow runs these are; others on the server are left alone.
-        now: the time; absent: the present.
+        client: The server's client.
+        flow_names: Names of the flows whose task runs and subflow runs these are; others on the server are left alone.
+        now: The time; absent: the present.
     """
     before = (now or datetime.now(UTC)) - timedelta(seconds=_SETTLE_S)
     ours = _flows_named(flow_names)
@@ -148,9 +148,9 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
     still be on its way to the server.
 
     Args:
-        client: the server's client.
-        flow_names: names of the flows whose runs are corrected.
-        end_of: knows how flow runs ended.
+        client: The server's client.
+        flow_names: Names of the flows whose runs are corrected.
+        end_of: Knows how flow runs ended.
 
     Returns:
         The ids of the flow runs whose state was changed.
@@ -215,10 +215,10 @@ def close_unheard(
     Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
 
     Args:
-        client: client of a server that has answered for as long: else it may not have heard those that live.
-        flow_names: names of the flows that give signs of life; others on the server are left alone.
-        now: the time; absent: the present.
-        end_of: knows how flow runs ended; those of which it does not are closed as dead.
+        client: Client of a server that has answered for as long: else it may not have heard those that live.
+        flow_names: Names of the flows that give signs of life; others on the server are left alone.
+        now: The time; absent: the present.
+        end_of: Knows how flow runs ended; those of which it does not are closed as dead.
 
     Returns:
         Ids of the flow runs that were marked as crashed.
@@ -254,8 +254,8 @@ def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UU
     """Returns the flow runs that were marked crashed because they sent no heartbeats.
 
     Args:
-        client: the server's client.
-        runs: ids of the flow runs.
+        client: The server's client.
+        runs: Ids of the flow runs.
     """
     crashed = _flow_runs(id={"any_": list(runs)}, state=_with_states([StateType.CRASHED]))
     found = client.read_flow_runs(flow_run_filter=crashed)
@@ -266,8 +266,8 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
     """Sets flow runs that were wrongly marked crashed back to `Running`, with their task runs.
 
     Args:
-        client: the server's client.
-        runs: ids of flow runs whose process lives and goes on.
+        client: The server's client.
+        runs: Ids of flow runs whose process lives and goes on.
     """
     again = Running(message="its process slept or was stopped, and goes on")
     for run in runs:
@@ -283,9 +283,9 @@ def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = N
     """Writes into a dead flow run's state which process continues its work; a failure to do so is only logged.
 
     Args:
-        flow_run: id of the dead flow run.
-        words: text that says which process finishes it, or how a person can.
-        client: the server's client; `None`: of the server that Prefect's settings name.
+        flow_run: Id of the dead flow run.
+        words: Text that says which process finishes it, or how a person can.
+        client: The server's client; `None`: of the server that Prefect's settings name.
 
     Returns:
         Whether somebody has cancelled it, so that its work is to end.

@@ -38,8 +38,8 @@ class RunNotSucceeded(RobomakerError):
     """Raised as the result of a flow whose run or job did not succeed; the message has the worst failures.
 
     Args:
-        result: result of the run or job.
-        answer: result that the flow would have returned in a good state.
+        result: Result of the run or job.
+        answer: Result that the flow would have returned in a good state.
     """
 
     def __init__(self, result: FlowResult, answer: Mapping[str, Any]) -> None:
@@ -74,10 +74,10 @@ def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_f
     """Makes the Prefect state in which a flow ends, from the result of its run or job.
 
     Args:
-        result: result of the run or job.
-        answer: the job's final description, which is returned with the result as a further member; `None`: the flow
+        result: Result of the run or job.
+        answer: The job's final description, which is returned with the result as a further member; `None`: the flow
             of a specification, which returns the result alone.
-        verdict_fails_run: whether a verdict FAIL makes it a failed one.
+        verdict_fails_run: Whether a verdict FAIL makes it a failed one.
     """
     told = result.model_dump(mode="json", exclude_none=True)
     data = told if answer is None else {**answer, RESULT: told}
@@ -94,7 +94,7 @@ def answer_of(state: State[Any]) -> tuple[dict[str, Any], FlowResult]:
     """Returns a finished Prefect flow's response (the job's description) and result, also if the job failed.
 
     Raises:
-        BaseException: the error that the flow raised instead.
+        BaseException: The error that the flow raised instead.
     """
     outcome: Any = state.result(raise_on_failure=False)
     if isinstance(outcome, RunNotSucceeded):

@@ -19,7 +19,7 @@ def skipped_night(settings: Settings) -> State[Any] | None:
     Runs that somebody ordered are never too late.
 
     Args:
-        settings: say how late is too late.
+        settings: Say how late is too late.
     """
     context = FlowRunContext.get()
     run = context.flow_run if context is not None else None

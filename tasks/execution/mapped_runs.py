@@ -34,9 +34,9 @@ class Item:
     """One call of a task inside a mapped Prefect task run (`task.map`).
 
     Args:
-        task: the task that is mapped.
-        index: number of the item in the map, from 0.
-        parameters: parameters of the call; futures in them are waited for.
+        task: The task that is mapped.
+        index: Number of the item in the map, from 0.
+        parameters: Parameters of the call; futures in them are waited for.
     """
 
     task: Task[..., Any]
@@ -47,7 +47,7 @@ class Item:
         """Calls the task's function, with the task's retries, and returns the final state.
 
         Args:
-            sleep: waits before a retry, in seconds.
+            sleep: Waits before a retry, in seconds.
 
         Returns:
             Final state of the item; `NotReady` if an input of it failed.
@@ -164,8 +164,8 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
     the number of items, and its state says how many of them did not complete.
 
     Args:
-        max_workers: limit of items and submitted tasks that run at once; absent: that of `ThreadPoolTaskRunner`.
-        summary: makes the text of the state of a map's task run.
+        max_workers: Limit of items and submitted tasks that run at once; absent: that of `ThreadPoolTaskRunner`.
+        summary: Makes the text of the state of a map's task run.
     """
 
     def __init__(self, max_workers: int | None = None, summary: Summary = in_words) -> None:
@@ -186,16 +186,16 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
         """Runs a task once for each item, in threads, all as one Prefect task run.
 
         Args:
-            task: the task to map.
-            parameters: parameters of the call; each iterable that is not `unmapped` has an element for each item.
-            wait_for: futures that have to complete before any item begins.
+            task: The task to map.
+            parameters: Parameters of the call; each iterable that is not `unmapped` has an element for each item.
+            wait_for: Futures that have to complete before any item begins.
 
         Returns:
             A future for each item, in order.
 
         Raises:
-            ConfigurationError: the task asks for what only a task run of its own has, such as a cached result.
-            RuntimeError: the runner has not been started.
+            ConfigurationError: The task asks for what only a task run of its own has, such as a cached result.
+            RuntimeError: The runner has not been started.
         """
         _check(task)
         if self._executor is None or self._maps is None:
@@ -257,8 +257,8 @@ class _MapRun:
     """Task run of one `map` call.
 
     Args:
-        items: the calls, at least one.
-        summary: makes the text of its final state.
+        items: The calls, at least one.
+        summary: Makes the text of its final state.
     """
 
     def __init__(self, items: Sequence[Item], summary: Summary) -> None:

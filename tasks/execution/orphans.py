@@ -34,7 +34,7 @@ def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
     """Watches, in a thread, whether the parent process dies, and calls `orphaned` if it does.
 
     Args:
-        orphaned: called when it has died; has to end this process.
+        orphaned: Called when it has died; has to end this process.
     """
     ended = threading.Event()
     threading.Thread(target=_watch, args=(os.getppid(), ended, orphaned), name="parent", daemon=True).start()
@@ -48,8 +48,8 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
     """Ends this process after its parent died: releases its jobs, and marks its flow run as crashed in Prefect.
 
     Args:
-        catalog: the catalog of the jobs.
-        flow_run: the flow run that this process was started for.
+        catalog: The catalog of the jobs.
+        flow_run: The flow run that this process was started for.
     """
     with _ended(1):
         arns = HELD.give_back_all(catalog)
@@ -61,8 +61,8 @@ def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
     """Ends a job worker's process when its Prefect worker asks for it; its jobs are released.
 
     Args:
-        catalog: catalog of the jobs; their leases are released, so that other job workers take them at once.
-        flow_run: the flow run that this process was started for.
+        catalog: Catalog of the jobs; their leases are released, so that other job workers take them at once.
+        flow_run: The flow run that this process was started for.
     """
     with _ended(0):  # another exit code would make a cancelled run a crashed one
         HELD.give_back_all(catalog)
@@ -99,8 +99,8 @@ def words_of_end(catalog: Catalog, arns: Sequence[str]) -> str:
     """Makes the message of a process that ended because its parent died: how to continue the jobs it held.
 
     Args:
-        catalog: the catalog of its jobs.
-        arns: the jobs that it held, those of batches before the batches.
+        catalog: The catalog of its jobs.
+        arns: The jobs that it held, those of batches before the batches.
     """
     words = "its Prefect worker has died, so that it ended itself"
     if not arns:

@@ -13,7 +13,7 @@ def tell_of_world(arn: str, uri: str, template: str) -> None:
     """Emits the Prefect event `robomaker.world.generated`.
 
     Args:
-        arn: the world's ARN.
+        arn: The world's ARN.
         uri: URI of the world's stored bundle.
         template: ARN of the template it was made from.
     """
@@ -31,10 +31,10 @@ def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, i
     """Emits the Prefect event `robomaker.report.written`.
 
     Args:
-        run_id: the run that it is about.
-        state: result of the run: `succeeded`, `failed`, …
-        path: path of the report on the machine of the flow run.
-        verdicts: number of jobs by verdict.
+        run_id: The run that it is about.
+        state: Result of the run: `succeeded`, `failed`, …
+        path: Path of the report on the machine of the flow run.
+        verdicts: Number of jobs by verdict.
     """
     _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))
 

@@ -81,10 +81,10 @@ class RunWatch:
         """Watches a flow run inside the `with` block.
 
         Args:
-            run: the flow run's id.
-            name: name of the flow run.
-            cancel: called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
-            goes_on: called from another thread when it was closed as dead: says whether this process still does its
+            run: The flow run's id.
+            name: Name of the flow run.
+            cancel: Called from another thread when it is cancelled in Prefect; again while the catalog does not answer.
+            goes_on: Called from another thread when it was closed as dead: says whether this process still does its
                 work, so that it takes the run back.
         """
         with self._changed:
@@ -147,7 +147,7 @@ class RunWatch:
         """Waits for the poll interval; returns early if a flow run is added to the watch, or the last one ends.
 
         Args:
-            known: the flow runs of the last poll, by id.
+            known: The flow runs of the last poll, by id.
         """
         with self._changed:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
@@ -225,8 +225,8 @@ def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]
     """Watches the running flow inside the `with` block, unless its parent flow is watched already.
 
     Args:
-        catalog: the catalog of its jobs; their leases are released if the process has to end as an orphan.
-        cancel: called from another thread when the run is cancelled in Prefect; again while the catalog does not
+        catalog: The catalog of its jobs; their leases are released if the process has to end as an orphan.
+        cancel: Called from another thread when the run is cancelled in Prefect; again while the catalog does not
             answer.
     """
     context = FlowRunContext.get()

@@ -61,10 +61,10 @@ def give_way_to_earlier(continues: str | None = None) -> None:
     A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
 
     Args:
-        continues: id of the run that this one continues; such a run gives way to none.
+        continues: Id of the run that this one continues; such a run gives way to none.
 
     Raises:
-        Pause: the run waits again; Prefect ends the process, with exit code 0.
+        Pause: The run waits again; Prefect ends the process, with exit code 0.
     """
     context, now = FlowRunContext.get(), datetime.now(UTC)
     run = context.flow_run if context is not None else None

@@ -42,19 +42,19 @@ def run_tasks(
     """Runs part of a job once for each argument set, in threads, as Prefect task runs; waits for all of them.
 
     Args:
-        name: name of the task in Prefect.
-        part: watches for a cancel request of the job, and ends soon after one.
-        calls: arguments of each call.
-        run_name: name of each task run; arguments in braces stand for their values.
-        workers: number of calls that run at once.
-        job_arn: the job that they are parts of.
-        service: the service, with its catalog and object store.
-        look: polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
+        name: Name of the task in Prefect.
+        part: Watches for a cancel request of the job, and ends soon after one.
+        calls: Arguments of each call.
+        run_name: Name of each task run; arguments in braces stand for their values.
+        workers: Number of calls that run at once.
+        job_arn: The job that they are parts of.
+        service: The service, with its catalog and object store.
+        look: Polled several times a second meanwhile, and once after an interruption, in the calling thread; once it
             returns true, calls that have not begun are left out.
-        summary: makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
+        summary: Makes it one task run, and says at its end how the calls went; `None`: a task run for each call.
 
     Raises:
-        BaseException: the first task's error, once all tasks have ended, or the interruption.
+        BaseException: The first task's error, once all tasks have ended, or the interruption.
     """
     from prefect import task
     from prefect.cache_policies import NO_CACHE
@@ -95,12 +95,12 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
     """Runs a job that has a single part in a thread, and waits for it.
 
     Args:
-        work: watches for a cancel request of the job, and ends soon after one.
-        job_arn: the job.
-        service: the service, with its catalog and object store.
+        work: Watches for a cancel request of the job, and ends soon after one.
+        job_arn: The job.
+        service: The service, with its catalog and object store.
 
     Raises:
-        BaseException: what `work` raised, or the interruption, once it has ended.
+        BaseException: What `work` raised, or the interruption, once it has ended.
     """
     with service.activated(), concurrent.futures.ThreadPoolExecutor(max_workers=1) as pool:
         future = pool.submit(contextvars.copy_context().run, work)
@@ -157,8 +157,8 @@ def shown_as(name: str, message: str) -> Generator[None]:
     """Gives the running flow's Prefect state a name inside the `with` block, such as `AwaitingApproval`.
 
     Args:
-        name: the name, such as `AwaitingApproval`.
-        message: text for the user.
+        name: The name, such as `AwaitingApproval`.
+        message: Text for the user.
     """
     run = _flow_run()
     if run is None:

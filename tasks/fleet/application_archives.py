@@ -45,7 +45,7 @@ def sources_by_architecture(application: Resource, architectures: Iterable[str])
     """Returns an application's archive for each processor architecture; missing ones are left out.
 
     Raises:
-        DeploymentError: the application has no archives at all.
+        DeploymentError: The application has no archives at all.
     """
     sources = ApplicationDocument.of(application).sources
     if not sources:
@@ -67,14 +67,14 @@ def fetch_source(source: StoredSource, version: str, path: Path, service: Servic
     """Downloads an application archive, and checks that it is unchanged since the version was created.
 
     Args:
-        source: the archive.
-        version: the application's.
-        path: path of the local file.
-        service: the service, with its catalog and object store.
+        source: The archive.
+        version: The application's.
+        path: Path of the local file.
+        service: The service, with its catalog and object store.
 
     Raises:
-        DeploymentError: the archive was deleted, may not be read, or was changed since the version was created.
-        StorageError: the object store does not answer.
+        DeploymentError: The archive was deleted, may not be read, or was changed since the version was created.
+        StorageError: The object store does not answer.
     """
     place, store = place_of(source), service.store
     found = _named(place, lambda: store.get_file(source.s3_bucket, source.s3_key, path).etag)
@@ -88,15 +88,15 @@ def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service
     """Downloads a deployment's condition file, a program that robots run before they download.
 
     Args:
-        bucket: bucket of the file.
-        key: key of the file.
+        bucket: Bucket of the file.
+        key: Key of the file.
         etag: ETag of the file when the deployment was created; `None`: not recorded.
-        path: path of the local file.
-        service: the service, with its catalog and object store.
+        path: Path of the local file.
+        service: The service, with its catalog and object store.
 
     Raises:
-        DeploymentError: the condition file was deleted, may not be read, or was changed.
-        StorageError: the object store does not answer.
+        DeploymentError: The condition file was deleted, may not be read, or was changed.
+        StorageError: The object store does not answer.
     """
     place = f"s3://{bucket}/{key}"
     found = _named(place, lambda: service.store.get_file(bucket, key, path).etag)

@@ -50,7 +50,7 @@ def signing_key(service: Service) -> SigningKey:
     """Returns the service's key that signs installation files for robots; it is created on first use.
 
     Raises:
-        ConfigurationError: the file does not hold a key, or cannot be read or written.
+        ConfigurationError: The file does not hold a key, or cannot be read or written.
     """
     path = service.folder("robots") / "signing-key.pem"
     try:
@@ -72,12 +72,12 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
     """Writes a whole key file unless one exists: no key is ever overwritten.
 
     Args:
-        path: the file; its folder exists.
-        content: content of the file.
-        mode: permissions of the file, as of `chmod`.
+        path: The file; its folder exists.
+        content: Content of the file.
+        mode: Permissions of the file, as of `chmod`.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: The file cannot be written.
     """
     with written(path, content, mode) as part, suppress(FileExistsError):
         path.hardlink_to(part)
@@ -88,12 +88,12 @@ def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
     """Yields a temporary file with the content, ready to be renamed to its final path; it is deleted afterwards.
 
     Args:
-        path: final path of the file; its folder exists.
-        content: content of the file.
-        mode: permissions of the file, as of `chmod`.
+        path: Final path of the file; its folder exists.
+        content: Content of the file.
+        mode: Permissions of the file, as of `chmod`.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: The file cannot be written.
     """
     part = path.with_name(f".{uuid4().hex}.part")
     try:
@@ -118,18 +118,18 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
     """Builds the installation files (`.swu`) that robots download for an application, and uploads them.
 
     Args:
-        application: the application's version, as `find_application` finds it.
+        application: The application's version, as `find_application` finds it.
         architectures: CPU architectures of the robots.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         The files by architecture; architectures that the application has no archive for are absent.
 
     Raises:
-        DeploymentError: an archive is gone, may not be read, is not the one it was when the version was made, or cannot
+        DeploymentError: An archive is gone, may not be read, is not the one it was when the version was made, or cannot
             be wrapped; or the application has no archives at all.
-        StorageError: the object store does not answer.
-        ConfigurationError: the signing key cannot be used.
+        StorageError: The object store does not answer.
+        ConfigurationError: The signing key cannot be used.
     """
     key = signing_key(service)
     return {

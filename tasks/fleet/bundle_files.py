@@ -14,8 +14,8 @@ class BundleFiles:
     """Local copies of installation files that robots download; usable from any thread.
 
     Args:
-        service: the service, with its catalog and object store.
-        keeper: knows which file an order has.
+        service: The service, with its catalog and object store.
+        keeper: Knows which file an order has.
     """
 
     def __init__(self, service: Service, keeper: OrderKeeper) -> None:
@@ -28,8 +28,8 @@ class BundleFiles:
         """Returns the local path of an order's installation file, after downloading it if necessary.
 
         Raises:
-            ObjectNotFoundError: no rollout has it any more, or it is gone.
-            StorageError: the file cannot be downloaded.
+            ObjectNotFoundError: No rollout has it any more, or it is gone.
+            StorageError: The file cannot be downloaded.
         """
         artifact = self._keeper.artifact(order)
         if artifact is None:

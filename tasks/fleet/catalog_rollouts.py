@@ -47,7 +47,7 @@ class Rollouts:
     """Database access to the rollouts of deployment jobs; each method is one transaction.
 
     Args:
-        catalog: keeps them beside its resources.
+        catalog: Keeps them beside its resources.
     """
 
     def __init__(self, catalog: Catalog) -> None:
@@ -60,7 +60,7 @@ class Rollouts:
             False if the job has one, which stays as it is.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such job.
+            ResourceNotFoundException: The catalog has no such job.
         """
         row = {"job": job, "revision": 1, "is_open": True, "delivery": dict(delivery), "rollout": dict(rollout)}
         try:
@@ -103,10 +103,10 @@ class Rollouts:
 
         Args:
             job: ARN of its deployment job.
-            revision: the revision that was read; the next is one more.
-            rollout: current state of the rollout.
-            is_open: whether its robots may have orders.
-            applied: the `sequence` of each event that it has taken in.
+            revision: The revision that was read; the next is one more.
+            rollout: Current state of the rollout.
+            is_open: Whether its robots may have orders.
+            applied: The `sequence` of each event that it has taken in.
 
         Returns:
             Whether it was stored.
@@ -124,7 +124,7 @@ class Rollouts:
         """Reserves unique, increasing numbers for orders to robots.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such job.
+            ResourceNotFoundException: The catalog has no such job.
         """
         try:
             with self._catalog.writing() as connection:
@@ -146,15 +146,15 @@ class Rollouts:
 
         Args:
             job: ARN of the deployment job.
-            event: the event to apply.
-            at_s: time of the event, in seconds since the epoch.
-            order: the number of the order that it is about; it decides the job, if that order was moved.
+            event: The event to apply.
+            at_s: Time of the event, in seconds since the epoch.
+            order: The number of the order that it is about; it decides the job, if that order was moved.
 
         Returns:
             The job that it was stored for.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such job.
+            ResourceNotFoundException: The catalog has no such job.
         """
         try:
             with self._catalog.writing() as connection:

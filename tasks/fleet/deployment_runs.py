@@ -96,9 +96,9 @@ class DeploymentRun:
     """Runs a deployment job to completion.
 
     Args:
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
-        sleep: waits, in seconds.
+        lease: The right to change the job.
+        service: The service, with its catalog and object store.
+        sleep: Waits, in seconds.
     """
 
     def __init__(self, lease: Lease, service: Service, sleep: Callable[[float], None] = time.sleep) -> None:
@@ -113,7 +113,7 @@ class DeploymentRun:
         """Prepares the deployment and rolls it out to robots, from its current state.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer; run it again.
+            ServiceUnavailableException: The catalog does not answer; run it again.
         """
         try:
             self._carry_on()
@@ -159,8 +159,8 @@ class DeploymentRun:
         Returns if canceled.
 
         Raises:
-            DeploymentError: the batch has not passed, and cannot pass any more.
-            StateConflictError: the lease was lost, or the job was ended.
+            DeploymentError: The batch has not passed, and cannot pass any more.
+            StateConflictError: The lease was lost, or the job was ended.
         """
         from .attestations.required_batches import attest  # it needs the extra `fleet`
 
@@ -260,7 +260,7 @@ class DeploymentRun:
         """Polls once: applies robots' reports, time-outs, cancellation and people's decisions to the robots' state.
 
         Raises:
-            StateConflictError: the lease was lost.
+            StateConflictError: The lease was lost.
         """
         if self._lease.lost:
             raise StateConflictError(f"{self._job.arn}: another run goes on with it")

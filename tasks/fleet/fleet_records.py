@@ -64,13 +64,13 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
     """Locks a fleet for changes inside the `with` block: one caller at a time, over all processes.
 
     Args:
-        arn: the fleet.
-        service: the service, with its catalog and object store.
+        arn: The fleet.
+        service: The service, with its catalog and object store.
 
     Raises:
-        InvalidParameterException: the text is not the ARN of a fleet.
-        ResourceNotFoundException: the catalog has no such fleet.
-        ThrottlingException: others have kept changing it for `PATIENCE_S`.
+        InvalidParameterException: The text is not the ARN of a fleet.
+        ResourceNotFoundException: The catalog has no such fleet.
+        ThrottlingException: Others have kept changing it for `PATIENCE_S`.
     """
     ResourceArn.parse(arn, FLEET)
     owner = uuid.uuid4().hex
@@ -90,9 +90,9 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
     """Lists the robots of a fleet, newest first.
 
     Args:
-        fleet: the fleet's ARN.
-        service: the service, with its catalog and object store.
-        page: number of robots that are read at once.
+        fleet: The fleet's ARN.
+        service: The service, with its catalog and object store.
+        page: Number of robots that are read at once.
     """
     found: list[Resource] = []
     after = None
@@ -120,8 +120,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """Adds a robot to a fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such robot.
-        InvalidParameterException: the robot is in another fleet.
+        ResourceNotFoundException: The catalog has no such robot.
+        InvalidParameterException: The robot is in another fleet.
     """
     known = service.catalog.get(robot, kind=ROBOT)
     if RobotDocument.of(known).fleet != fleet.arn:
@@ -134,7 +134,7 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
     """Removes a robot from its fleet, which the caller has locked.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such robot.
+        ResourceNotFoundException: The catalog has no such robot.
     """
     service.catalog.update(robot, RobotMembership(fleet=None), labels={}, status="Available")
 
@@ -154,10 +154,10 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
     """Ends a deployment job unless it has ended; the caller has locked its fleet.
 
     Args:
-        job: the job.
-        why: cause of the end.
-        service: the service, with its catalog and object store.
-        changes: why it failed, where it fails; nothing: it is canceled.
+        job: The job.
+        why: Cause of the end.
+        service: The service, with its catalog and object store.
+        changes: Why it failed, where it fails; nothing: it is canceled.
     """
     stop(job.arn, why, service)
     # A job that prepares has no rollout, or gets it just now; its run sees that the job has ended.
@@ -223,7 +223,7 @@ class KnownRobots:
     """Keeps the enrolled robots in the table of orders up to date; robots are known by their unique names.
 
     Args:
-        orders: the table.
+        orders: The table.
     """
 
     def __init__(self, orders: OpenOrders) -> None:
@@ -269,7 +269,7 @@ def enrollable(name: str, service: Service) -> Resource:
     """Returns the robot of a name, after checking that its name can be part of a URL.
 
     Raises:
-        InvalidParameterException: no robot has this name, or the name cannot be part of a URL.
+        InvalidParameterException: No robot has this name, or the name cannot be part of a URL.
     """
     robot = service.catalog.find(ROBOT, name)
     if robot is None:
@@ -291,16 +291,16 @@ def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, 
     """Gives a robot a login token; the catalog stores only its hash.
 
     Args:
-        name: the robot's.
-        service: the service, with its catalog and object store.
-        random_bytes: function that returns that many unpredictable bytes.
-        rotate: whether a token that it has is replaced.
+        name: The robot's.
+        service: The service, with its catalog and object store.
+        random_bytes: Function that returns that many unpredictable bytes.
+        rotate: Whether a token that it has is replaced.
 
     Returns:
         The token; nothing can tell it again.
 
     Raises:
-        InvalidParameterException: there is no such robot, it has a token that is not to be replaced, or updaters cannot
+        InvalidParameterException: There is no such robot, it has a token that is not to be replaced, or updaters cannot
             have its name in an address.
     """
     robot = enrollable(name, service)

@@ -59,11 +59,11 @@ class KeptRollout:
     """The stored state of a deployment to robots, which applies events and saves the result. For one thread.
 
     Args:
-        job: the deployment job; it has a rollout.
-        service: the service, with its catalog and object store.
+        job: The deployment job; it has a rollout.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the deployment job has no rollout.
+        ResourceNotFoundException: The deployment job has no rollout.
     """
 
     def __init__(self, job: Resource, service: Service) -> None:
@@ -83,7 +83,7 @@ class KeptRollout:
             Whether anything happened.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer; ask again.
+            ServiceUnavailableException: The catalog does not answer; ask again.
         """
         happened = self._fold(events)
         if self.rollout.status != "InProgress":
@@ -124,7 +124,7 @@ class KeptRollout:
         """Closes unanswered orders that a later deployment takes over: it waits for the robots' answers to them.
 
         Args:
-            orders: numbers of the orders, by robot; orders of other robots are not changed.
+            orders: Numbers of the orders, by robot; orders of other robots are not changed.
 
         Returns:
             The robots of them that have answered already.
@@ -302,14 +302,14 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
     """Returns the rollouts whose robots may have open orders, also of jobs that have ended.
 
     Args:
-        service: the service, with its catalog and object store.
-        known: rollouts that were read before, by job; unchanged ones are not read again.
+        service: The service, with its catalog and object store.
+        known: Rollouts that were read before, by job; unchanged ones are not read again.
 
     Returns:
         The rollouts, those of older jobs first.
 
     Raises:
-        ServiceUnavailableException: the catalog does not answer.
+        ServiceUnavailableException: The catalog does not answer.
     """
     found: list[OpenRollout] = []
     for job, revision in Rollouts(service.catalog).open_rollouts().items():
@@ -329,13 +329,13 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
     After the job's end, `served_rollouts` makes it part of the rollout.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         job: ARN of the deployment job that the order belongs to; of one that has taken the order over, or the first.
-        event: the robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
-        at_s: time of the event, in seconds since the epoch.
+        event: The robot's report; repetitions change nothing, and neither do orders of jobs that do not exist.
+        at_s: Time of the event, in seconds since the epoch.
 
     Raises:
-        ServiceUnavailableException: the catalog does not answer; the robot has to say it again.
+        ServiceUnavailableException: The catalog does not answer; the robot has to say it again.
     """
     with suppress(ResourceNotFoundException):
         Rollouts(service.catalog).add_event(job, event.to_json(), at_s, order=event.action_id)

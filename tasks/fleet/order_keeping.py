@@ -69,9 +69,9 @@ def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
     """Translates a robot's report, as its updater sends it, into an event of the deployment to robots.
 
     Args:
-        report: the robot's report.
+        report: The robot's report.
         robot: ARN of the robot; reports have the robot's own id.
-        known: state of the order, including this report (`heard`).
+        known: State of the order, including this report (`heard`).
     """
     if isinstance(report, OrderFetched):
         return Fetched(robot=robot, action_id=report.action_id)
@@ -156,8 +156,8 @@ class OrderKeeper:
     `sync` is called by one thread, the rest by any.
 
     Args:
-        orders: the table.
-        robots: the enrolled robots.
+        orders: The table.
+        robots: The enrolled robots.
     """
 
     def __init__(self, orders: OpenOrders, robots: KnownRobots) -> None:

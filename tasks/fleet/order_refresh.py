@@ -46,12 +46,12 @@ class OrderWatch:
     """Thread that watches robots and rollouts in the catalog and updates the table of orders.
 
     Args:
-        service: the service, with its catalog and object store.
-        robots: the enrolled robots.
-        keeper: keeps the orders.
-        files: files of the orders.
-        rollouts: reads the open rollouts: `kept_rollouts.open_rollouts`.
-        tend: does what is due of those whose jobs have ended: `EndedRollouts.tend`.
+        service: The service, with its catalog and object store.
+        robots: The enrolled robots.
+        keeper: Keeps the orders.
+        files: Files of the orders.
+        rollouts: Reads the open rollouts: `kept_rollouts.open_rollouts`.
+        tend: Does what is due of those whose jobs have ended: `EndedRollouts.tend`.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class OrderWatch:
         """Updates the table of robots and their orders from the catalog; returns whether a deployment is open.
 
         Raises:
-            RobomakerError: the catalog does not answer.
+            RobomakerError: The catalog does not answer.
         """
         self._refresh_robots()
         rollouts = self._rollouts(self._service, self._known)

@@ -41,9 +41,9 @@ def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[li
     """Deletes deployment files that no robot needs any more, according to the retention policy.
 
     Args:
-        policy: retention policy, with the number of newest deployments of each fleet that keep their files.
-        service: the service, with its catalog and object store.
-        act: whether files are deleted; otherwise the result only says which would be.
+        policy: Retention policy, with the number of newest deployments of each fleet that keep their files.
+        service: The service, with its catalog and object store.
+        act: Whether files are deleted; otherwise the result only says which would be.
 
     Returns:
         The deleted files as one item, and notes about files that could not be judged.

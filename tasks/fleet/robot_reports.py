@@ -32,10 +32,10 @@ class RobotReports:
     """Receives the reports of robots and stores them for their rollouts; usable from any thread.
 
     Args:
-        service: the service, with its catalog and object store.
-        robots: the enrolled robots.
-        keeper: knows their orders.
-        report: takes in events of rollouts.
+        service: The service, with its catalog and object store.
+        robots: The enrolled robots.
+        keeper: Knows their orders.
+        report: Takes in events of rollouts.
     """
 
     def __init__(self, service: Service, robots: KnownRobots, keeper: OrderKeeper, report: ReportEvent) -> None:
@@ -50,7 +50,7 @@ class RobotReports:
         """Stores a robot's report; it is stored when this returns.
 
         Raises:
-            ServiceError: the report could not be stored; the robot has to send it again.
+            ServiceError: The report could not be stored; the robot has to send it again.
         """
         match report:
             case RobotsSeen():
@@ -68,9 +68,9 @@ class RobotReports:
         """Records how many bytes of its installation file a robot has downloaded, not more often than is useful.
 
         Args:
-            order: the robot's order.
-            sent_bytes: up to which byte.
-            now_s: the time, in seconds since the epoch.
+            order: The robot's order.
+            sent_bytes: Up to which byte.
+            now_s: The time, in seconds since the epoch.
         """
         key = (order.robot, order.action_id)
         with self._lock:

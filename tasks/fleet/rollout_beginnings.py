@@ -52,9 +52,9 @@ def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[
     """Makes the plan of a deployment: its robots in order and its limits.
 
     Args:
-        job: the deployment job.
+        job: The deployment job.
         robots: ARNs of the robots to deploy to, in the order of the rollout.
-        has_file: whether there is a file for a robot; those without one fail.
+        has_file: Whether there is a file for a robot; those without one fail.
     """
     document = DeploymentJobDocument.of(job)
     config = DeploymentConfig.model_validate(document.deployment_config)
@@ -120,10 +120,10 @@ def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Ser
     """Starts the rollout (deployment to robots) of a job, or finds it started; it takes over unanswered orders.
 
     Args:
-        job: the deployment job.
-        plan: the rollout's plan.
-        gets: the files that robots get.
-        service: the service, with its catalog and object store.
+        job: The deployment job.
+        plan: The rollout's plan.
+        gets: The files that robots get.
+        service: The service, with its catalog and object store.
     """
     earlier = _end_earlier(job, gets.architectures, service)
     rollout = begin(plan, service.clock().timestamp(), earlier)

@@ -56,10 +56,10 @@ def new_signing_key(name: str, now: datetime, valid_days: int, random_bytes: Cal
     Robots refuse everything that an expired certificate signed, so they need the next one before.
 
     Args:
-        name: the certificate's name, such as that of the fleet.
-        now: the time, with its zone.
-        valid_days: validity of the certificate, in days.
-        random_bytes: function that returns that many random bytes, for the serial number.
+        name: The certificate's name, such as that of the fleet.
+        now: The time, with its zone.
+        valid_days: Validity of the certificate, in days.
+        random_bytes: Function that returns that many random bytes, for the serial number.
     """
     private = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
@@ -80,7 +80,7 @@ def load_signing_key(private_pem: bytes, certificate_pem: bytes) -> SigningKey:
     """Reads a signing key and its certificate from PEM.
 
     Raises:
-        ConfigurationError: the key or certificate is not valid PEM, or they do not belong together.
+        ConfigurationError: The key or certificate is not valid PEM, or they do not belong together.
     """
     try:
         private = load_pem_private_key(private_pem, None)
@@ -121,11 +121,11 @@ def describe(release: Release, bundle_sha256: str) -> bytes:
     """Makes the text of `sw-description`, the index file inside a `.swu` (SWUpdate) file.
 
     Args:
-        release: application version that is installed.
+        release: Application version that is installed.
         bundle_sha256: SHA-256 of the bundle, in hexadecimal digits.
 
     Raises:
-        InvalidParameterException: a text of the release is empty, too long, or has control characters.
+        InvalidParameterException: A text of the release is empty, too long, or has control characters.
     """
     if not release.hardware:
         raise InvalidParameterException("hardware: name at least one revision, such as '1.0'; robots refuse others")
@@ -178,14 +178,14 @@ def write_member(target: BinaryIO, number: int, name: str, parts: Iterable[bytes
     """Appends a file to a cpio archive.
 
     Args:
-        target: the archive.
-        number: number of the file in the archive, from 1.
-        name: the file's name.
-        parts: content of the file, in parts.
-        size_bytes: the length of all parts together.
+        target: The archive.
+        number: Number of the file in the archive, from 1.
+        name: The file's name.
+        parts: Content of the file, in parts.
+        size_bytes: The length of all parts together.
 
     Raises:
-        ValueError: the parts have another length.
+        ValueError: The parts have another length.
     """
     target.write(_head(number, _PLAIN_FILE, name, size_bytes))
     written = 0
@@ -216,17 +216,17 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
     """Wraps an application archive in a signed `.swu` file (SWUpdate), streaming it.
 
     Args:
-        bundle: an archive (`.tar.gz`), open for reading, which can be rewound.
-        release: application version, and the path that it is unpacked to.
-        key: signs it.
-        target: the `.swu` file, open for writing.
+        bundle: An archive (`.tar.gz`), open for reading, which can be rewound.
+        release: Application version, and the path that it is unpacked to.
+        key: Signs it.
+        target: The `.swu` file, open for writing.
 
     Returns:
         The SHA-256 of the bundle, in hexadecimal digits.
 
     Raises:
-        BundleError: the bundle is empty, has 4 GiB or more, or changed meanwhile.
-        InvalidParameterException: a text of the release is not right.
+        BundleError: The bundle is empty, has 4 GiB or more, or changed meanwhile.
+        InvalidParameterException: A text of the release is not right.
     """
     bundle.seek(0)
     digest, size_bytes = hashlib.sha256(), 0

@@ -232,7 +232,7 @@ def _named(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) -> Se
     """Returns the selection with the labels of jobs and the ARNs of worlds that its texts mean in this run.
 
     Raises:
-        ConfigurationError: a text means no part of the run, or any of several; the message lists them.
+        ConfigurationError: A text means no part of the run, or any of several; the message lists them.
     """
     labels = [label for text in selection.jobs for label in _jobs_meant(text, jobs, run_id)]
     worlds = [arn for text in selection.worlds for arn in _worlds_meant(text, jobs, run_id)]

@@ -73,8 +73,8 @@ class BatchRun:
     """Runs one simulation job batch: makes jobs from its requests, and follows them to their end.
 
     Args:
-        lease: the right to change the batch.
-        service: the service, with its catalog and object store.
+        lease: The right to change the batch.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:

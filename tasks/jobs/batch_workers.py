@@ -42,7 +42,7 @@ class BatchWorker:
 
     Args:
         batch: ARN of the batch.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, batch: str, service: Service) -> None:
@@ -60,8 +60,8 @@ class BatchWorker:
             Number of jobs that were run here.
 
         Raises:
-            ConfigurationError: the catalog of this machine does not have the batch.
-            BaseException: the interruption that ended it; its jobs have been released, and the process has to end.
+            ConfigurationError: The catalog of this machine does not have the batch.
+            BaseException: The interruption that ended it; its jobs have been released, and the process has to end.
         """
         machine = self._machine()
         remove_overtaken_runs(self._service)
@@ -215,7 +215,7 @@ class AwaitedJobs:
     """Waits for a batch's jobs to end, with one query for all of them; safe to use from several threads.
 
     Args:
-        catalog: the catalog.
+        catalog: The catalog.
         batch: ARN of the batch.
     """
 
@@ -229,7 +229,7 @@ class AwaitedJobs:
         """Queries once which jobs of the batch have ended.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
+            ServiceUnavailableException: The catalog does not answer.
         """
         standing = self._catalog.children_standing(self._batch, KIND)
         ended = frozenset(arn for arn, status in standing.items() if is_terminal(KIND, status))
@@ -243,7 +243,7 @@ class AwaitedJobs:
 
         Args:
             job: ARN of the job.
-            should_stop: called now and then; must return at once.
+            should_stop: Called now and then; must return at once.
         """
         with self._changed:
             while job not in self._ended and not should_stop():
@@ -260,9 +260,9 @@ class WorkerWait:
         """Updates the numbers of jobs; returns whether all have waited for a worker for too long.
 
         Args:
-            pending: jobs that no worker has begun.
-            running: jobs that workers have begun and not ended.
-            now_s: seconds of a clock that never goes back.
+            pending: Jobs that no worker has begun.
+            running: Jobs that workers have begun and not ended.
+            now_s: Seconds of a clock that never goes back.
         """
         if not pending or running:
             self._since_s = None
@@ -280,9 +280,9 @@ class BatchTrials:
 
     Args:
         batch: ARN of the batch.
-        requests: the requests of its jobs, in order.
-        catalog: catalog of the jobs, with the numbers of their finished trials.
-        clock: seconds on a clock that only runs forward.
+        requests: The requests of its jobs, in order.
+        catalog: Catalog of the jobs, with the numbers of their finished trials.
+        clock: Seconds on a clock that only runs forward.
     """
 
     def __init__(
@@ -299,7 +299,7 @@ class BatchTrials:
         """Counts the finished trials again, at most every two seconds.
 
         Args:
-            now: counts in any case.
+            now: Counts in any case.
 
         Returns:
             Whether more have finished.

@@ -35,9 +35,9 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
     Args:
-        folder: folder of the job.
-        document: document of the job.
-        run_id: id of the job's last run.
+        folder: Folder of the job.
+        document: Document of the job.
+        run_id: Id of the job's last run.
     """
     remove_containers_of_job(folder)
     run = folder / run_id
@@ -68,7 +68,7 @@ def remove_abandoned_containers(service: Service) -> None:
     logged; the next call tries again.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     try:
         for run, job in abandoned_runs(service):
@@ -90,10 +90,10 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ServiceUnavailableException: the catalog does not answer.
+        ServiceUnavailableException: The catalog does not answer.
     """
     for run in _runs(service.settings.home / "jobs"):
         if has_containers(run):
@@ -110,10 +110,10 @@ def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
     could not be stored are needed; so is what has changed a moment ago, as its process may still end its programs.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ServiceUnavailableException: the catalog does not answer.
+        ServiceUnavailableException: The catalog does not answer.
     """
     runs = [run for run in _runs(service.settings.home / "jobs") if run.is_dir() and _is_quiet(run)]
     jobs = service.catalog.get_many({service.arn(KIND, run.parent.name) for run in runs})
@@ -216,11 +216,11 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
     """Finds outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         job: ARN or id of the only job that is looked at; absent: all.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     pattern = "*/*"
     if job is not None:
@@ -242,9 +242,9 @@ def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
     What an earlier attempt stored of them is not stored again.
 
     Raises:
-        StateConflictError: another process uploads the same outputs now, or has already uploaded them.
-        StorageError: the outputs cannot be stored.
-        OSError: the outputs cannot be read.
+        StateConflictError: Another process uploads the same outputs now, or has already uploaded them.
+        StorageError: The outputs cannot be stored.
+        OSError: The outputs cannot be read.
     """
     arn = kept.job.arn
     with HELD.owner_of(arn) as owner:

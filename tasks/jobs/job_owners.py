@@ -43,9 +43,9 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
     """Returns the settings and packages of this process that a job needs to run in another process.
 
     Args:
-        operation: the operation that orders it.
-        request: the request's members.
-        service: service with the job's applications, and the settings of this process.
+        operation: The operation that orders it.
+        request: The request's members.
+        service: Service with the job's applications, and the settings of this process.
     """
     requests = _simulations(operation, request)
     packages = imported_packages(requests, CurrentApplications(service))
@@ -61,10 +61,10 @@ def environment_with(
     """Returns this process's environment, reduced to some settings and packages.
 
     Args:
-        names: the settings.
-        packages: digests of the packages that are imported; `None`: nothing but what is built in.
-        settings: settings of this process.
-        simulates: whether simulation jobs run in it.
+        names: The settings.
+        packages: Digests of the packages that are imported; `None`: nothing but what is built in.
+        settings: Settings of this process.
+        simulates: Whether simulation jobs run in it.
     """
     variables = {variable(name): written(getattr(settings, name)) for name in dict.fromkeys(names)}
     if simulates:
@@ -82,9 +82,9 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
     """Returns this process's environment, reduced to the parts that a job needs.
 
     Args:
-        needed: names of the environment variables and settings that the job needs.
-        settings: settings of this process.
-        environ: environment variables of this process.
+        needed: Names of the environment variables and settings that the job needs.
+        settings: Settings of this process.
+        environ: Environment variables of this process.
     """
     settings_of = {variable(name): name for name in type(settings).model_fields}
     variables = {
@@ -132,8 +132,8 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
     """Returns which process runs a job, and how the job continues if that process has died.
 
     Args:
-        job: the job or batch.
-        service: the service, with its catalog and object store.
+        job: The job or batch.
+        service: The service, with its catalog and object store.
 
     Returns:
         Owner and state of the job; `None`: no process has begun with it.
@@ -145,8 +145,8 @@ def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobSta
     """Returns which process runs each of some jobs, by ARN.
 
     Args:
-        jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.
-        service: the service, with its catalog and object store.
+        jobs: Jobs and batches. Of a batch's job the environment that the batch needs counts.
+        service: The service, with its catalog and object store.
     """
     wanted = list(jobs)
     found = service.catalog.ownerships([arn for job in wanted for arn in (job.arn, job.parent) if arn])
@@ -161,8 +161,8 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
     """Lists the needs of a job that this process does not meet; empty if it may run the job.
 
     Args:
-        needed: environment that was recorded with the order; `None`: a client ordered it.
-        service: service of this process.
+        needed: Environment that was recorded with the order; `None`: a client ordered it.
+        service: Service of this process.
     """
     if needed is None:
         return []
@@ -218,8 +218,8 @@ class OwnOrder:
     cancellation.
 
     Args:
-        service: the service, with its catalog and object store.
-        held: record of the leases that this process holds.
+        service: The service, with its catalog and object store.
+        held: Record of the leases that this process holds.
     """
 
     def __init__(self, service: Service, held: HeldLeases = HELD) -> None:
@@ -251,8 +251,8 @@ class OwnOrder:
         """Returns a service that stores the job together with its lease (lock), held by this process.
 
         Args:
-            operation: the operation that orders the job.
-            request: the request's members, which have been checked.
+            operation: The operation that orders the job.
+            request: The request's members, which have been checked.
         """
         needed = environment_needed(operation, request, self._service)
         lease = FirstLease(self._owner, self._service.timing.lease_s, needed.model_dump(mode="json"))

@@ -94,14 +94,14 @@ def perform_job(
     outputs were lost with the machine that it ran on.
 
     Args:
-        arn: the job.
-        service: the service, with its catalog and object store.
-        stop: returns why the job should stop, or `None`; called several times a second.
-        run_step: runs its steps `prepare`, `simulate` and `upload`, directly or as Prefect tasks.
-        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
-        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
-        place: slot of the job among the simulating jobs; absent: it needs none.
-        waits: whether the end of a job that another process has taken over is waited for.
+        arn: The job.
+        service: The service, with its catalog and object store.
+        stop: Returns why the job should stop, or `None`; called several times a second.
+        run_step: Runs its steps `prepare`, `simulate` and `upload`, directly or as Prefect tasks.
+        on_trials: Called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: Time that it has waited for this machine, in seconds, by scarce resource.
+        place: Slot of the job among the simulating jobs; absent: it needs none.
+        waits: Whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
 
@@ -113,9 +113,9 @@ def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CA
     """Ends a job that has to stop, if no job worker holds it; outputs left on this machine are uploaded.
 
     Args:
-        arn: the job.
-        service: the service, with its catalog and object store.
-        reason: why it has to stop.
+        arn: The job.
+        service: The service, with its catalog and object store.
+        reason: Why it has to stop.
 
     Returns:
         Whether the job has ended; false if another performs it, who sees to its end.
@@ -144,13 +144,13 @@ class JobRun:
     """Runs one simulation job, holding its lease (lock).
 
     Args:
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
-        stop: returns why the job should stop, or `None`.
-        run_step: runs its steps, directly or as Prefect tasks.
-        on_trials: called with the numbers of finished and of all trials; absent: trials are not reported.
-        waited_s: time that it has waited for this machine, in seconds, by scarce resource.
-        place: slot of the job among the simulating jobs; absent: it needs none.
+        lease: The right to change the job.
+        service: The service, with its catalog and object store.
+        stop: Returns why the job should stop, or `None`.
+        run_step: Runs its steps, directly or as Prefect tasks.
+        on_trials: Called with the numbers of finished and of all trials; absent: trials are not reported.
+        waited_s: Time that it has waited for this machine, in seconds, by scarce resource.
+        place: Slot of the job among the simulating jobs; absent: it needs none.
     """
 
     def __init__(
@@ -200,7 +200,7 @@ class JobRun:
         """Ends a job that is not running; outputs that a dead run left on this machine are uploaded first.
 
         Args:
-            reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.
+            reason: Why it has to stop; one that is `Terminating` keeps the outcome that it has already.
         """
         run_id = self._document.run_id
         if self._lease.job.status == "Terminating":
@@ -485,9 +485,9 @@ class JobRun:
         """Uploads a run's outputs; returns the outcome, which is a failure if the upload fails.
 
         Args:
-            run_id: the run.
-            outcome: outcome of the run.
-            resumes: whether a job worker that died may have stored a part of them.
+            run_id: The run.
+            outcome: Outcome of the run.
+            resumes: Whether a job worker that died may have stored a part of them.
         """
         outputs = self._outputs(run_id)
         settle_containers(self._folder(run_id), outputs.output_dir)

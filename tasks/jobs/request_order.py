@@ -15,7 +15,7 @@ def mixed_order(requests: Sequence[Mapping[str, Any]]) -> list[int]:
     the last of its jobs has ended.
 
     Args:
-        requests: requests for simulation jobs on the wire.
+        requests: Requests for simulation jobs on the wire.
 
     Returns:
         Indices of all requests; the first one becomes a job first.

@@ -29,8 +29,8 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     """Determines the outcome of a simulation job from its run's end.
 
     Args:
-        run: outcome of the run.
-        stopped_because: why the job had to stop; `None` if it did not have to.
+        run: Outcome of the run.
+        stopped_because: Why the job had to stop; `None` if it did not have to.
     """
     if is_overtaken(run.status, stopped_because):
         run = run.model_copy(update={"status": "Canceled"})
@@ -110,9 +110,9 @@ class EarlierRuns:
     """Stores the outputs of a job's earlier runs, before a restart or after a crash.
 
     Args:
-        lease: the right to change the job.
-        outputs_of: the outputs of one of its runs.
-        why_stop: why the job has to end; `None` if it does not have to.
+        lease: The right to change the job.
+        outputs_of: The outputs of one of its runs.
+        why_stop: Why the job has to end; `None` if it does not have to.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class EarlierRuns:
         It is unknown whether the run had ended, so it gets no manifest.
 
         Args:
-            why: reason why the run was not finished, for readers of its outputs.
+            why: Reason why the run was not finished, for readers of its outputs.
         """
         job, document = self._lease.job, self._document
         run_id = document.run_id

@@ -51,13 +51,13 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
     Cancelling a job that has ended, or is being cancelled, changes nothing and succeeds.
 
     Args:
-        arn: the job.
-        kind: the resource kind it has to be.
-        service: the service, with its catalog and object store.
-        work: ends a job that is being cancelled, holding its lease.
+        arn: The job.
+        kind: The resource kind it has to be.
+        service: The service, with its catalog and object store.
+        work: Ends a job that is being cancelled, holding its lease.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     service.catalog.get(arn, kind=kind)
     if is_terminal(kind, service.catalog.request_cancel(arn).status):
@@ -71,15 +71,15 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
     """Applies an event to a job, unless the job is being cancelled: then it ends as cancelled.
 
     Args:
-        lease: the right to change the job.
-        event: the event to apply.
-        changes: members of the document that are set with it, without those of failures if it is cancelled.
+        lease: The right to change the job.
+        event: The event to apply.
+        changes: Members of the document that are set with it, without those of failures if it is cancelled.
 
     Returns:
         Whether the event happened; false: the job is `Canceled` now.
 
     Raises:
-        StateConflictError: the event cannot happen, or the lease was lost.
+        StateConflictError: The event cannot happen, or the lease was lost.
     """
     try:
         lease.transition(event, changes)
@@ -95,7 +95,7 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     """Ends a job as cancelled.
 
     Raises:
-        StateConflictError: the job has ended, or its lease was lost.
+        StateConflictError: The job has ended, or its lease was lost.
     """
     with suppress(StateConflictError):
         lease.transition("cancel")
@@ -137,8 +137,8 @@ class GenerationRun:
     """Runs one world generation job, holding its lease (lock).
 
     Args:
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
+        lease: The right to change the job.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, lease: Lease, service: Service) -> None:
@@ -327,7 +327,7 @@ def _acting(job: Resource, service: Service) -> Service:
     """Returns the service with the object store access of the job's role.
 
     Raises:
-        StorageError: the job's role does not exist, or its credentials are refused.
+        StorageError: The job's role does not exist, or its credentials are refused.
     """
     return service.with_blocks(read_credential_block).acting_as(WorldExportJobDocument.of(job).request.iam_role)
 

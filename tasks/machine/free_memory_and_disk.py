@@ -51,8 +51,8 @@ def why_wait(need: Need, room: Room) -> Wait | None:
     A job that would be alone on the machine never waits for memory, as no end of another job would give it more.
 
     Args:
-        need: memory and disk that the job needs.
-        room: memory and disk that are free.
+        need: Memory and disk that the job needs.
+        room: Memory and disk that are free.
     """
     if room.disk_bytes < need.disk_bytes:
         text = (
@@ -87,8 +87,8 @@ def available_memory_bytes(proc: Path = _PROC, control_groups: Path = _CONTROL_G
     """Returns the memory in bytes that new processes can get without swapping; `None` if unknown.
 
     Args:
-        proc: path of the proc file system.
-        control_groups: path where control groups are mounted.
+        proc: Path of the proc file system.
+        control_groups: Path where control groups are mounted.
     """
     limits = [*_machine(proc), *_groups(proc, control_groups)]
     return min(limits, default=None)

@@ -33,8 +33,8 @@ class Notices:
         """Whether to report a wait now: it has lasted two seconds and was not reported in ten minutes.
 
         Args:
-            wait: why there is waiting at this moment; None: there is nothing to tell.
-            now_s: seconds on any clock.
+            wait: Why there is waiting at this moment; None: there is nothing to tell.
+            now_s: Seconds on any clock.
         """
         scarce = wait.scarce if wait else None
         if scarce != self._scarce:
@@ -60,8 +60,8 @@ class WaitTimes:
         """Records the resource that is waited for at this moment.
 
         Args:
-            scarce: resource that is short; None: there is no wait.
-            now_s: seconds on any clock.
+            scarce: Resource that is short; None: there is no wait.
+            now_s: Seconds on any clock.
         """
         if self._scarce is not None:
             self._total_s[self._scarce] = self._total_s.get(self._scarce, 0.0) + max(0.0, now_s - self._seen_s)
@@ -71,7 +71,7 @@ class WaitTimes:
         """Returns the total waiting time in seconds for each resource.
 
         Args:
-            before_s: the totals of an earlier moment, which are left out.
+            before_s: The totals of an earlier moment, which are left out.
         """
         return {scarce: total_s - before_s.get(scarce, 0.0) for scarce, total_s in self._total_s.items()}
 
@@ -100,14 +100,14 @@ class MachineSlots:
     Safe to use from several threads.
 
     Args:
-        settings: folder and number of the slots, and memory and disk that have to be free before a job begins.
+        settings: Folder and number of the slots, and memory and disk that have to be free before a job begins.
         batch: ARN of the batch; None: the job is in none.
-        priority: priority of the batch; the higher, the earlier its jobs begin.
-        tell: called with a text that jobs wait, and why.
-        watch: called with the reason why jobs wait, after a wait of two seconds, and with None when the wait is over.
-        memory: measures the available memory in bytes; None: not known.
-        disk: measures the free disk of a folder in bytes.
-        clock: seconds since 1970, the same for all processes.
+        priority: Priority of the batch; the higher, the earlier its jobs begin.
+        tell: Called with a text that jobs wait, and why.
+        watch: Called with the reason why jobs wait, after a wait of two seconds, and with None when the wait is over.
+        memory: Measures the available memory in bytes; None: not known.
+        disk: Measures the free disk of a folder in bytes.
+        clock: Seconds since 1970, the same for all processes.
     """
 
     def __init__(
@@ -146,9 +146,9 @@ class MachineSlots:
         """Waits for a slot, which lets one job simulate on this machine, and holds it inside the `with` block.
 
         Args:
-            should_stop: called while waiting; once true, waiting ends.
-            name: name of the waiting job, for messages.
-            wants_more: asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
+            should_stop: Called while waiting; once true, waiting ends.
+            name: Name of the waiting job, for messages.
+            wants_more: Asked when the block ends: whether another thread, or this one, wants a slot in a moment. The
                 turn is kept for it, so that the slot goes to no batch that comes after this one.
 
         Yields:
@@ -173,7 +173,7 @@ class MachineSlots:
         or `leave`.
 
         Args:
-            name: name of the waiting job, for messages.
+            name: Name of the waiting job, for messages.
         """
         with self._lock:
             now_s = self._clock()
@@ -202,7 +202,7 @@ class MachineSlots:
         """Returns how long jobs have waited until now, in seconds by resource.
 
         Args:
-            since_s: earlier result of this function, which is subtracted; None: nothing is.
+            since_s: Earlier result of this function, which is subtracted; None: nothing is.
         """
         return self._times.total_s(since_s or {})
 
@@ -309,9 +309,9 @@ def jobs_that_wait(
     """Lists the jobs that wait for resources of this machine, the longest wait first.
 
     Args:
-        settings: settings of the machine's slots.
-        pid: the process that waits; None: any.
-        clock: seconds since 1970.
+        settings: Settings of the machine's slots.
+        pid: The process that waits; None: any.
+        clock: Seconds since 1970.
     """
     found = WaiterFiles(settings.home / _FOLDER / _WAITERS).read(clock()).values()
     waits = (record for record in found if record.why and pid in (None, record.pid))

@@ -40,8 +40,8 @@ class SlotFiles:
     """Slots of a machine as locked files, shared by all processes.
 
     Args:
-        folder: folder of the slots' files.
-        count: number of slots.
+        folder: Folder of the slots' files.
+        count: Number of slots.
     """
 
     def __init__(self, folder: Path, count: int) -> None:
@@ -120,7 +120,7 @@ class WaiterFiles:
     """Files by which processes announce that they wait for a machine's slots.
 
     Args:
-        folder: folder of the waiters' files.
+        folder: Folder of the waiters' files.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -130,9 +130,9 @@ class WaiterFiles:
         """Announces that a process waits for a slot, for the next seconds.
 
         Args:
-            ticket: the waiter's, unique on the machine.
-            record: content of the record.
-            now_s: seconds since 1970.
+            ticket: The waiter's, unique on the machine.
+            record: Content of the record.
+            now_s: Seconds since 1970.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         unfinished = self._folder / f".{ticket}"
@@ -148,7 +148,7 @@ class WaiterFiles:
         """Returns the valid announcements by ticket, and deletes those of dead processes.
 
         Args:
-            now_s: seconds since 1970.
+            now_s: Seconds since 1970.
         """
         found: dict[str, WaiterRecord] = {}
         with suppress(FileNotFoundError):
@@ -168,10 +168,10 @@ def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping
     A batch is taken to want every slot that it can get; a job that is in no batch wants one.
 
     Args:
-        ticket: the waiter's.
-        waiters: all waiters of the machine by ticket, this one included.
-        running: number of jobs that run on the machine, by batch.
-        free: number of free slots.
+        ticket: The waiter's.
+        waiters: All waiters of the machine by ticket, this one included.
+        running: Number of jobs that run on the machine, by batch.
+        free: Number of free slots.
     """
     line, counts = dict(waiters), Counter(running)
 

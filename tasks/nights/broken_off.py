@@ -78,8 +78,8 @@ def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[Bro
     """Lists the interrupted runs of a data home, oldest first.
 
     Args:
-        settings: settings of this process, with which each run's needs are compared.
-        now: the time; `None`: that of the clock.
+        settings: Settings of this process, with which each run's needs are compared.
+        now: The time; `None`: that of the clock.
     """
     folders = (path.parent for path in (settings.home / "runs").glob(f"*/{LOCK}"))
     found = [run for folder in folders if (run := broken_off(folder, settings, now)) is not None]
@@ -90,8 +90,8 @@ def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
     """Lists the interrupted runs of a specification, in the form in which its history shows them.
 
     Args:
-        settings: settings of this process.
-        name: name of the specification.
+        settings: Settings of this process.
+        name: Name of the specification.
     """
     return [
         MissedNight(

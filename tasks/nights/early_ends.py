@@ -24,14 +24,14 @@ class EarlyEnd:
     """Compares a run's jobs with those of an earlier run, and cancels the rest once the comparison is decided.
 
     Args:
-        asked: the question.
-        spec: the specification of the run.
-        service: the service, with its catalog and object store.
-        listener: called when it is decided.
-        open_run: the run, if another process began it, which may have decided it.
+        asked: The question.
+        spec: The specification of the run.
+        service: The service, with its catalog and object store.
+        listener: Called when it is decided.
+        open_run: The run, if another process began it, which may have decided it.
 
     Raises:
-        ConfigurationError: the earlier run cannot be compared with; not where another process began the run.
+        ConfigurationError: The earlier run cannot be compared with; not where another process began the run.
     """
 
     def __init__(
@@ -66,9 +66,9 @@ class EarlyEnd:
         """Watches a step inside the `with` block.
 
         Args:
-            steps: the steps before it.
-            now: the step, with what it made.
-            run: keeps the answer, for a process that finishes the run.
+            steps: The steps before it.
+            now: The step, with what it made.
+            run: Keeps the answer, for a process that finishes the run.
         """
         if (self._beside is None and self._decided is None) or now.operation not in DRIVES:
             yield
@@ -90,10 +90,10 @@ class EarlyEnd:
         answer is `not comparable`, with the reason.
 
         Args:
-            steps: results of the run's steps.
+            steps: Results of the run's steps.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
+            ServiceUnavailableException: The catalog does not answer.
         """
         if self._beside is None:
             return with_skipped(self._decided, steps) if self._decided else self._unknown(self._problem)

@@ -61,15 +61,15 @@ def finish_run(
     """Writes the report and record of a run, however it ended, and sends notifications.
 
     Args:
-        facts: facts of the run that are known when it begins.
-        steps: results of its steps.
-        service: the service, with its catalog and object store.
-        listener: called with problems.
-        is_canceled: whether somebody ended it.
-        against: result of the comparison, if the run was compared with an earlier one.
-        interruptions: times at which its processes died.
-        flow_run: id of the flow run that ends it.
-        outlasting: waits for the catalog.
+        facts: Facts of the run that are known when it begins.
+        steps: Results of its steps.
+        service: The service, with its catalog and object store.
+        listener: Called with problems.
+        is_canceled: Whether somebody ended it.
+        against: Result of the comparison, if the run was compared with an earlier one.
+        interruptions: Times at which its processes died.
+        flow_run: Id of the flow run that ends it.
+        outlasting: Waits for the catalog.
     """
     # Slow to import, and not needed before.
     from ..inspection.reports import installed_versions, publish_report
@@ -147,11 +147,11 @@ def state_of_run(
     """Determines the state of a whole run from its steps and jobs.
 
     Args:
-        checked: the specification.
-        steps: results of its steps.
-        jobs: simulation jobs of the run.
-        is_canceled: whether somebody ended it.
-        ended_early: whether it cancelled jobs itself, since the others had answered the question; they do not count.
+        checked: The specification.
+        steps: Results of its steps.
+        jobs: Simulation jobs of the run.
+        is_canceled: Whether somebody ended it.
+        ended_early: Whether it cancelled jobs itself, since the others had answered the question; they do not count.
     """
     statuses = [step.status for step in steps]
     if ended_early:

@@ -23,8 +23,8 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
     """Returns the parts of this process's environment that a run of a specification needs to be resumed.
 
     Args:
-        spec: the run's specification.
-        service: the service, with the applications and the current settings.
+        spec: The run's specification.
+        service: The service, with the applications and the current settings.
     """
     inputs = {name: plain(step.input) for name, step in spec.steps.items()}
     operations = {step.operation for step in spec.steps.values()}

@@ -23,8 +23,8 @@ class KeptAnswers:
     again; all else has the client token of its step.
 
     Args:
-        folder: the run's.
-        permit: carries requests out.
+        folder: The run's.
+        permit: Carries requests out.
     """
 
     def __init__(self, folder: Path, permit: Permit) -> None:
@@ -68,7 +68,7 @@ def answered_requests(folder: Path) -> list[tuple[str, dict[str, Any]]]:
     """Returns the stored responses of a run that has not ended, in order.
 
     Args:
-        folder: the run's.
+        folder: The run's.
 
     Returns:
         The step and the response of each request; of a job only its ARN.

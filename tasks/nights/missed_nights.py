@@ -58,10 +58,10 @@ def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
     finishes it.
 
     Args:
-        home: the data home.
-        name: name of the specification.
-        since: earliest start.
-        until: latest start.
+        home: The data home.
+        name: Name of the specification.
+        since: Earliest start.
+        until: Latest start.
     """
     first, last = new_run_id(name, since - _SKEW), new_run_id(name, until + _SKEW)
     with suppress(OSError):
@@ -73,10 +73,10 @@ def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None
     """Records that a Prefect deployment's runs use this data home, so that missed nights are noticed.
 
     Args:
-        home: the data home.
-        deployment: id of the deployment.
-        name: name of its specification.
-        now: the time.
+        home: The data home.
+        deployment: Id of the deployment.
+        name: Name of its specification.
+        now: The time.
     """
     with suppress(OSError), _writing(home):
         known = _known(home, deployment) or NightSchedule(deployment=deployment, name="", checked_until=now)
@@ -168,12 +168,12 @@ def judged(
     """Determines which scheduled runs did not happen since the last check, and returns the updated schedule.
 
     Args:
-        schedule: record of the schedule.
+        schedule: Record of the schedule.
         runs: Prefect's runs for times of the schedule since `checked_until`, also for future times.
-        is_paused: whether Prefect begins none now.
-        now: the time.
-        max_late: largest delay with which a night may begin.
-        booted_at: start time of this machine; `None`: unknown.
+        is_paused: Whether Prefect begins none now.
+        now: The time.
+        max_late: Largest delay with which a night may begin.
+        booted_at: Start time of this machine; `None`: unknown.
 
     Returns:
         Updated record of the schedule.
@@ -225,8 +225,8 @@ def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | 
     """Makes the notification about scheduled runs that did not happen; `None` if nothing is new.
 
     Args:
-        before: record of the schedule before the check.
-        found: record of the schedule after the check.
+        before: Record of the schedule before the check.
+        found: Record of the schedule after the check.
 
     Returns:
         The message; `None`: there is nothing new to tell. Of a schedule that stays paused the first night is told.

@@ -35,9 +35,9 @@ class OpenRun:
     """A run that this process is carrying out, with its lock file and stored order.
 
     Args:
-        folder: the run's.
-        order: order of the run.
-        lock: the locked file, which is not closed before the process ends or the run has ended.
+        folder: The run's.
+        order: Order of the run.
+        lock: The locked file, which is not closed before the process ends or the run has ended.
     """
 
     def __init__(self, folder: Path, order: Order, lock: int) -> None:
@@ -184,7 +184,7 @@ def lock_of(folder: Path, flags: int = 0) -> Iterator[int]:
     """Opens a run's lock file inside the `with` block.
 
     Raises:
-        OSError: there is none.
+        OSError: There is none.
     """
     lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o600)
     try:

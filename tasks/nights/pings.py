@@ -28,9 +28,9 @@ def ping_start(address: str | None, name: str, run_id: str) -> None:
     """Calls the monitoring URL at the start of a nightly run; returns at once.
 
     Args:
-        address: monitoring URL in the settings; `None`: there is none.
-        name: name of the specification.
-        run_id: id of the run.
+        address: Monitoring URL in the settings; `None`: there is none.
+        name: Name of the specification.
+        run_id: Id of the run.
     """
     if address is not None:
         target = (address, name, "start", run_id, _logger.warning)
@@ -41,9 +41,9 @@ def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None
     """Calls the monitoring URL at the end of a nightly run, with its result.
 
     Args:
-        address: monitoring URL in the settings; `None`: there is none.
-        record: the run.
-        complain: called with an error text if nothing answers there.
+        address: Monitoring URL in the settings; `None`: there is none.
+        record: The run.
+        complain: Called with an error text if nothing answers there.
     """
     if address is not None:
         last = "" if record.state == "succeeded" else "fail"
@@ -54,9 +54,9 @@ def ping_address(address: str, name: str, last: str) -> str:
     """Makes the monitoring URL for a specification.
 
     Args:
-        address: monitoring URL in the settings.
-        name: name of the specification.
-        last: the last part of the path; empty: none.
+        address: Monitoring URL in the settings.
+        name: Name of the specification.
+        last: The last part of the path; empty: none.
     """
     parts = urlsplit(address.replace(NAME, quote(name)))
     return urlunsplit(parts._replace(path=f"{parts.path.rstrip('/')}/{last}")) if last else urlunsplit(parts)

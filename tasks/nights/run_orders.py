@@ -32,13 +32,13 @@ def keep_order(
     """Stores everything another process needs to finish a run if this one dies.
 
     Args:
-        facts: facts of the run that are known when it begins.
-        service: the service, with its catalog and object store.
-        open_run: the run, if its order is kept already.
-        flow_run: id of its flow run.
-        deployment: id of the Prefect deployment that this is a run of.
-        outlasting: waits for the catalog.
-        listener: called with problems.
+        facts: Facts of the run that are known when it begins.
+        service: The service, with its catalog and object store.
+        open_run: The run, if its order is kept already.
+        flow_run: Id of its flow run.
+        deployment: Id of the Prefect deployment that this is a run of.
+        outlasting: Waits for the catalog.
+        listener: Called with problems.
 
     Returns:
         The run; `None`: its order cannot be kept, and it goes on without.
@@ -87,11 +87,11 @@ def ordered_run(run: OpenRun, permit: Permit | None = None) -> WantedRun:
     """Returns a run as its stored order wants it.
 
     Args:
-        run: the run.
-        permit: allows or refuses each request; `None`: all are allowed.
+        run: The run.
+        permit: Allows or refuses each request; `None`: all are allowed.
 
     Raises:
-        SpecError: this release finds problems in its specification.
+        SpecError: This release finds problems in its specification.
     """
     order = run.order
     return WantedRun(
@@ -104,7 +104,7 @@ def ordered_spec(order: Order) -> CheckedSpec:
     """Returns the checked specification of a stored order.
 
     Raises:
-        SpecError: this release finds problems in it.
+        SpecError: This release finds problems in it.
     """
     spec = load_spec(order.text, order.filename, order.parameters)
     if order.name is not None:
@@ -116,8 +116,8 @@ def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
     """Takes over an interrupted run, so that this process finishes it; or returns why it cannot.
 
     Args:
-        settings: settings of this process.
-        run_id: the run's id.
+        settings: Settings of this process.
+        run_id: The run's id.
 
     Returns:
         The run, or why it is left.

@@ -57,11 +57,11 @@ def stand_of(folder: Path, service: Service) -> StandingRun:
     """Returns the current state of a run.
 
     Args:
-        folder: the run's.
-        service: the service, with its catalog and object store.
+        folder: The run's.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ConfigurationError: the folder is no run's, or its record cannot be read.
+        ConfigurationError: The folder is no run's, or its record cannot be read.
     """
     if (found := _ended(folder)) is not None:
         return found
@@ -87,11 +87,11 @@ def table_of(run: StandingRun, service: Service) -> ResultTable:
     """Returns a run's table of results: the one in its folder, or a new one made from its jobs.
 
     Args:
-        run: the run.
-        service: the service, with its catalog and object store.
+        run: The run.
+        service: The service, with its catalog and object store.
 
     Raises:
-        CatalogAwayError: the catalog does not answer.
+        CatalogAwayError: The catalog does not answer.
     """
     if run.has_ended:
         try:

@@ -70,11 +70,11 @@ class TakingUp:
     """Looks for interrupted runs, and starts processes that resume them.
 
     Args:
-        settings: settings of this process.
-        variables: environment variables for the processes that finish runs, besides those of this one.
-        order_flow_run: has a Prefect worker finish the run of a deployment; `None`: this process cannot.
-        tell: called once for each run that is not resumed; `None`: it is only logged.
-        look_for_missed: looks for nights that did not happen; called once a minute if any schedule is looked after,
+        settings: Settings of this process.
+        variables: Environment variables for the processes that finish runs, besides those of this one.
+        order_flow_run: Has a Prefect worker finish the run of a deployment; `None`: this process cannot.
+        tell: Called once for each run that is not resumed; `None`: it is only logged.
+        look_for_missed: Looks for nights that did not happen; called once a minute if any schedule is looked after,
             else every ten minutes.
     """
 
@@ -221,9 +221,9 @@ def start_process(run: OpenRun, variables: Mapping[str, str], *words: str) -> No
     """Starts the process that resumes a run, which inherits the run's lock.
 
     Args:
-        run: the run.
-        variables: environment variables besides those of this process.
-        words: more words of its command line.
+        run: The run.
+        variables: Environment variables besides those of this process.
+        words: More words of its command line.
     """
     with (run.folder / LOG).open("ab") as log:
         process = subprocess.Popen(

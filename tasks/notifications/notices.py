@@ -28,9 +28,9 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
     """Sends a notification about a finished run if the settings ask for it; it never raises an error.
 
     Args:
-        record: the run, whose record and report are written.
-        service: the service, whose settings say who is notified, and when.
-        listener: called for every channel that did not accept the message.
+        record: The run, whose record and report are written.
+        service: The service, whose settings say who is notified, and when.
+        listener: Called for every channel that did not accept the message.
     """
     if not service.settings.notify:
         return
@@ -59,10 +59,10 @@ def is_due(
     change. A cancelled run says nothing about the robot, and is notified only with `always`.
 
     Args:
-        when: the setting: kinds of results that are notified.
-        record: the run.
-        before: the last run of the specification before it that was not cancelled; None: there is none.
-        since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
+        when: The setting: kinds of results that are notified.
+        record: The run.
+        before: The last run of the specification before it that was not cancelled; None: there is none.
+        since: What it judges less than earlier runs, since the last good one; None: it is not one of the nights.
     """
     if "always" in when:
         return True
@@ -116,10 +116,10 @@ class LongWaits:
     themselves, when jobs do; of the end of the run is told as always.
 
     Args:
-        name: name of the specification.
-        settings: settings that say who is notified, and when.
-        listener: is given every event, and what channel did not take the message.
-        clock: seconds.
+        name: Name of the specification.
+        settings: Settings that say who is notified, and when.
+        listener: Is given every event, and what channel did not take the message.
+        clock: Seconds.
     """
 
     def __init__(

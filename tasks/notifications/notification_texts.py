@@ -61,12 +61,12 @@ def message_of(
     """Makes the notification about a run.
 
     Args:
-        record: the run.
-        before: the last run of the specification before it; None: there is none.
-        since: what is other than in the run before, with all losses since the last good one; None: it is not one of
+        record: The run.
+        before: The last run of the specification before it; None: there is none.
+        since: What is other than in the run before, with all losses since the last good one; None: it is not one of
             the nights.
-        pages: pages of the console that open where the message is read.
-        host: name of the machine that has the report; empty: it is not said.
+        pages: Pages of the console that open where the message is read.
+        host: Name of the machine that has the report; empty: it is not said.
     """
     lost = losses_in_words(since, WORST) if since is not None else []
     good = record.state == "succeeded" and not lost

@@ -30,10 +30,10 @@ def send(
     """Sends a message to every notification channel at once; returns the errors.
 
     Args:
-        urls: apprise's addresses, such as `json://host/path`, `mailtos://user:password@host` or `slack://…`.
-        message: the message.
+        urls: Apprise's addresses, such as `json://host/path`, `mailtos://user:password@host` or `slack://…`.
+        message: The message.
         pictures: PNG files by name, for channels that can attach.
-        timeout_s: time limit for all channels, in seconds.
+        timeout_s: Time limit for all channels, in seconds.
 
     Returns:
         For each channel that did not take it, which it is and why; without its secrets.

@@ -43,13 +43,13 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Stores a new robot or simulation application, and returns the members of the response.
 
     Args:
-        role: kind of application, robot or simulation.
-        request: the request's members.
-        service: the service, with its catalog and object store.
+        role: Kind of application, robot or simulation.
+        request: The request's members.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceAlreadyExistsException: the name is taken.
-        InvalidParameterException: a source cannot be read, or the environment is none.
+        ResourceAlreadyExistsException: The name is taken.
+        InvalidParameterException: A source cannot be read, or the environment is none.
     """
     definition = definition_of(request, service)
     settings, now, kind = service.settings, service.clock(), f"{role}-application"
@@ -74,7 +74,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
     """Returns the response members that describe an application, or a version of it.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such application or version.
+        ResourceNotFoundException: The catalog has no such application or version.
     """
     version = request.get("applicationVersion")
     resource = find_application(request["application"], role, version, service)
@@ -89,7 +89,7 @@ def list_applications(
     Built-in applications are listed only if the request says so, or its filter names them.
 
     Raises:
-        InvalidParameterException: a filter is not known, or the token is not of this list.
+        InvalidParameterException: A filter is not known, or the token is not of this list.
     """
     kind = f"{role}-application"
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
@@ -106,8 +106,8 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Updates an application as a request says, and returns the members of the response.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such application.
-        InvalidParameterException: the application is built in, or has another revision by now; or a source cannot
+        ResourceNotFoundException: The catalog has no such application.
+        InvalidParameterException: The application is built in, or has another revision by now; or a source cannot
             be read, or the environment is none.
     """
     application = find_application(request["application"], role, None, service)
@@ -121,7 +121,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
     """Deletes an application with all versions, or one version; does nothing if it does not exist.
 
     Raises:
-        InvalidParameterException: the application is built in, only `$LATEST` is to be deleted, or the ARN is invalid.
+        InvalidParameterException: The application is built in, only `$LATEST` is to be deleted, or the ARN is invalid.
     """
     reference, version = request["application"], request.get("applicationVersion")
     if reference.startswith("arn:"):
@@ -159,7 +159,7 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
     """Checks that an application still has the revision id that a request expects.
 
     Raises:
-        InvalidParameterException: the application has another revision id; the message names it.
+        InvalidParameterException: The application has another revision id; the message names it.
     """
     if wanted is not None and wanted != document.revision_id:
         raise InvalidParameterException(
@@ -188,12 +188,12 @@ def replace_definition(arn: str, definition: ApplicationDocument, wanted: str | 
 
     Args:
         arn: ARN of the application.
-        definition: the definition, as a new revision.
-        wanted: revision id that the application has to have; `None`: any.
-        service: the service, with its catalog and object store.
+        definition: The definition, as a new revision.
+        wanted: Revision id that the application has to have; `None`: any.
+        service: The service, with its catalog and object store.
 
     Raises:
-        InvalidParameterException: the application has another revision id.
+        InvalidParameterException: The application has another revision id.
     """
 
     def changes(stored: Stored) -> ApplicationDocument:
@@ -222,11 +222,11 @@ def create_version(role: ApplicationRole, request: Mapping[str, Any], service: S
     """Saves an application's current content as the next numbered version, and returns the response's members.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such application.
-        InvalidParameterException: the application has another revision by now, an archive cannot be read, or its
+        ResourceNotFoundException: The catalog has no such application.
+        InvalidParameterException: The application has another revision by now, an archive cannot be read, or its
             content is not what the request says.
-        LimitExceededException: the application has 40 versions already.
-        ThrottlingException: others change it all the time.
+        LimitExceededException: The application has 40 versions already.
+        ThrottlingException: Others change it all the time.
     """
     for _ in range(_ATTEMPTS):
         application = find_application(request["application"], role, LATEST, service)

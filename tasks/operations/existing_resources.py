@@ -18,7 +18,7 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
         `None` when the name is free.
 
     Raises:
-        ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
+        ResourceAlreadyExistsException: The name is taken by an application that differs; says in what.
     """
     resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:
@@ -40,8 +40,8 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
         The members of the response; `None` when the name is free.
 
     Raises:
-        InvalidParameterException: a source cannot be read, or the environment is none.
-        ResourceAlreadyExistsException: the application is a built-in one.
+        InvalidParameterException: A source cannot be read, or the environment is none.
+        ResourceAlreadyExistsException: The application is a built-in one.
     """
     resource = service.catalog.find(f"{role}-application", request["name"])
     if resource is None:

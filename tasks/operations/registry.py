@@ -68,7 +68,7 @@ class Operation:
         """Checks a request, carries out the operation (for jobs: only submits the job), and returns the response.
 
         Raises:
-            ServiceError: the request is refused; nothing was stored.
+            ServiceError: The request is refused; nothing was stored.
         """
         return self.handle(self.checked(data, service), service)
 
@@ -78,12 +78,12 @@ class Operation:
         """Submits a job, as `answer` does, which the calling process will run itself.
 
         Args:
-            data: the request's members.
-            through: returns the service that stores the job with its lease: `OwnOrder.through`.
-            service: checks the request.
+            data: The request's members.
+            through: Returns the service that stores the job with its lease: `OwnOrder.through`.
+            service: Checks the request.
 
         Raises:
-            ServiceError: the request is refused; nothing was stored.
+            ServiceError: The request is refused; nothing was stored.
         """
         request = self.checked(data, service)
         return self.handle(request, through(self.name, request.to_wire()))
@@ -92,7 +92,7 @@ class Operation:
         """Parses and checks a request by itself, without the catalog.
 
         Raises:
-            ServiceError: the request is refused.
+            ServiceError: The request is refused.
         """
         with self._own_errors():
             request = parse_request(self.name, data)
@@ -104,7 +104,7 @@ class Operation:
         """Carries out a checked request, and returns the response.
 
         Raises:
-            ServiceError: the request is refused; nothing was stored.
+            ServiceError: The request is refused; nothing was stored.
         """
         with self._own_errors():
             answer = self.handler(request, service)
@@ -145,7 +145,7 @@ class Operation:
         """Returns the current description of a job that this operation created.
 
         Raises:
-            ResourceNotFoundException: the catalog has no such job.
+            ResourceNotFoundException: The catalog has no such job.
         """
         describing = registry()[self.shape.final_name]
         (member,) = describing.shape.request.model_fields
@@ -159,8 +159,8 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
     """Decorator that registers a function as the handler of a service operation.
 
     Args:
-        name: the operation's name, a key of `OPERATIONS`.
-        perform: for job operations, function that runs the job of an ARN to its end.
+        name: The operation's name, a key of `OPERATIONS`.
+        perform: For job operations, function that runs the job of an ARN to its end.
     """
 
     def register(handler: Handler) -> Handler:
@@ -185,15 +185,15 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
     """Calls an API operation in this process; for jobs this only submits the job.
 
     Args:
-        name: the operation's name.
-        data: the request's members, as an SDK would send them.
-        service: the service, with its catalog and object store.
+        name: The operation's name.
+        data: The request's members, as an SDK would send them.
+        service: The service, with its catalog and object store.
 
     Returns:
         The members of the response that are present.
 
     Raises:
-        ServiceError: the request is refused.
+        ServiceError: The request is refused.
     """
     operations = registry()
     if name not in operations:
@@ -235,16 +235,16 @@ def page_of(
     """Reads the page of resources that a list request asks for, newest first.
 
     Args:
-        request: says how many entries, after which, and its filters; page tokens are good for its operation only.
-        kinds: the kinds of resources that are listed.
-        service: the service, with its catalog and object store.
-        filters: names of the operation's filters: `name`, `status` or a label of the resource.
-        most: entries per page, unless the request asks for fewer.
-        members: members of large documents to read; `None`: all.
-        without: names that are left out, by kind.
+        request: Says how many entries, after which, and its filters; page tokens are good for its operation only.
+        kinds: The kinds of resources that are listed.
+        service: The service, with its catalog and object store.
+        filters: Names of the operation's filters: `name`, `status` or a label of the resource.
+        most: Entries per page, unless the request asks for fewer.
+        members: Members of large documents to read; `None`: all.
+        without: Names that are left out, by kind.
 
     Raises:
-        InvalidParameterException: a filter is not known, or the token is not of this list.
+        InvalidParameterException: A filter is not known, or the token is not of this list.
     """
     wanted: dict[str, Sequence[str]] = {}
     for name, values in filter_values(getattr(request, "filters", None)).items():

@@ -33,15 +33,15 @@ def existing_resource(step: CheckedStep, request: Mapping[str, Any], service: Se
     """Returns the response of a step whose application or template is there already, as its `ifExists` says.
 
     Args:
-        step: the step.
-        request: its request's members.
-        service: the service, with its catalog and object store.
+        step: The step.
+        request: Its request's members.
+        service: The service, with its catalog and object store.
 
     Returns:
         `None` if the step has to create it, or creates something else.
 
     Raises:
-        ServiceError: the name is taken by something else, or the request is refused.
+        ServiceError: The name is taken by something else, or the request is refused.
     """
     if step.operation == "CreateWorldTemplate":
         return existing_template(step.if_exists, request, service)

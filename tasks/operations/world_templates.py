@@ -60,12 +60,12 @@ def existing_template(if_exists: str, request: Mapping[str, Any], service: Servi
 
     Args:
         if_exists: `reuse` or `fail`.
-        request: the request's members.
-        service: the service, with its catalog and object store.
+        request: The request's members.
+        service: The service, with its catalog and object store.
 
     Raises:
         ResourceAlreadyExistsException: `fail` was said, and there is a template of the name.
-        InvalidParameterException: the body is not valid, or cannot be read.
+        InvalidParameterException: The body is not valid, or cannot be read.
     """
     asked = CreateWorldTemplateRequest.model_validate(request)
     if if_exists == "fail":

@@ -49,9 +49,9 @@ def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> 
     The status takes precedence: a verdict counts only if the job ended by itself.
 
     Args:
-        status: the job's status, or `NotCreated`.
+        status: The job's status, or `NotCreated`.
         failure_code: Failure code of the job; None if it did not fail.
-        verdict: the simulation's verdict; None if there is none.
+        verdict: The simulation's verdict; None if there is none.
     """
     return Outcome(case_outcome(status, verdict, failure_code))
 

@@ -40,7 +40,7 @@ def embed_picture(data: bytes, budget_bytes: int) -> Picture:
         budget_bytes: Size limit in bytes; if even the smallest width is larger, that one is used.
 
     Raises:
-        PictureError: the bytes are no picture, or one of absurd size.
+        PictureError: The bytes are no picture, or one of absurd size.
     """
     try:
         with Image.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as opened:
@@ -77,7 +77,7 @@ def embed_svg(text: str) -> str:
     """Converts an SVG to a `data:` URL for an `<img>`, in which scripts and links are dead.
 
     Raises:
-        PictureError: it is not well-formed, or holds something that a drawing does not need: document
+        PictureError: It is not well-formed, or holds something that a drawing does not need: document
             types, scripts, event handlers, foreign content, references to other files.
     """
     root: list[str] = []

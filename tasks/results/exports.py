@@ -37,10 +37,10 @@ def check_extension(path: Path, option: str) -> None:
 
     Args:
         path: Path of the file.
-        option: name of the option that names it, for the error message.
+        option: Name of the option that names it, for the error message.
 
     Raises:
-        ConfigurationError: its name has another end than those of `WRITERS`.
+        ConfigurationError: Its name has another end than those of `WRITERS`.
     """
     if path.suffix.lower() not in WRITERS:
         raise ConfigurationError(f"{option} is {path}; a name that ends with {' or '.join(WRITERS)} would be right")
@@ -52,11 +52,11 @@ def export_table(table: "pa.Table", path: Path) -> None:
     If the path is a symbolic link, the linked file is replaced.
 
     Args:
-        table: the table.
+        table: The table.
         path: Path of the file; see `check_extension`.
 
     Raises:
-        OSError: it cannot be written; an earlier file is still there.
+        OSError: It cannot be written; an earlier file is still there.
     """
     target = Path(os.path.realpath(path))  # unlike `resolve`, it does not raise where links lead in a circle
     if target.is_symlink():

@@ -22,15 +22,15 @@ def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tup
     20 passes of 20 give 0.84 to 1, not 1 to 1.
 
     Args:
-        successes: number of successes, 0 to `trials`.
-        trials: number of trials, at least 1.
-        quantile: two-sided quantile of the normal distribution for the confidence level.
+        successes: Number of successes, 0 to `trials`.
+        trials: Number of trials, at least 1.
+        quantile: Two-sided quantile of the normal distribution for the confidence level.
 
     Returns:
         Lower and upper bound, both in [0, 1].
 
     Raises:
-        ValueError: there are no trials, or more successes than trials.
+        ValueError: There are no trials, or more successes than trials.
     """
     if trials < 1 or not 0 <= successes <= trials:
         raise ValueError(f"{successes} successes of {trials} trials; want 0 <= successes <= trials and trials >= 1")

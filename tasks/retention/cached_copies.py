@@ -21,10 +21,10 @@ def collect_copies(older_than: timedelta, besides: Set[str], service: Service, *
     """Deletes cached local copies (of worlds, bundles, ...) that were not used recently.
 
     Args:
-        older_than: least time without use; less than 14 days count as 14 days.
-        besides: names of folders that are deleted with a world.
-        service: the service, whose data home has the copies.
-        act: whether copies are deleted; otherwise the result only says which would be.
+        older_than: Least time without use; less than 14 days count as 14 days.
+        besides: Names of folders that are deleted with a world.
+        service: The service, whose data home has the copies.
+        act: Whether copies are deleted; otherwise the result only says which would be.
 
     Returns:
         The deleted copies, as one item for each cache.

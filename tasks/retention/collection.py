@@ -60,7 +60,7 @@ def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
     """Reports what `robomaker gc` would delete under a policy, and deletes nothing.
 
     Raises:
-        ConfigurationError: the policy would remove everything.
+        ConfigurationError: The policy would remove everything.
     """
     return _collect(policy, service, act=False)
 
@@ -69,7 +69,7 @@ def collect(policy: RetentionPolicy, service: Service) -> GcReport:
     """Deletes runs, jobs and worlds that no rule of the policy keeps; errors are in the report.
 
     Raises:
-        ConfigurationError: the policy would remove everything, or another collection is going on.
+        ConfigurationError: The policy would remove everything, or another collection is going on.
     """
     with _alone(service):
         return _collect(policy, service, act=True)

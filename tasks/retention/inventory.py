@@ -64,8 +64,8 @@ def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
     """Lists finished jobs and batches that belong to no run, as units to keep or delete.
 
     Args:
-        service: the service, with its catalog and object store.
-        runs: all runs.
+        service: The service, with its catalog and object store.
+        runs: All runs.
     """
     ours = {name for run in runs for name in run.orders} | {arn for run in runs for arn in run.jobs}
     since = open_since(runs)
@@ -77,8 +77,8 @@ def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
     """Lists all worlds that may be deleted, except those that a current run may just have created.
 
     Args:
-        service: the service, with its catalog and object store.
-        runs: all runs.
+        service: The service, with its catalog and object store.
+        runs: All runs.
     """
     since = open_since(runs)
     return [world for world in _all(service, ("world",)) if not _is_since(world, since)]
@@ -88,7 +88,7 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     """Returns the ARNs of the worlds that jobs and batches use.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH, EXPORT)) if job.arn not in besides)
@@ -99,7 +99,7 @@ def texts_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     """Returns all texts in the documents of jobs and batches, as keys of objects are.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH)) if job.arn not in besides)
@@ -110,7 +110,7 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
     """Returns, for jobs whose results were reused, the job that reused them, by ARN.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
         besides: ARNs of jobs that do not count.
     """
     others = (job for job in _all(service, (JOB,)) if job.arn not in besides)
@@ -121,8 +121,8 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
     """Adds the jobs of batches to a mapping of protected jobs and batches.
 
     Args:
-        orders: text that says what needs an order, by the order's ARN.
-        service: the service, with its catalog and object store.
+        orders: Text that says what needs an order, by the order's ARN.
+        service: The service, with its catalog and object store.
     """
     return {arn: who for order, who in orders.items() for arn in _with_children([order], service)}
 

@@ -31,9 +31,9 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
     deleted.
 
     Args:
-        candidates: units that may be deleted; their ids differ.
-        policy: the rules.
-        now: the time.
+        candidates: Units that may be deleted; their ids differ.
+        policy: The rules.
+        now: The time.
 
     Returns:
         Reason by id; candidates to delete are missing.
@@ -51,8 +51,8 @@ def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
     """Returns for each name which kept item refers to it.
 
     Args:
-        names: ids that each names, by id.
-        kept: ids of those that are kept.
+        names: Ids that each names, by id.
+        kept: Ids of those that are kept.
     """
     found: dict[str, str] = {}
     for holder in sorted(kept & names.keys()):

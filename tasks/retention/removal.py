@@ -58,13 +58,13 @@ def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: boo
     """Measures how many files and bytes deleting a unit would free.
 
     Args:
-        unit: the unit.
+        unit: The unit.
         spared: ARNs of the jobs that stay.
-        service: the service, with its catalog and object store.
-        results_stay: whether it would only be thinned.
+        service: The service, with its catalog and object store.
+        results_stay: Whether it would only be thinned.
 
     Raises:
-        StorageError: the store does not answer.
+        StorageError: The store does not answer.
     """
     total = Amount()
     for job in unit.jobs.values():
@@ -77,14 +77,14 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
     """Deletes a unit (a run or an order with its jobs). An interrupted deletion is resumed by the next one.
 
     Args:
-        unit: the unit.
+        unit: The unit.
         spared: ARNs of the jobs that stay, as something that is kept names them.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Raises:
-        StillInUse: a job is used by somebody.
-        StorageError: an object or file cannot be deleted.
-        OSError: a local file cannot be deleted.
+        StillInUse: A job is used by somebody.
+        StorageError: An object or file cannot be deleted.
+        OSError: A local file cannot be deleted.
     """
     if unit.folder is not None and (unit.folder / RECORD).exists():
         (unit.folder / RECORD).replace(unit.folder / REMOVING)
@@ -103,9 +103,9 @@ def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
     """Deletes recordings, videos, logs and uploads of a run, and rewrites its report accordingly.
 
     Raises:
-        StillInUse: a job is used by somebody.
-        StorageError: an object or file cannot be deleted.
-        OSError: the report cannot be written.
+        StillInUse: A job is used by somebody.
+        StorageError: An object or file cannot be deleted.
+        OSError: The report cannot be written.
     """
     for job in unit.jobs.values():
         if job.kind == JOB and job.arn not in spared:
@@ -120,7 +120,7 @@ def remove_world(world: Resource, service: Service) -> None:
     """Deletes a world, with its local copy if no other world shares it.
 
     Raises:
-        StorageError: the world's bundle cannot be deleted.
+        StorageError: The world's bundle cannot be deleted.
     """
     with suppress(ResourceNotFoundException):
         delete_world(world, service)

@@ -17,7 +17,7 @@ def own_pose(element: ET.Element) -> Pose:
     """Returns the pose in an SDF element's `<pose>`, in the frame that it is relative to.
 
     Raises:
-        SdfError: the text is not a pose.
+        SdfError: The text is not a pose.
     """
     pose = element.find("pose")
     if pose is None:
@@ -75,10 +75,10 @@ class Scope:
         """Returns the pose of a named frame in the model's frame.
 
         Args:
-            name: name of a link, frame, joint or model in it; empty: its own frame.
+            name: Name of a link, frame, joint or model in it; empty: its own frame.
 
         Raises:
-            SdfError: the model has no frame of this name, or frames are relative to each other in a circle.
+            SdfError: The model has no frame of this name, or frames are relative to each other in a circle.
         """
         if name in ("", MODEL_FRAME, "world"):
             return identity()
@@ -112,7 +112,7 @@ class Scope:
         """Returns the pose of a link, frame or joint of the model in its frame; a joint may be called like a link.
 
         Raises:
-            SdfError: the frame that it is relative to is none, or is relative to itself.
+            SdfError: The frame that it is relative to is none, or is relative to itself.
         """
         base = relative_to(element)
         if not base and element.tag == "frame":
@@ -132,7 +132,7 @@ class Scope:
         """Returns the link, by its path in the model, that a frame is fixed to; the name itself if that is a link.
 
         Args:
-            name: name of a link, frame, joint or model in it, as in a joint's `<parent>` or `<child>`.
+            name: Name of a link, frame, joint or model in it, as in a joint's `<parent>` or `<child>`.
         """
         at, seen = name, set[str]()
         while at not in seen:

@@ -47,12 +47,12 @@ def read_joint(found: JointPlace, links: Mapping[str, Link], left_out: Omissions
     """Reads a joint; one of a kind that MuJoCo does not have is fixed, and noted.
 
     Args:
-        found: the joint.
-        links: all links of the world by path, where they are saved.
-        left_out: gets what was left out.
+        found: The joint.
+        links: All links of the world by path, where they are saved.
+        left_out: Gets what was left out.
 
     Raises:
-        SdfError: a number in it is none.
+        SdfError: A number in it is none.
     """
     element, kind_said = found.element, found.element.get("type", "")
     path = "::".join(filter(None, (found.prefix, element.get("name", "joint"))))

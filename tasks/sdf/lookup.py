@@ -32,9 +32,9 @@ class Lookup:
     """Finds models, meshes and textures that an SDF world file names.
 
     Args:
-        world: the world file.
-        given: folders that the user names, which come first.
-        environment: environment variables.
+        world: The world file.
+        given: Folders that the user names, which come first.
+        environment: Environment variables.
     """
 
     def __init__(self, world: Path, given: Sequence[Path], environment: Mapping[str, str]) -> None:
@@ -50,10 +50,10 @@ class Lookup:
 
         Args:
             uri: URI in the file.
-            base: folder of the file that names it.
+            base: Folder of the file that names it.
 
         Raises:
-            SdfError: the `model.config`, or the file that it names, cannot be read.
+            SdfError: The `model.config`, or the file that it names, cannot be read.
         """
         found = self._find(uri, base)
         if found is None:
@@ -65,7 +65,7 @@ class Lookup:
 
         Args:
             uri: URI in the file.
-            base: folder of the file that names it.
+            base: Folder of the file that names it.
         """
         found = self._find(uri, base)
         return found if found is not None and found.is_file() else None
@@ -75,7 +75,7 @@ class Lookup:
 
         Args:
             uri: URI in the file.
-            base: folder of the file that names it.
+            base: Folder of the file that names it.
         """
         found = self._find(uri, base)
         return found if found is not None and found.is_dir() else None

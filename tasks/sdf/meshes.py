@@ -59,7 +59,7 @@ class Meshes:
     """Reads the mesh files of an SDF world, each once.
 
     Args:
-        lookup: finds texture files.
+        lookup: Finds texture files.
     """
 
     def __init__(self, lookup: Lookup) -> None:
@@ -70,10 +70,10 @@ class Meshes:
         """Returns a mesh's parts by material, scaled.
 
         Args:
-            geometry: a mesh.
+            geometry: A mesh.
 
         Raises:
-            MeshError: the mesh cannot be read, is empty, or is too large.
+            MeshError: The mesh cannot be read, is empty, or is too large.
         """
         assert geometry.file is not None
         found = self._read(geometry.file, geometry.submesh is not None)

@@ -38,7 +38,7 @@ class OgreMaterials:
     """Reads OGRE material scripts of an SDF world, each once.
 
     Args:
-        lookup: finds files.
+        lookup: Finds files.
     """
 
     def __init__(self, lookup: Lookup) -> None:
@@ -49,9 +49,9 @@ class OgreMaterials:
         """Finds a material by name in OGRE scripts.
 
         Args:
-            name: name of the material.
-            uris: scripts and folders that the file names.
-            base: folder that these are named from.
+            name: Name of the material.
+            uris: Scripts and folders that the file names.
+            base: Folder that these are named from.
         """
         for uri in uris:
             for script in self._scripts(uri.strip(), base):

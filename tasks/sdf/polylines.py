@@ -12,7 +12,7 @@ def parts_of(rings: Sequence[Ring]) -> tuple[Ring, ...]:
     """Joins holes to the outlines around them, each by an edge that runs there and back.
 
     Args:
-        rings: closed lines that do not cross each other, in either direction.
+        rings: Closed lines that do not cross each other, in either direction.
 
     Returns:
         An outline for each part.

@@ -45,12 +45,12 @@ def read_world(path: Path, model_paths: Sequence[Path], environment: Mapping[str
     """Reads an SDF world file with all models that it includes.
 
     Args:
-        path: the file, `.world` or `.sdf`; one with a model alone is a world with that model.
-        model_paths: folders of models that the user names.
-        environment: environment variables, which name further ones.
+        path: The file, `.world` or `.sdf`; one with a model alone is a world with that model.
+        model_paths: Folders of models that the user names.
+        environment: Environment variables, which name further ones.
 
     Raises:
-        SdfError: the file, or a model that it includes, cannot be read.
+        SdfError: The file, or a model that it includes, cannot be read.
     """
     return _WorldReader(path, Lookup(path, model_paths, environment)).read()
 

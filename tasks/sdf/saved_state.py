@@ -32,7 +32,7 @@ def read_saved_state(world: ET.Element) -> SavedState:
     """Reads the saved state of a Gazebo world; empty if the file has none.
 
     Raises:
-        SdfError: a pose in it is none.
+        SdfError: A pose in it is none.
     """
     found = SavedState()
     for state in world.findall("state"):

@@ -185,8 +185,8 @@ class Omissions:
         """Records an element that was left out.
 
         Args:
-            kind: kind of element, in the plural: `plugins`.
-            name: path or name of the element.
+            kind: Kind of element, in the plural: `plugins`.
+            name: Path or name of the element.
         """
         self._found[kind].append(name)
 
@@ -201,7 +201,7 @@ class Omissions:
         """Lists the left-out elements, with counts and some names of each kind.
 
         Args:
-            most_names: names that are told of a kind.
+            most_names: Names that are told of a kind.
         """
         return [
             LeftOut(what=kind, count=len(names), names=sorted(set(names))[:most_names])

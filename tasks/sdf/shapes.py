@@ -34,8 +34,8 @@ class ShapeReader:
     """Parses shapes, materials and inertias of SDF elements.
 
     Args:
-        lookup: finds files.
-        left_out: the list of what was left out.
+        lookup: Finds files.
+        left_out: The list of what was left out.
     """
 
     def __init__(self, lookup: Lookup, left_out: Omissions) -> None:
@@ -46,9 +46,9 @@ class ShapeReader:
         """Parses the shape of a collision or visual; `None` if there is none that can be read.
 
         Args:
-            parent: the collision or visual.
-            base: folder that its files are named from.
-            where: path of the collision or visual, for the list of what was left out.
+            parent: The collision or visual.
+            base: Folder that its files are named from.
+            where: Path of the collision or visual, for the list of what was left out.
         """
         outer = parent.find("geometry")
         shape = next((child for child in outer if child.tag != "empty"), None) if outer is not None else None

@@ -28,11 +28,11 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
     """Reads a regular file of limited size.
 
     Args:
-        path: the file.
-        most_bytes: the largest that is read.
+        path: The file.
+        most_bytes: The largest that is read.
 
     Raises:
-        SdfError: the file does not exist, is not a regular file, is too large, or cannot be read.
+        SdfError: The file does not exist, is not a regular file, is too large, or cannot be read.
     """
     try:
         if not path.exists():
@@ -68,7 +68,7 @@ def read_xml(path: Path) -> Element:
     An XML declaration that comes after a comment is tolerated, as some public worlds have it there.
 
     Raises:
-        SdfError: the file is not well-formed XML, has a DOCTYPE, or is too large; the message has file and line.
+        SdfError: The file is not well-formed XML, has a DOCTYPE, or is too large; the message has file and line.
     """
     content = read_bytes(path, MOST_XML_BYTES)
     start = content.find(b"<?xml")
@@ -82,10 +82,10 @@ def parse_xml(content: bytes) -> Element:
     """Parses XML text into elements that know their line.
 
     Args:
-        content: the text.
+        content: The text.
 
     Raises:
-        SdfError: the text is not well-formed XML.
+        SdfError: The text is not well-formed XML.
     """
     return _Reader(Path("built in")).read(content)
 
@@ -158,13 +158,13 @@ def numbers_of(
     """Parses the numbers in an XML element.
 
     Args:
-        element: the element; absent: what is meant otherwise.
-        count: required number of numbers.
-        otherwise: value of an absent or empty element.
-        is_endless: whether numbers may be as large as one likes, also infinite: limits that are none.
+        element: The element; absent: what is meant otherwise.
+        count: Required number of numbers.
+        otherwise: Value of an absent or empty element.
+        is_endless: Whether numbers may be as large as one likes, also infinite: limits that are none.
 
     Raises:
-        SdfError: the text is not the wanted count of finite numbers.
+        SdfError: The text is not the wanted count of finite numbers.
     """
     if element is None or not (element.text or "").strip():
         return otherwise
@@ -185,7 +185,7 @@ def number_of(parent: ET.Element, tag: str, otherwise: float, *, is_endless: boo
     """Parses the number in an XML child element.
 
     Raises:
-        SdfError: the text is not a finite number.
+        SdfError: The text is not a finite number.
     """
     return numbers_of(parent.find(tag), 1, (otherwise,), is_endless=is_endless)[0]
 

@@ -25,14 +25,14 @@ def once_catalog_answers(
     """Calls a function that needs the catalog until its database answers.
 
     Args:
-        open_it: opens it.
-        patience_s: longest time of trying, in seconds.
-        sleep: waits, in seconds.
-        clock: function that returns seconds.
+        open_it: Opens it.
+        patience_s: Longest time of trying, in seconds.
+        sleep: Waits, in seconds.
+        clock: Function that returns seconds.
 
     Raises:
-        CatalogAwayError: the database did not answer all the while.
-        ConfigurationError: the catalog cannot be used, and waiting does not help, such as with a wrong password.
+        CatalogAwayError: The database did not answer all the while.
+        ConfigurationError: The catalog cannot be used, and waiting does not help, such as with a wrong password.
     """
     until_s, is_told = clock() + patience_s, False
     while True:

@@ -12,7 +12,7 @@ def prepare_home(settings: Settings) -> None:
     One that exists keeps its mode: people share some on purpose.
 
     Raises:
-        ConfigurationError: the path is not a folder, or cannot be created or written to.
+        ConfigurationError: The path is not a folder, or cannot be created or written to.
     """
     try:
         settings.home.mkdir(0o700, parents=True, exist_ok=True)

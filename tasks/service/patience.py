@@ -55,11 +55,11 @@ class Patience:
         """Calls a function until the object store answers, or waiting is over.
 
         Args:
-            call: the operation; it can be repeated after it was interrupted.
-            probe: checks with a quick request whether the store answers.
+            call: The operation; it can be repeated after it was interrupted.
+            probe: Checks with a quick request whether the store answers.
 
         Raises:
-            StorageUnavailableError: the store did not answer all the while.
+            StorageUnavailableError: The store did not answer all the while.
         """
         began, waits = self.clock(), _Waits(self)
         while True:
@@ -186,8 +186,8 @@ class PatientStore(StoreOver):
     If files are stored together, a retry stores only the missing ones.
 
     Args:
-        store: the store behind it.
-        patience: the retry policy.
+        store: The store behind it.
+        patience: The retry policy.
     """
 
     def __init__(self, store: ObjectStore, patience: Patience) -> None:
@@ -236,9 +236,9 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
     """Calls a function that uses `at_once(store)`, with the store's retry policy.
 
     Args:
-        store: the store, patient or not.
-        bucket: name of the bucket.
-        call: the operation; it can be repeated after it was interrupted.
+        store: The store, patient or not.
+        bucket: Name of the bucket.
+        call: The operation; it can be repeated after it was interrupted.
     """
     return store.do("write", bucket, (), call) if isinstance(store, PatientStore) else call()
 

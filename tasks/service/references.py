@@ -77,13 +77,13 @@ def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
 
     Args:
         wanted: ARN, id or its beginning (`generation-8285/world-3`), or name (`flat 3`).
-        service: the service, with its catalog.
-        besides: what else would have been right, for the message: `, nor the folder of a bundle`.
+        service: The service, with its catalog.
+        besides: What else would have been right, for the message: `, nor the folder of a bundle`.
 
     Raises:
-        ConfigurationError: no world is meant, or any of several.
-        InvalidParameterException: the ARN of something else.
-        ResourceNotFoundException: the catalog has no world of the ARN.
+        ConfigurationError: No world is meant, or any of several.
+        InvalidParameterException: The ARN of something else.
+        ResourceNotFoundException: The catalog has no world of the ARN.
     """
     return _one(wanted, WORLD, service, worlds_meant(wanted, service), besides)
 
@@ -93,13 +93,13 @@ def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
 
     Args:
         wanted: ARN, id or its beginning (`sim-8285`), name (`scout in flat 3`), or run and name (`latest/scout in …`).
-        service: the service, with its catalog and the records of runs.
-        besides: what else would have been right, for the message.
+        service: The service, with its catalog and the records of runs.
+        besides: What else would have been right, for the message.
 
     Raises:
-        ConfigurationError: no job is meant, or any of several.
-        InvalidParameterException: the ARN of something else.
-        ResourceNotFoundException: the catalog has no job of the ARN.
+        ConfigurationError: No job is meant, or any of several.
+        InvalidParameterException: The ARN of something else.
+        ResourceNotFoundException: The catalog has no job of the ARN.
     """
     return _one(wanted, JOB, service, jobs_meant(wanted, service), besides)
 
@@ -109,14 +109,14 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
 
     Args:
         wanted: ARN, id or its beginning.
-        kinds: kinds of which it may be.
-        service: the service, with its catalog.
-        besides: what else would have been right, for the message.
+        kinds: Kinds of which it may be.
+        service: The service, with its catalog.
+        besides: What else would have been right, for the message.
 
     Raises:
-        ConfigurationError: nothing is meant, or any of several.
-        InvalidParameterException: the ARN of something else.
-        ResourceNotFoundException: the catalog has nothing of the ARN.
+        ConfigurationError: Nothing is meant, or any of several.
+        InvalidParameterException: The ARN of something else.
+        ResourceNotFoundException: The catalog has nothing of the ARN.
     """
     if wanted.startswith("arn:"):
         arn = str(ResourceArn.parse(wanted, *kinds))
@@ -225,7 +225,7 @@ def _in_run(wanted: str, service: Service) -> list[Resource]:
     """The jobs that a run (its id, the beginning of that, or `latest`) and behind a slash a name or an id mean.
 
     Raises:
-        ConfigurationError: the beginning is that of several runs.
+        ConfigurationError: The beginning is that of several runs.
     """
     run, _, name = wanted.partition("/")
     record = _record_of(run, service) if run and name else None

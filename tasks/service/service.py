@@ -212,8 +212,8 @@ class Service:
         """Opens the catalog and the object store, and creates missing parts.
 
         Raises:
-            ConfigurationError: a setting leads nowhere.
-            StorageError: the object store does not answer.
+            ConfigurationError: A setting leads nowhere.
+            StorageError: The object store does not answer.
         """
         backend = open_backend(settings.backend)
         prepare_home(settings)
@@ -264,10 +264,10 @@ class Service:
         """Returns the same service for a job's work: it waits while the object store does not answer.
 
         Args:
-            job_id: the job that waits, for notes.
-            stopped: called several times a second; true ends waiting.
-            patience_s: longest wait, in seconds; absent: that of the settings.
-            sleep: waits, in seconds.
+            job_id: The job that waits, for notes.
+            stopped: Called several times a second; true ends waiting.
+            patience_s: Longest wait, in seconds; absent: that of the settings.
+            sleep: Waits, in seconds.
         """
         patience = Patience(
             self.timing.store_patience_s if patience_s is None else patience_s,
@@ -285,8 +285,8 @@ class Service:
             role: ARN of the role, as a request names it.
 
         Raises:
-            CredentialsRefusedError: the role does not exist, or its credentials are refused.
-            StorageUnavailableError: the server does not answer.
+            CredentialsRefusedError: The role does not exist, or its credentials are refused.
+            StorageUnavailableError: The server does not answer.
         """
         if self.roles is None or role is None:
             return self
@@ -333,17 +333,17 @@ class Service:
         """Stores a new job under a new id.
 
         Args:
-            kind: kind of the job, as in its ARN.
-            prefix: prefix of the job's id.
-            document: the request, and what its job worker needs besides.
-            tags: tags of the job.
-            token: makes the call repeatable.
+            kind: Kind of the job, as in its ARN.
+            prefix: Prefix of the job's id.
+            document: The request, and what its job worker needs besides.
+            tags: Tags of the job.
+            token: Makes the call repeatable.
             parent: ARN of the batch it belongs to.
-            labels: further values by which lists can be filtered.
-            status: first status of the job: a terminal one if it reuses the results of another.
+            labels: Further values by which lists can be filtered.
+            status: First status of the job: a terminal one if it reuses the results of another.
 
         Raises:
-            IdempotentParameterMismatchException: the token was used for another request.
+            IdempotentParameterMismatchException: The token was used for another request.
         """
         job_id = new_id(prefix, self.chance)
         job = Resource.new(
@@ -363,7 +363,7 @@ class Service:
         """Finds the resource that an earlier call with the same client token created, if any.
 
         Raises:
-            IdempotentParameterMismatchException: the earlier call was another request.
+            IdempotentParameterMismatchException: The earlier call was another request.
         """
         return self.catalog.find_by_client_token(token, self.settings.account)
 

@@ -24,10 +24,10 @@ def span(
     """Opens an OpenTelemetry span inside the `with` block; an exception is recorded as its error.
 
     Args:
-        name: name of the activity.
+        name: Name of the activity.
         arn: ARN of the job that the span is about; spans inside the block get it, too.
-        traceparent: the caller's span, from the `traceparent` header of its request.
-        **attributes: further attributes, whose names get `robomaker.` in front.
+        traceparent: The caller's span, from the `traceparent` header of its request.
+        **attributes: Further attributes, whose names get `robomaker.` in front.
     """
     about = arn or _ARN.get()
     named = {f"robomaker.{key}": value for key, value in ({"arn": about} if about else {}).items() | attributes.items()}

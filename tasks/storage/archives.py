@@ -21,14 +21,14 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
     modes are dropped.
 
     Args:
-        archive: the archive.
-        folder: target folder, which must be absent or empty, and appears only when everything is unpacked.
-        limits: limits of its content.
+        archive: The archive.
+        folder: Target folder, which must be absent or empty, and appears only when everything is unpacked.
+        limits: Limits of its content.
 
     Raises:
-        BundleError: it is no archive, is damaged or too large, or has a member that is neither file nor
+        BundleError: It is no archive, is damaged or too large, or has a member that is neither file nor
             folder or would land elsewhere; the message names the member. Nothing is left behind.
-        StorageError: the disk is full, or the folder cannot be written.
+        StorageError: The disk is full, or the folder cannot be written.
     """
     with os_failures(f"unpack {archive.name} into {folder}"):
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -47,11 +47,11 @@ def pack_tar_gz(folder: Path, path: Path) -> None:
     """Packs a folder into a reproducible .tar.gz: equal files give equal bytes.
 
     Args:
-        folder: folder to pack; empty folders are left out.
-        path: the archive; it appears when it is whole.
+        folder: Folder to pack; empty folders are left out.
+        path: The archive; it appears when it is whole.
 
     Raises:
-        StorageError: a file is a symbolic link or the like, or cannot be read; the disk is full.
+        StorageError: A file is a symbolic link or the like, or cannot be read; the disk is full.
     """
     files = regular_files(folder)
     temporary = path.with_name(f".{uuid4().hex}.part")

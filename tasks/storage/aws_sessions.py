@@ -20,14 +20,14 @@ def new_session(
     of its service with it: 2 MB of JSON, most of the time that opening a store takes.
 
     Args:
-        access_key_id: the public half of a key.
-        secret_access_key: the secret half of the key.
-        session_token: session token of a temporary key.
-        profile_name: a profile of AWS's files.
-        inner: the session of botocore that is used; by default a new one.
+        access_key_id: The public half of a key.
+        secret_access_key: The secret half of the key.
+        session_token: Session token of a temporary key.
+        profile_name: A profile of AWS's files.
+        inner: The session of botocore that is used; by default a new one.
 
     Raises:
-        BotoCoreError: the AWS profile does not exist, or only half of a key is given.
+        BotoCoreError: The AWS profile does not exist, or only half of a key is given.
     """
     inner = inner or botocore.session.get_session()
     session = Session(

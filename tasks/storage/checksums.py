@@ -31,13 +31,13 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
     """Yields the content of an open file in pieces, from its beginning.
 
     Args:
-        descriptor: the file.
-        stopped: called at the beginning, and before each piece of at most 1 MiB; true stops.
-        what: the file, for messages.
+        descriptor: The file.
+        stopped: Called at the beginning, and before each piece of at most 1 MiB; true stops.
+        what: The file, for messages.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: the file cannot be read.
+        OSError: The file cannot be read.
     """
     _go_on(stopped, what)  # also before an empty file: there may be very many
     offset = 0
@@ -66,7 +66,7 @@ def digest_of(descriptor: int, algorithm: str, stopped: Stopped = never) -> tupl
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: the file cannot be read.
+        OSError: The file cannot be read.
     """
     digest, size = hashlib.new(algorithm, usedforsecurity=False), 0
     for piece in pieces(descriptor, stopped):
@@ -85,15 +85,15 @@ def copy_with_holes(
     """Copies a sparse file with its holes; returns its size.
 
     Args:
-        source: the file.
-        target: the copy, at its beginning.
-        stopped: called before each piece of at most 1 MiB; true stops.
-        tell: called with each piece, such as to compute a checksum.
-        what: the file, for messages.
+        source: The file.
+        target: The copy, at its beginning.
+        stopped: Called before each piece of at most 1 MiB; true stops.
+        tell: Called with each piece, such as to compute a checksum.
+        what: The file, for messages.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: the file cannot be read or written.
+        OSError: The file cannot be read or written.
     """
     size = 0
     for piece in pieces(source, stopped, what):
@@ -201,13 +201,13 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
     """Raises an error if a server's size or CRC32 of an object differs from the expected ones.
 
     Args:
-        answer: response of HeadObject or GetObject; not every object has a CRC32 of the whole.
-        size: bytes here.
+        answer: Response of HeadObject or GetObject; not every object has a CRC32 of the whole.
+        size: Bytes here.
         crc: CRC32 of the bytes here, in base64.
-        what: the object, for the message.
+        what: The object, for the message.
 
     Raises:
-        ChecksumMismatchError: size or CRC32 differ.
+        ChecksumMismatchError: Size or CRC32 differ.
     """
     whole = answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT"
     stored = answer.get("ChecksumCRC32") if whole else None
@@ -221,13 +221,13 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
     """Whether a stored object has the same content as a file, as far as its checksums prove it.
 
     Args:
-        answer: response of HeadObject.
-        path: the file.
-        stopped: polled while the file is read; true stops that.
+        answer: Response of HeadObject.
+        path: The file.
+        stopped: Polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: the file cannot be read.
+        OSError: The file cannot be read.
     """
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size != answer["ContentLength"]:
@@ -245,8 +245,8 @@ def store_etag(descriptor: int, etag: str) -> None:
     """Caches a file's ETag in its extended attributes, where the file system can.
 
     Args:
-        descriptor: the file, open, after its last write, and after it got its name, which changes the change time.
-        etag: hexadecimal MD5 of its content.
+        descriptor: The file, open, after its last write, and after it got its name, which changes the change time.
+        etag: Hexadecimal MD5 of its content.
     """
     # Not every file system and platform has user attributes; then it is computed when asked for.
     with suppress(OSError, AttributeError):
@@ -262,12 +262,12 @@ def etag_of(descriptor: int, stopped: Stopped = never) -> str:
     """Returns the ETag (MD5) of an open file, cached if possible.
 
     Args:
-        descriptor: the file.
-        stopped: polled while the file is read; true stops that.
+        descriptor: The file.
+        stopped: Polled while the file is read; true stops that.
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        OSError: the file cannot be read.
+        OSError: The file cannot be read.
     """
     if (etag := _kept_etag(descriptor)) is not None:
         return etag

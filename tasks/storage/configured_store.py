@@ -24,10 +24,10 @@ def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
 
     Args:
         settings: `object_store` and `region` are used.
-        environ: environment variables, usually `os.environ`.
+        environ: Environment variables, usually `os.environ`.
 
     Raises:
-        ConfigurationError: the settings or the credentials cannot be used.
+        ConfigurationError: The settings or the credentials cannot be used.
     """
     place = settings.object_store
     if place == "aws" or "://" in place:
@@ -39,7 +39,7 @@ def s3_endpoint(settings: Settings) -> str | None:
     """Returns the URL of the S3 server in the settings; `None` for AWS or a folder.
 
     Raises:
-        ConfigurationError: the URL cannot be used.
+        ConfigurationError: The URL cannot be used.
     """
     return _endpoint(settings.object_store) if "://" in settings.object_store else None
 
@@ -78,7 +78,7 @@ def own_session(environ: Mapping[str, str]) -> "Session":
     """Opens a boto3 session with the credentials in environment variables, or AWS tools' defaults.
 
     Raises:
-        ConfigurationError: only one half of an access key is set.
+        ConfigurationError: Only one half of an access key is set.
     """
     from .aws_sessions import new_session
 

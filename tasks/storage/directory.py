@@ -47,8 +47,8 @@ class DirectoryStore:
     """Object store in a local directory.
 
     Args:
-        root: the directory; it is created with the first bucket.
-        clock: seconds since the epoch.
+        root: The directory; it is created with the first bucket.
+        clock: Seconds since the epoch.
     """
 
     def __init__(self, root: Path, *, clock: Callable[[], float] = time.time) -> None:
@@ -69,9 +69,9 @@ class DirectoryStore:
         """Checks that the bucket's folder exists and can be written to.
 
         Raises:
-            StorageAccessDeniedError: this user may not write to the folder, or the file system is read-only.
-            BucketNotFoundError: the bucket's folder does not exist.
-            StorageFullError: the disk is full.
+            StorageAccessDeniedError: This user may not write to the folder, or the file system is read-only.
+            BucketNotFoundError: The bucket's folder does not exist.
+            StorageFullError: The disk is full.
         """
         check_bucket(bucket)
         check_key(key)
@@ -87,7 +87,7 @@ class DirectoryStore:
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
-            StorageError: also when the file is written to while it is being stored.
+            StorageError: Also when the file is written to while it is being stored.
         """
         with os_failures(f"store {path} as {bucket}/{key}"), path.open("rb") as source:
             before = os.fstat(source.fileno())

@@ -29,9 +29,9 @@ def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int 
     After a failure no further calls start; running calls end, then the failure of the earliest item is raised.
 
     Args:
-        call: the function.
-        items: arguments of the calls.
-        workers: number of threads.
+        call: The function.
+        items: Arguments of the calls.
+        workers: Number of threads.
     """
     with ThreadPoolExecutor(workers, thread_name_prefix="storage") as pool:
         futures = [pool.submit(call, item) for item in items]
@@ -112,8 +112,8 @@ class ObjectStore(Protocol):
         """Checks that an object could be written; leaves nothing behind.
 
         Raises:
-            StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: the bucket does not exist.
+            StorageAccessDeniedError: The credentials do not allow it.
+            BucketNotFoundError: The bucket does not exist.
         """
         ...
 
@@ -129,7 +129,7 @@ class ObjectStore(Protocol):
         """Checks quickly, with one request, whether the store answers at all.
 
         Raises:
-            StorageUnavailableError: the store does not answer, or answers that it is unavailable.
+            StorageUnavailableError: The store does not answer, or answers that it is unavailable.
         """
         ...
 
@@ -150,10 +150,10 @@ class ObjectStore(Protocol):
         """Uploads many files concurrently; raises the first error after all have ended.
 
         Args:
-            bucket: name of the bucket.
-            files: files to upload, by their keys.
-            stopped: returns whether to stop; files that are stored by then remain.
-            tell: called with the key of each stored file.
+            bucket: Name of the bucket.
+            files: Files to upload, by their keys.
+            stopped: Returns whether to stop; files that are stored by then remain.
+            tell: Called with the key of each stored file.
         """
         ...
 
@@ -219,7 +219,7 @@ class StoreOver:
     """Base class of object stores that wrap another one; every call passes through `do`.
 
     Args:
-        store: the store behind it.
+        store: The store behind it.
     """
 
     def __init__(self, store: ObjectStore) -> None:
@@ -232,9 +232,9 @@ class StoreOver:
 
         Args:
             access: `read` or `write`.
-            bucket: the bucket that it is about.
-            keys: the keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
-            call: the call.
+            bucket: The bucket that it is about.
+            keys: The keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
+            call: The call.
         """
         raise NotImplementedError
 
@@ -317,7 +317,7 @@ def check_bucket(bucket: str) -> None:
     """Raises an error for an invalid bucket name.
 
     Raises:
-        StorageError: with the rule it breaks.
+        StorageError: With the rule it breaks.
     """
     if not _BUCKET.fullmatch(bucket) or ".." in bucket or _ADDRESS.fullmatch(bucket):
         raise StorageError(
@@ -330,7 +330,7 @@ def check_key(key: str) -> None:
     """Raises an error for an object key that some store cannot have.
 
     Raises:
-        StorageError: with the component and what is wrong with it.
+        StorageError: With the component and what is wrong with it.
     """
     encoded = _encoded(key)
     if not encoded:
@@ -345,7 +345,7 @@ def check_prefix(prefix: str) -> None:
     """Raises an error for a key prefix that no valid key starts with.
 
     Raises:
-        StorageError: with the component and what is wrong with it.
+        StorageError: With the component and what is wrong with it.
     """
     *folders, last = _encoded(prefix).split(b"/")
     for part in folders:

@@ -49,23 +49,23 @@ def publish(
     interrupted or repeated step can simply be run again.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket, which must exist.
-        prefix: beginning of the files' keys, before a slash; may be empty.
-        files: files to publish, by unique names; no process may write to them any more.
-        about: description of the run or job that the files belong to, for the manifest.
-        created_at: the time of publication, with its time zone, for the manifest.
-        stored: objects that are under the prefix already, and belong to the set.
-        resumes: whether an earlier attempt may have stored a part; objects with the same content are not stored again.
-        stopped: called before the manifest is written; true if the files should not count after all.
-        ended: called often while files are read and stored; true stops that at once; must be quick.
-        tell: called with the key of each stored file, from any thread.
+        store: The object store.
+        bucket: Name of the bucket, which must exist.
+        prefix: Beginning of the files' keys, before a slash; may be empty.
+        files: Files to publish, by unique names; no process may write to them any more.
+        about: Description of the run or job that the files belong to, for the manifest.
+        created_at: The time of publication, with its time zone, for the manifest.
+        stored: Objects that are under the prefix already, and belong to the set.
+        resumes: Whether an earlier attempt may have stored a part; objects with the same content are not stored again.
+        stopped: Called before the manifest is written; true if the files should not count after all.
+        ended: Called often while files are read and stored; true stops that at once; must be quick.
+        tell: Called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `stopped` or `ended` said so.
-        ObjectExistsError: other files are published under this prefix.
-        ChecksumMismatchError: a file changed meanwhile.
-        StorageError: a file cannot be read or stored.
+        ObjectExistsError: Other files are published under this prefix.
+        ChecksumMismatchError: A file changed meanwhile.
+        StorageError: A file cannot be read or stored.
     """
     keys = {file.name: join_key(prefix, file.name) for file in files}
     for key in keys.values():
@@ -102,17 +102,17 @@ def store_unfinished(
     """Uploads incomplete outputs for inspection, without a manifest.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket, which must exist.
-        prefix: beginning of the files' keys, before a slash; may be empty.
-        files: files to upload.
-        resumes: whether an earlier attempt may have stored a part.
-        ended: called often while files are read and stored; true stops that at once.
-        tell: called with the key of each stored file, from any thread.
+        store: The object store.
+        bucket: Name of the bucket, which must exist.
+        prefix: Beginning of the files' keys, before a slash; may be empty.
+        files: Files to upload.
+        resumes: Whether an earlier attempt may have stored a part.
+        ended: Called often while files are read and stored; true stops that at once.
+        tell: Called with the key of each stored file, from any thread.
 
     Raises:
         TransferStoppedError: `ended` said so.
-        StorageError: a file cannot be read or stored.
+        StorageError: A file cannot be read or stored.
     """
     keys = {join_key(prefix, file.name): file.path for file in files}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
@@ -134,13 +134,13 @@ def split_stored(
     """Splits files into those already stored with the same content, and those still to upload.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket.
-        files: files by their keys.
-        stopped: see `ObjectStore.find_same`.
+        store: The object store.
+        bucket: Name of the bucket.
+        files: Files by their keys.
+        stopped: See `ObjectStore.find_same`.
 
     Raises:
-        StorageError: the stored objects cannot be compared.
+        StorageError: The stored objects cannot be compared.
     """
     found = run_all(lambda item: store.find_same(bucket, *item, stopped=stopped), files.items())
     there = {key: info for key, info in zip(files, found, strict=True) if info is not None}
@@ -151,13 +151,13 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
     """Deletes everything under a prefix; the manifest goes first, so that an interruption leaves no valid set.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket.
-        prefix: beginning of the deleted keys, before a slash; not empty.
+        store: The object store.
+        bucket: Name of the bucket.
+        prefix: Beginning of the deleted keys, before a slash; not empty.
 
     Raises:
-        BucketNotFoundError: the bucket does not exist.
-        StorageError: an object cannot be deleted.
+        BucketNotFoundError: The bucket does not exist.
+        StorageError: An object cannot be deleted.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -170,8 +170,8 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
     """Reads the manifest of the files published under a prefix.
 
     Raises:
-        ObjectNotFoundError: no files are published under this prefix.
-        StorageError: the manifest cannot be read, or is invalid.
+        ObjectNotFoundError: No files are published under this prefix.
+        StorageError: The manifest cannot be read, or is invalid.
     """
     key = join_key(prefix, MANIFEST_NAME)
     try:
@@ -184,14 +184,14 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifes
     """Downloads the files in a manifest to a folder.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket.
-        prefix: beginning of the files' keys, before a slash.
-        folder: target folder, which must be absent or empty, and appears only when all files are there.
+        store: The object store.
+        bucket: Name of the bucket.
+        prefix: Beginning of the files' keys, before a slash.
+        folder: Target folder, which must be absent or empty, and appears only when all files are there.
 
     Raises:
-        ChecksumMismatchError: a file is not what was published.
-        StorageError: the folder is not empty, or something cannot be fetched.
+        ChecksumMismatchError: A file is not what was published.
+        StorageError: The folder is not empty, or something cannot be fetched.
     """
     manifest = read_manifest(store, bucket, prefix)
     with os_failures(f"fetch into {folder}"):
@@ -262,14 +262,14 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
     """Deletes some of the published files under a prefix, and updates the manifest.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket.
-        prefix: beginning of the files' keys, before a slash; not empty.
-        keep: function that returns whether the file of a name is kept.
+        store: The object store.
+        bucket: Name of the bucket.
+        prefix: Beginning of the files' keys, before a slash; not empty.
+        keep: Function that returns whether the file of a name is kept.
 
     Raises:
-        ObjectNotFoundError: no files are published under this prefix.
-        StorageError: an object cannot be deleted; a further call continues.
+        ObjectNotFoundError: No files are published under this prefix.
+        StorageError: An object cannot be deleted; a further call continues.
     """
     if not prefix.strip("/"):
         raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
@@ -287,12 +287,12 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
     """Completes an interrupted call of `thin`.
 
     Args:
-        store: the object store.
-        bucket: name of the bucket.
-        prefix: the prefix of that call.
+        store: The object store.
+        bucket: Name of the bucket.
+        prefix: The prefix of that call.
 
     Raises:
-        StorageError: an object cannot be deleted; a further call continues.
+        StorageError: An object cannot be deleted; a further call continues.
     """
     if (after := _prepared(store, bucket, prefix)) is not None:
         _remove_rest(store, bucket, prefix, after)

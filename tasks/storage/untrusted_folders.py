@@ -36,7 +36,7 @@ def os_failures(doing: str) -> Generator[None]:
     """Converts every `OSError` inside the `with` block to the matching `StorageError`.
 
     Args:
-        doing: description of the action, in words that follow "cannot".
+        doing: Description of the action, in words that follow "cannot".
     """
     try:
         yield
@@ -80,7 +80,7 @@ def regular_files(folder: Path) -> list[FolderFile]:
     """Lists all files below a folder by name; anything but regular files is an error.
 
     Raises:
-        StorageError: the folder is none or cannot be read, or holds something that is neither a regular
+        StorageError: The folder is none or cannot be read, or holds something that is neither a regular
             file nor a folder: a symbolic link could name any file of this machine.
     """
 
@@ -95,11 +95,11 @@ def files_told(folder: Path, tell: Callable[[Path, str], None]) -> Iterator[Fold
     """Yields all regular files below a folder, and reports everything else to `tell`.
 
     Args:
-        folder: path of the folder.
-        tell: called with the path of everything else, and what is wrong with it.
+        folder: Path of the folder.
+        tell: Called with the path of everything else, and what is wrong with it.
 
     Raises:
-        OSError: the path is not a folder, or the folder cannot be read.
+        OSError: The path is not a folder, or the folder cannot be read.
     """
     return _walk(folder, "", MAX_DEPTH, tell)
 
@@ -124,9 +124,9 @@ def open_regular(path: Path) -> BufferedReader:
     """Opens a regular file for reading; refuses links and devices.
 
     Raises:
-        FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
+        FileNotFoundError: Nothing is there, or no regular file: folders, symbolic links and devices
             are not followed, read or waited for.
-        OSError: the file cannot be opened.
+        OSError: The file cannot be opened.
     """
     try:
         # Without O_NONBLOCK, opening a FIFO would wait for a writer.

@@ -61,14 +61,14 @@ def generate_world(
     since other worlds share it.
 
     Args:
-        body: the template.
-        floorplan_seed: equal seeds give equal walls and passages.
-        interior_seed: seed of materials and furniture.
-        settle: whether physics runs for two seconds to see that loose objects stay.
-        clock: seconds; CPU time unless told otherwise, so that a busy machine rejects no world that an idle one makes.
+        body: The template.
+        floorplan_seed: Equal seeds give equal walls and passages.
+        interior_seed: Seed of materials and furniture.
+        settle: Whether physics runs for two seconds to see that loose objects stay.
+        clock: Seconds; CPU time unless told otherwise, so that a busy machine rejects no world that an idle one makes.
 
     Raises:
-        WorldGenerationError: no floor plan was found, or no attempt passed the checks in `MOST_CPU_S`; the message says
+        WorldGenerationError: No floor plan was found, or no attempt passed the checks in `MOST_CPU_S`; the message says
             what the last one broke.
     """
     begun = clock()
@@ -89,16 +89,16 @@ def furnish_and_prove(
     """Furnishes a floor plan and checks the world, repeatedly until it meets all guarantees.
 
     Args:
-        body: template body with the preferences for the interior.
-        plan: the plan, with its doors hung.
-        seeds: seed of the floor plan, which is recorded in the world, and seed of materials and furniture.
-        settle: whether physics runs for two seconds.
-        clock: seconds.
-        begun: time at which work on the world began, by the clock; absent: now.
-        finish: function that changes the world before it is checked.
+        body: Template body with the preferences for the interior.
+        plan: The plan, with its doors hung.
+        seeds: Seed of the floor plan, which is recorded in the world, and seed of materials and furniture.
+        settle: Whether physics runs for two seconds.
+        clock: Seconds.
+        begun: Time at which work on the world began, by the clock; absent: now.
+        finish: Function that changes the world before it is checked.
 
     Raises:
-        WorldGenerationError: no attempt passed the checks in time.
+        WorldGenerationError: No attempt passed the checks in time.
     """
     begun = clock() if begun is None else begun
     floorplan_seed, interior_seed = seeds
@@ -135,8 +135,8 @@ def measured(world: World, *, settle: bool = True) -> World:
     """Returns the world with its checks measured anew.
 
     Args:
-        world: the world.
-        settle: whether physics runs for two seconds.
+        world: The world.
+        settle: Whether physics runs for two seconds.
     """
     site = planned_site(world, mujoco.MjModel.from_xml_string(proof_mjcf(world)))
     checks = check_world(world, site, settle_s=SETTLE_S if settle else None)
@@ -178,13 +178,13 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
     It may break guarantees that the other world keeps; its checks say so.
 
     Args:
-        world: the original world, which is not changed.
-        wanted: requested changes.
-        content: content hash of the original world.
-        arn: its ARN.
+        world: The original world, which is not changed.
+        wanted: Requested changes.
+        content: Content hash of the original world.
+        arn: Its ARN.
 
     Raises:
-        ConfigurationError: the world has no such door or furnishing, the variation equals the world, or another
+        ConfigurationError: The world has no such door or furnishing, the variation equals the world, or another
             generator version made the world.
     """
     if wanted.friction:

@@ -17,10 +17,10 @@ def seeds_for(job_seed: int, floorplan_index: int, interior_index: int, *, diver
     The floor plans of a job have seeds that follow each other: they are the first ones of one order of plans.
 
     Args:
-        job_seed: the job's seed, not negative.
-        floorplan_index: index of the floor plan in the job, from 0.
-        interior_index: index of the interior in the floor plan, from 0.
-        diverse: whether the floor plans differ; otherwise each is the best one.
+        job_seed: The job's seed, not negative.
+        floorplan_index: Index of the floor plan in the job, from 0.
+        interior_index: Index of the interior in the floor plan, from 0.
+        diverse: Whether the floor plans differ; otherwise each is the best one.
 
     Returns:
         Floor plan seed, below 2**46, and interior seed, below 2**32.

@@ -18,11 +18,11 @@ def export_key(prefix: str, export_id: str) -> str:
     """Returns the object-store key of a world export job's archive.
 
     Args:
-        prefix: the output location's prefix; may be empty.
-        export_id: the export job's id, with or without `export-` in front.
+        prefix: The output location's prefix; may be empty.
+        export_id: The export job's id, with or without `export-` in front.
 
     Raises:
-        ValueError: the id is malformed.
+        ValueError: The id is malformed.
     """
     bare_id = export_id.removeprefix("export-")
     if not _EXPORT_ID.fullmatch(bare_id):

@@ -37,9 +37,9 @@ class WorldBuilders:
     moment.
 
     Args:
-        count: number of processes.
-        log: file their messages are appended to.
-        most_s: seconds that one world may take.
+        count: Number of processes.
+        log: File their messages are appended to.
+        most_s: Seconds that one world may take.
     """
 
     def __init__(self, count: int, log: Path, most_s: float = MOST_S) -> None:
@@ -83,7 +83,7 @@ class WorldBuilders:
             The bundle's content hash.
 
         Raises:
-            WorldGenerationError: no world can be generated from these values, or the builder died or was stopped.
+            WorldGenerationError: No world can be generated from these values, or the builder died or was stopped.
         """
         order = {
             "body": body,
@@ -133,8 +133,8 @@ def _answer(process: subprocess.Popen[str], order: str, most_s: float) -> dict[s
     """Returns a builder process's answer to an order.
 
     Raises:
-        _BuilderDiedError: the builder's process ended before its answer.
-        WorldGenerationError: the world took too long, and its builder was ended.
+        _BuilderDiedError: The builder's process ended before its answer.
+        WorldGenerationError: The world took too long, and its builder was ended.
     """
     assert process.stdin is not None
     assert process.stdout is not None

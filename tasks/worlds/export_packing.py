@@ -21,18 +21,18 @@ def export_worlds(
     """Packs all worlds of an export job into one archive, and uploads it.
 
     Args:
-        job: the export job.
-        service: the service, with its catalog and object store.
-        acting: the same service with the access of the job's role, which stores the archive.
-        stopped: returns whether the archive is no longer wanted; called often.
-        run_step: runs the steps `export` and `upload`, directly or as Prefect tasks.
+        job: The export job.
+        service: The service, with its catalog and object store.
+        acting: The same service with the access of the job's role, which stores the archive.
+        stopped: Returns whether the archive is no longer wanted; called often.
+        run_step: Runs the steps `export` and `upload`, directly or as Prefect tasks.
 
     Returns:
         URI of the archive; `None`: it was stopped, and there is none.
 
     Raises:
-        ResourceNotFoundException: a world was deleted meanwhile.
-        StorageError: a bundle cannot be read or the archive cannot be stored.
+        ResourceNotFoundException: A world was deleted meanwhile.
+        StorageError: A bundle cannot be read or the archive cannot be stored.
     """
     bucket, key = archive_place(job)
     prepare_bucket(acting, bucket)
@@ -51,9 +51,9 @@ class _Bundles(Mapping[str, Path]):
     """Folders of the worlds' bundles by world name, each downloaded when it is accessed.
 
     Args:
-        worlds: the worlds.
-        service: the service, with its catalog and object store.
-        stopped: returns whether no more are wanted.
+        worlds: The worlds.
+        service: The service, with its catalog and object store.
+        stopped: Returns whether no more are wanted.
     """
 
     def __init__(self, worlds: list[Resource], service: Service, stopped: Callable[[], bool]) -> None:

@@ -42,12 +42,12 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
     """Imports a Gazebo world in a child process, and writes its files.
 
     Args:
-        wanted: the import.
-        folder: a new folder for the bundle.
-        most_s: seconds on the clock after which the process is ended.
+        wanted: The import.
+        folder: A new folder for the bundle.
+        most_s: Seconds on the clock after which the process is ended.
 
     Raises:
-        ConfigurationError: the world cannot be imported; the message says why.
+        ConfigurationError: The world cannot be imported; the message says why.
     """
     _check_existence(wanted.path)
     request = {

@@ -44,12 +44,12 @@ def generate_world(
     """Generates one world of a generation job, stores its files, and adds it to the catalog.
 
     Args:
-        service: the service, with its catalog and object store.
-        job: the generation job.
-        index: number of the world in the job, from 0; the interiors of a floor plan follow each other.
+        service: The service, with its catalog and object store.
+        job: The generation job.
+        index: Number of the world in the job, from 0; the interiors of a floor plan follow each other.
         world_arn: ARN the world gets; a world of that ARN that exists already is left as it is.
-        builders: processes that build worlds.
-        run_step: runs the step `upload`, directly or as a Prefect task.
+        builders: Processes that build worlds.
+        run_step: Runs the step `upload`, directly or as a Prefect task.
 
     Returns:
         `None`, or why there is no world.
@@ -110,8 +110,8 @@ def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
     """Returns a hash of a world's template and seeds: worlds with equal hashes are identical.
 
     Args:
-        template_body: the body of its template.
-        seeds: floor plan seed and interior seed of the world.
+        template_body: The body of its template.
+        seeds: Floor plan seed and interior seed of the world.
     """
     made_of = [GENERATOR_VERSION, json.loads(template_body), *seeds]
     return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
@@ -121,11 +121,11 @@ def add_world(service: Service, job: Resource, index: int, arn: str, made: World
     """Adds a generated world to the catalog, unless it exists.
 
     Args:
-        service: the service, with its catalog and object store.
-        job: the generation job.
-        index: number of the world in the job, from 0.
+        service: The service, with its catalog and object store.
+        job: The generation job.
+        index: Number of the world in the job, from 0.
         arn: ARN the world gets.
-        made: bundle and floor plan of the world, and the world that it shares them with, if any.
+        made: Bundle and floor plan of the world, and the world that it shares them with, if any.
     """
     bundle = made.bundle
     assert bundle is not None

@@ -27,14 +27,14 @@ def keep_world(
     """Stores the files of an imported or varied world, and adds it to the catalog.
 
     Args:
-        world: the world.
-        prefix: prefix of the world's id.
-        tags: tags of the world.
-        service: the service, with its catalog and object store.
-        origin: identifier of the world's inputs, by which it is found again.
+        world: The world.
+        prefix: Prefix of the world's id.
+        tags: Tags of the world.
+        service: The service, with its catalog and object store.
+        origin: Identifier of the world's inputs, by which it is found again.
 
     Raises:
-        StorageError: the files cannot be stored.
+        StorageError: The files cannot be stored.
     """
 
     def write(folder: Path) -> None:
@@ -49,15 +49,15 @@ def keep_variation(
     """Makes a variation of a world, and stores it, even if it breaks guarantees.
 
     Args:
-        bundle: bundle of the original world.
-        wanted: changes of the variation.
+        bundle: Bundle of the original world.
+        wanted: Changes of the variation.
         arn: ARN of the original world.
-        service: the service, with its catalog and object store.
-        origin: identifier of the world's inputs, by which it is found again.
+        service: The service, with its catalog and object store.
+        origin: Identifier of the world's inputs, by which it is found again.
 
     Raises:
-        ConfigurationError: the world has no such door or furnishing, or the variation equals the world.
-        StorageError: the files cannot be stored.
+        ConfigurationError: The world has no such door or furnishing, or the variation equals the world.
+        StorageError: The files cannot be stored.
     """
     world = read_world(bundle)
     if isinstance(world.source, GazeboSource):
@@ -83,14 +83,14 @@ def keep_bundle(
     """Stores a world's files, and adds the world to the catalog.
 
     Args:
-        write: writes the bundle into a new folder.
-        prefix: beginning of the world's id.
-        tags: tags of the world.
-        service: the service, with its catalog and object store.
-        origin: identifier of the world's inputs, by which it is found again.
+        write: Writes the bundle into a new folder.
+        prefix: Beginning of the world's id.
+        tags: Tags of the world.
+        service: The service, with its catalog and object store.
+        origin: Identifier of the world's inputs, by which it is found again.
 
     Raises:
-        StorageError: the files cannot be stored.
+        StorageError: The files cannot be stored.
     """
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")

@@ -72,9 +72,9 @@ def read_launch_file(path: Path, package: str = "", origin: str = "") -> LaunchF
     """Reads the numeric arguments of a launch file; a file that cannot be read has no arguments.
 
     Args:
-        path: the launch file, in XML, Python or YAML.
-        package: name of the ROS package that it is in; empty: none.
-        origin: path of the file relative to the folder of its package; empty: the name of the file.
+        path: The launch file, in XML, Python or YAML.
+        package: Name of the ROS package that it is in; empty: none.
+        origin: Path of the file relative to the folder of its package; empty: the name of the file.
     """
     try:
         with path.open("rb") as file:
@@ -102,8 +102,8 @@ def find_start(world: str, launch_files: Sequence[LaunchFile]) -> LaunchStart | 
     """Finds a robot's start pose in the launch files that load a world, directly or through included launch files.
 
     Args:
-        world: name of the world file.
-        launch_files: launch files that may load the world; that with the fewest includes in between is used, then
+        world: Name of the world file.
+        launch_files: Launch files that may load the world; that with the fewest includes in between is used, then
             the first of them.
     """
     left, wanted = list(launch_files), [world]

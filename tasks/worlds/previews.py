@@ -15,14 +15,14 @@ def preview_of(world: Resource, service: Service) -> bytes:
     """Returns a picture of a world from above (PNG); a new one is rendered and stored if missing.
 
     Args:
-        world: the world.
-        service: the service, with its catalog and object store.
+        world: The world.
+        service: The service, with its catalog and object store.
 
     Returns:
         The picture; empty where the bundle's `world.json` is no world of a form that can be drawn.
 
     Raises:
-        StorageError: the bundle cannot be read.
+        StorageError: The bundle cannot be read.
     """
     bundle = WorldDocument.of(world).bundle
     if bundle is None:

@@ -21,10 +21,10 @@ def find_template_again(name: str, body: str, tags: Mapping[str, str], service: 
     """Finds the newest template of the same name, body and tags.
 
     Args:
-        name: the name; empty: none.
-        body: the body as JSON text; its spaces and the order of its members do not matter.
-        tags: the tags.
-        service: the service, with its catalog and object store.
+        name: The name; empty: none.
+        body: The body as JSON text; its spaces and the order of its members do not matter.
+        tags: The tags.
+        service: The service, with its catalog and object store.
     """
     for template in _templates_named(name, service):
         if same_body(WorldTemplateDocument.of(template).template_body, body) and dict(template.tags) == dict(tags):
@@ -55,9 +55,9 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
     """Finds a stored world that this generator version made from the same template and seeds.
 
     Args:
-        template_body: the template's body, to the letter.
-        seeds: floor plan seed and interior seed.
-        service: the service, with its catalog and object store.
+        template_body: The template's body, to the letter.
+        seeds: Floor plan seed and interior seed.
+        service: The service, with its catalog and object store.
 
     Returns:
         The newest such world whose bundle is stored; `None`: there is none.
@@ -77,9 +77,9 @@ def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
     """Adds a world to a generation job with the stored files of an identical earlier world.
 
     Args:
-        service: the service, with its catalog and object store.
-        job: the generation job.
-        index: number of the world in the job, from 0.
+        service: The service, with its catalog and object store.
+        job: The generation job.
+        index: Number of the world in the job, from 0.
         arn: ARN the world gets.
 
     Returns:

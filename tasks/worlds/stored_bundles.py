@@ -26,7 +26,7 @@ def bundle_label(bundle: StoredPlace) -> str:
     """Returns the catalog label by which all worlds with the same stored files are found.
 
     Args:
-        bundle: place of the bundle in the object store.
+        bundle: Place of the bundle in the object store.
     """
     return f"{bundle.bucket}/{bundle.prefix}"
 
@@ -51,8 +51,8 @@ def delete_world(world: Resource, service: Service) -> None:
     A copy on a machine that runs something in the world stays: it is a cache, kept by content.
 
     Raises:
-        ResourceNotFoundException: somebody else has just removed it.
-        StorageError: the bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
+        ResourceNotFoundException: Somebody else has just removed it.
+        StorageError: The bundle cannot be removed; the world is still in the catalog, so that this can be repeated.
     """
     bundle = WorldDocument.of(world).bundle
     if not bundle:

@@ -27,7 +27,7 @@ def robot_env(
         variables: Environment variables of launch configurations.
 
     Raises:
-        ConfigurationError: gymnasium is not installed, or the folder is no world's.
+        ConfigurationError: Gymnasium is not installed, or the folder is no world's.
         ResourceNotFoundException: The catalog has no such world.
         LaunchError: The robot does not exist.
     """

@@ -76,7 +76,7 @@ class Workspace:
         """Returns the world of a name; without a name the only one, or `None` where there are several.
 
         Raises:
-            ConfigurationError: the workspace has no world, or not exactly one of this name.
+            ConfigurationError: The workspace has no world, or not exactly one of this name.
         """
         top = (self.top if self.top.name.strip(".") else self.top.resolve()).name or self.top
         names = [each.name for each in self.worlds]
@@ -110,11 +110,11 @@ def opened_workspace(path: Path, service: Service) -> Iterator[Workspace]:
     """Reads a workspace's folder, or a bundle that is unpacked for as long as the block lasts.
 
     Args:
-        path: the folder, or a bundle of `colcon bundle` or another archive.
-        service: service whose data home has the temporary folder.
+        path: The folder, or a bundle of `colcon bundle` or another archive.
+        service: Service whose data home has the temporary folder.
 
     Raises:
-        ConfigurationError: the folder or bundle does not exist, or is not an archive.
+        ConfigurationError: The folder or bundle does not exist, or is not an archive.
     """
     if path.is_dir():
         yield read_workspace(path)
@@ -135,7 +135,7 @@ def read_workspace(top: Path) -> Workspace:
     """Finds the Gazebo worlds in a folder, with their starts; launch files are read and never executed.
 
     Args:
-        top: a workspace, a package, or an unpacked bundle; of a colcon bundle only packages are looked at, as the rest
+        top: A workspace, a package, or an unpacked bundle; of a colcon bundle only packages are looked at, as the rest
             is an operating system.
     """
     files = list(_files(top))
@@ -222,10 +222,10 @@ def _launch_files_of(package: str, homes: Set[str], launch_files: Sequence[Launc
     """Returns the launch files that may start a package's world, those of the package or that name it first.
 
     Args:
-        package: the package.
-        homes: all packages that have a world file of the same name. A launch file is for those that it names, else
+        package: The package.
+        homes: All packages that have a world file of the same name. A launch file is for those that it names, else
             for the one that it is in, else for all.
-        launch_files: all launch files.
+        launch_files: All launch files.
     """
     own, others = [], []
     for file in launch_files:

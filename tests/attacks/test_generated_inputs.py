@@ -174,8 +174,8 @@ class Surfaces:
     """What takes what others wrote: each method generates one input and has it taken or refused.
 
     Args:
-        service: an empty service.
-        folder: an empty folder.
+        service: An empty service.
+        folder: An empty folder.
     """
 
     def __init__(self, service: Service, folder: Path) -> None:
@@ -322,9 +322,9 @@ def attack(surfaces: dict[str, Surface], seed: int, count: int) -> None:
     """Sends inputs to all surfaces in turn, and says which one broke what.
 
     Args:
-        surfaces: by name.
-        seed: of all of them; each input has a seed of its own, made from it.
-        count: how many there are in all.
+        surfaces: By name.
+        seed: Of all of them; each input has a seed of its own, made from it.
+        count: How many there are in all.
     """
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     slowest: dict[str, float] = {}

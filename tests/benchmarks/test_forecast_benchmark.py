@@ -80,8 +80,8 @@ class Forecasts:
     """Forecasts and runs of specifications, each a process of its own; prints how far off each was.
 
     Args:
-        environ: environment variables of the commands.
-        path: where specifications are written.
+        environ: Environment variables of the commands.
+        path: Where specifications are written.
     """
 
     def __init__(self, environ: dict[str, str], path: Path) -> None:

@@ -81,7 +81,7 @@ class Nights:
     """Deployments whose nights are ordered so that one of each always waits.
 
     Args:
-        variables: how Prefect is found.
+        variables: How Prefect is found.
     """
 
     def __init__(self, variables: Mapping[str, str]) -> None:

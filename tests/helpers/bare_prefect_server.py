@@ -19,7 +19,7 @@ def bare_prefect_server(folder: Path) -> Iterator[tuple[str, str]]:
     """Starts the two.
 
     Args:
-        folder: where the server keeps its database and its log.
+        folder: Where the server keeps its database and its log.
 
     Yields:
         The addresses of the bare one and of the guarded one.

@@ -13,7 +13,7 @@ def task_runs(batch: str) -> Sequence[TaskRun]:
     """The task runs of a batch that a pipeline ran, once the server knows of one and all have ended.
 
     Args:
-        batch: its ARN; its flow run has the name of its id.
+        batch: Its ARN; its flow run has the name of its id.
     """
     named = FlowRunFilter(name=FlowRunFilterName(any_=[batch.rsplit("/", 1)[-1]]))
     known: Sequence[TaskRun] = []

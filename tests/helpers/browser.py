@@ -30,7 +30,7 @@ class Page:
     """One tab.
 
     Args:
-        socket: its DevTools.
+        socket: Its DevTools.
 
     Attributes:
         complaints: Errors and warnings on the page's console, and exceptions that it did not catch.
@@ -136,7 +136,7 @@ class Browser:
     """A running browser.
 
     Args:
-        port: of its DevTools.
+        port: Of its DevTools.
     """
 
     def __init__(self, port: int) -> None:
@@ -166,8 +166,8 @@ def browsing(profile: Path, *options: str) -> Iterator[Browser]:
     """A browser with an empty profile.
 
     Args:
-        profile: folder for what it keeps.
-        *options: further options of Chromium.
+        profile: Folder for what it keeps.
+        *options: Further options of Chromium.
     """
     command = [
         CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage",

@@ -23,8 +23,8 @@ class Cluster:
     """A head, and machines that are added to it.
 
     Args:
-        folder: where they keep what they write.
-        variables: where catalog and object store are.
+        folder: Where they keep what they write.
+        variables: Where catalog and object store are.
     """
 
     def __init__(self, folder: Path, variables: Mapping[str, str]) -> None:

@@ -27,8 +27,8 @@ class ComposedServices:
     """The services on one machine, whose hosts are named like them.
 
     Args:
-        machine: where they run.
-        folder: a new one that every user may enter, for what their containers would keep: PostgreSQL is not root.
+        machine: Where they run.
+        folder: A new one that every user may enter, for what their containers would keep: PostgreSQL is not root.
     """
 
     NAMES = tuple(SERVICES["services"])

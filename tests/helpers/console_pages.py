@@ -7,8 +7,8 @@ def check_rules(page: Page, axe: str) -> None:
     """Checks a page by axe-core's rules, in the colours of day and night.
 
     Args:
-        page: what the browser shows.
-        axe: the script of axe-core.
+        page: What the browser shows.
+        axe: The script of axe-core.
     """
     page.evaluate(f"{axe}\n;null")
     for scheme in ("light", "dark"):

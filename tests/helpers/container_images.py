@@ -34,9 +34,9 @@ def write_root(archive: Path, *, python: bool = False, programs: Sequence[str] =
     """Writes a small root file system: bash and a few programs, users, files where jobs have folders.
 
     Args:
-        archive: the `.tar` to write.
-        python: whether Python is in it, with `/robot/agent_client.py`.
-        programs: what is in `/bin`.
+        archive: The `.tar` to write.
+        python: Whether Python is in it, with `/robot/agent_client.py`.
+        programs: What is in `/bin`.
     """
     with tarfile.open(archive, "w") as tar:
         added: set[str] = set()

@@ -53,18 +53,18 @@ def drive(
     """Stores a job that has ended, and returns its record.
 
     Args:
-        service: stores it.
-        folder: a folder for its outputs on their way.
-        letter: how it ended, as in `helpers.night_records`; `E`: it left nothing.
+        service: Stores it.
+        folder: A folder for its outputs on their way.
+        letter: How it ended, as in `helpers.night_records`; `E`: it left nothing.
         world: ARN of its world.
-        night: number of its run.
-        index: its number in that.
-        end_s: simulated time at its end.
-        sway_m: how far it sways.
-        margin: margin of its requirement `gentle` in newtons; below 0 it is missed at half of the time.
-        video: name of its video; empty: none.
-        states: digest of all states that it went through.
-        **job: further members of `helpers.night_records.make_job`.
+        night: Number of its run.
+        index: Its number in that.
+        end_s: Simulated time at its end.
+        sway_m: How far it sways.
+        margin: Margin of its requirement `gentle` in newtons; below 0 it is missed at half of the time.
+        video: Name of its video; empty: none.
+        states: Digest of all states that it went through.
+        **job: Further members of `helpers.night_records.make_job`.
     """
     record = make_job(index, letter, night=night, world=world, **job)
     assert record.inputs is not None

@@ -36,10 +36,10 @@ def serving_here(home: Path, folder: Path, *words: str, **variables: str) -> Ite
     """Serves a data home; its log goes to a folder.
 
     Args:
-        home: the data home.
-        folder: where the log goes.
-        *words: further words of the command line.
-        **variables: environment variables, also of this process meanwhile.
+        home: The data home.
+        folder: Where the log goes.
+        *words: Further words of the command line.
+        **variables: Environment variables, also of this process meanwhile.
     """
     path = folder / f"serve-{len(list(folder.glob('serve-*')))}.log"
     said = io.StringIO()

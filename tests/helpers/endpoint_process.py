@@ -65,10 +65,10 @@ def serving(home: Path, folder: Path, *words: str, **variables: str) -> Iterator
     """Starts `robomaker serve` on a data home; its log and Prefect's files go to a folder.
 
     Args:
-        home: the data home.
-        folder: where the log and Prefect's files go.
-        *words: further words of the command line.
-        **variables: environment variables.
+        home: The data home.
+        folder: Where the log and Prefect's files go.
+        *words: Further words of the command line.
+        **variables: Environment variables.
     """
     environ = {"ROBOMAKER_HOME": str(home), "PREFECT_HOME": str(folder / "prefect"), **variables}
     log = folder / f"serve-{len(list(folder.glob('serve-*')))}.log"

@@ -66,11 +66,11 @@ def load(
     """Sends requests one after the other on several connections.
 
     Args:
-        port: where to.
-        requests: what; taken in turn.
-        connections: how many at once.
-        duration_s: for how long.
-        per_second: how many in a second, all connections together; `None`: as many as there are answers.
+        port: Where to.
+        requests: What; taken in turn.
+        connections: How many at once.
+        duration_s: For how long.
+        per_second: How many in a second, all connections together; `None`: as many as there are answers.
 
     Returns:
         The time each took, in order of size, and requests per second.

@@ -153,11 +153,11 @@ class FakeEngine:
         """Adds an image; returns its file system.
 
         Args:
-            name: the image's name.
-            command: its `CMD`.
-            registry: whether it has to be pulled first.
-            digests: of its manifest, one for each registry.
-            config: members of the image's configuration such as `Entrypoint`.
+            name: The image's name.
+            command: Its `CMD`.
+            registry: Whether it has to be pulled first.
+            digests: Of its manifest, one for each registry.
+            config: Members of the image's configuration such as `Entrypoint`.
         """
         place = self.folder / ("registry" if registry else "images") / name.replace("/", "_").replace(":", "_")
         named = [f"{name.partition(':')[0]}@{digest}" for digest in digests]

@@ -15,7 +15,7 @@ class FaultProxy:
     """Passes requests on, until it is told otherwise; one thread for each direction of a connection.
 
     Args:
-        endpoint: of the server behind it.
+        endpoint: Of the server behind it.
     """
 
     def __init__(self, endpoint: str) -> None:

@@ -144,8 +144,8 @@ def write_house(folder: Path, more: str = "") -> Path:
     """Writes the package with all its models.
 
     Args:
-        folder: a new folder.
-        more: further elements of the world.
+        folder: A new folder.
+        more: Further elements of the world.
 
     Returns:
         The world file.

@@ -33,9 +33,9 @@ class ImageRegistry:
         """Adds an image, in place of what had the name; returns the digest of its manifest.
 
         Args:
-            name: such as `robot:1`.
-            root: its root file system, a tar archive.
-            config: members of its configuration such as `Cmd`.
+            name: Such as `robot:1`.
+            root: Its root file system, a tar archive.
+            config: Members of its configuration such as `Cmd`.
         """
         layer = gzip.compress(root, 1, mtime=0)
         rootfs = {"type": "layers", "diff_ids": [_digest(root)]}

@@ -19,10 +19,10 @@ class Actor:
     """A process that is started again whenever it has ended.
 
     Args:
-        name: what it is called in the account of a round.
-        command: its words.
-        environ: its variables besides those of the tests.
-        log: where it writes.
+        name: What it is called in the account of a round.
+        command: Its words.
+        environ: Its variables besides those of the tests.
+        log: Where it writes.
     """
 
     name: str
@@ -76,12 +76,12 @@ def kill_at_random(
     """Kills targets at moments that the seed decides, until that often or all is over.
 
     Args:
-        seed: the same one gives the same order of targets and pauses.
-        kills: how often at most.
-        targets: what may be killed, by name.
-        keep: starts what has ended; called several times a second.
-        is_over: asked several times a second.
-        pause_s: the shortest and the longest time between two kills.
+        seed: The same one gives the same order of targets and pauses.
+        kills: How often at most.
+        targets: What may be killed, by name.
+        keep: Starts what has ended; called several times a second.
+        is_over: Asked several times a second.
+        pause_s: The shortest and the longest time between two kills.
 
     Returns:
         How often each was killed.

@@ -100,11 +100,11 @@ class LocalAgents:
         """Enrols a robot and runs its agent.
 
         Args:
-            name: the robot's.
-            token: works once.
-            url: where it reaches the server.
-            disk_mb: size of a disk of its own, which nothing else sees; absent: a folder of this machine.
-            has_clock: whether its clock can be set.
+            name: The robot's.
+            token: Works once.
+            url: Where it reaches the server.
+            disk_mb: Size of a disk of its own, which nothing else sees; absent: a folder of this machine.
+            has_clock: Whether its clock can be set.
         """
         home, log, clock = self.folder / name, self.folder / f"{name}.log", self.folder / f"{name}.clock"
         command = ["/bin/sh", "-c", _ENROL_AND_RUN, *self.agent, str(home), url, name, token]
@@ -131,9 +131,9 @@ def local_agents(
     """Agents for the block, with their homes and logs in a folder.
 
     Args:
-        folder: the folder.
-        *options: of `run`; none: some that make it quick.
-        agent: interpreter and module.
+        folder: The folder.
+        *options: Of `run`; none: some that make it quick.
+        agent: Interpreter and module.
     """
     folder.mkdir(exist_ok=True)
     with ExitStack() as stack:

@@ -26,10 +26,10 @@ def apart(command: Sequence[str], hidden: Path, home: Path, *, size_mb: int | No
     """The words that run a command where a folder is empty but for a new one.
 
     Args:
-        command: what is run.
-        hidden: what it does not see, and nobody else sees what it writes there.
-        home: the folder that is there for it, `hidden` or below.
-        size_mb: how much it may write there; absent: half of the memory.
+        command: What is run.
+        hidden: What it does not see, and nobody else sees what it writes there.
+        home: The folder that is there for it, `hidden` or below.
+        size_mb: How much it may write there; absent: half of the memory.
     """
     size = "50%" if size_mb is None else f"{size_mb}m"
     return [*_UNSHARE, "sh", "-c", _SCRIPT, "sh", str(hidden), str(home), size, *command]

@@ -31,9 +31,9 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
     """A folder that is made by the first who asks for it; the others wait, and then only read it.
 
     Args:
-        factory: pytest's fixture.
-        name: the folder's name.
-        make: makes it, at a path where nothing is yet.
+        factory: Pytest's fixture.
+        name: The folder's name.
+        make: Makes it, at a path where nothing is yet.
     """
     assert re.fullmatch(r"[\w.-]+", name)
     place = shared_folder(factory)

@@ -20,7 +20,7 @@ class MortalPrefectServer:
     """A Prefect server of a test's own.
 
     Args:
-        home: where it keeps its database.
+        home: Where it keeps its database.
     """
 
     def __init__(self, home: Path) -> None:

@@ -42,8 +42,8 @@ class Machine:
     """A network in which nothing is but what the test starts there.
 
     Attributes:
-        folder: its files.
-        pid: the process that keeps the network.
+        folder: Its files.
+        pid: The process that keeps the network.
     """
 
     folder: Path
@@ -109,9 +109,9 @@ def namespaced_machine(folder: Path, hosts: Sequence[str] = (), hidden: Sequence
     """A machine; at the end it goes as a power cut would have it, with all that runs there.
 
     Args:
-        folder: a new one, for its files.
-        hosts: names that lead to the machine itself.
-        hidden: folders that are there, and whose files it does not see: those of other machines.
+        folder: A new one, for its files.
+        hosts: Names that lead to the machine itself.
+        hidden: Folders that are there, and whose files it does not see: those of other machines.
     """
     (folder / "home").mkdir(parents=True, mode=0o700)
     (folder / "hosts").write_text("".join(f"127.0.0.1 {name}\n" for name in ("localhost", *hosts)))

@@ -41,8 +41,8 @@ def check_nights(home: Path, jobs_of_batches: Mapping[str, int]) -> Counter[str]
     """Looks at all nights of a data home that have ended: nothing of them is lost, doubled or torn.
 
     Args:
-        home: the data home; its object store is a folder.
-        jobs_of_batches: how many jobs the batch of each step has.
+        home: The data home; its object store is a folder.
+        jobs_of_batches: How many jobs the batch of each step has.
 
     Returns:
         How many jobs ended in which state.

@@ -17,10 +17,10 @@ def install_packages(
     """Installs wheels with whichever of pip and uv is there; skips the test where none of them can.
 
     Args:
-        *requirements: what to install, such as `botocore==1.40.60`.
-        target: folder for the packages alone, without what they need.
-        python: interpreter of the environment that gets the packages and what they need.
-        built: a package of which there is only the source.
+        *requirements: What to install, such as `botocore==1.40.60`.
+        target: Folder for the packages alone, without what they need.
+        python: Interpreter of the environment that gets the packages and what they need.
+        built: A package of which there is only the source.
     """
     reasons = []
     for command in _installers(target, python, built):

@@ -51,9 +51,9 @@ class PostgresServer:
     """A server that a test may stop, kill and start again: its address and its data stay.
 
     Args:
-        folder: where its data and its log are; it has to be of `user`.
-        programs: the folder of `initdb` and `postgres`.
-        user: name of the user that it runs as; absent: the one that runs the tests.
+        folder: Where its data and its log are; it has to be of `user`.
+        programs: The folder of `initdb` and `postgres`.
+        user: Name of the user that it runs as; absent: the one that runs the tests.
     """
 
     def __init__(self, folder: Path, programs: Path, user: str | None) -> None:

@@ -57,7 +57,7 @@ def provide_tables(folder: Path) -> None:
     """Puts an empty database where a Prefect server is to be started, if there is none and one was made before.
 
     Args:
-        folder: the server's `PREFECT_HOME`.
+        folder: The server's `PREFECT_HOME`.
     """
     made = Path(os.environ[_MADE])
     if made.is_dir() and not (folder / _DATABASE).exists():

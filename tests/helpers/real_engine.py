@@ -27,9 +27,9 @@ class RealEngine:
     """An engine that runs containers.
 
     Args:
-        program: its path.
-        environ: the environment variables by which it is found, for job workers.
-        roots: where root file systems of images are kept.
+        program: Its path.
+        environ: The environment variables by which it is found, for job workers.
+        roots: Where root file systems of images are kept.
     """
 
     program: str
@@ -58,8 +58,8 @@ class RealEngine:
         """Makes an image; returns its name.
 
         Args:
-            instructions: of a Dockerfile, such as `USER robo`.
-            python: whether Python is in it.
+            instructions: Of a Dockerfile, such as `USER robo`.
+            python: Whether Python is in it.
         """
         if (instructions, python) not in self._made:
             image = self.note_image(f"{self.prefix}/image-{len(self._made)}:1")

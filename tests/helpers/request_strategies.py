@@ -31,8 +31,8 @@ def requests(model: type[Shape], known: Mapping[str, Sequence[str]]) -> st.Searc
     """Requests that a model's schema allows.
 
     Args:
-        model: the request's model.
-        known: values that mean something, such as ARNs of resources, by a member's name; those of `""` for any.
+        model: The request's model.
+        known: Values that mean something, such as ARNs of resources, by a member's name; those of `""` for any.
     """
     schema = model.model_json_schema()
     return _Maker(schema.get("$defs", {}), known).value("", schema)

@@ -42,9 +42,9 @@ class LedgerService:
         """Begins a rollout.
 
         Args:
-            plan: its plan.
-            now_s: when.
-            stored_every: after how many events it is stored as JSON and read again; nothing: never.
+            plan: Its plan.
+            now_s: When.
+            stored_every: After how many events it is stored as JSON and read again; nothing: never.
         """
         self.ledger = Ledger(begin(plan, now_s))
         self._every, self._events = stored_every, 0

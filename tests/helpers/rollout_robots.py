@@ -147,14 +147,14 @@ def watch(
     """Lets a fleet live for some seconds; the service's facts, after each unless said otherwise.
 
     Args:
-        service: what the robots poll.
-        scripts: what each robot does.
-        seconds: how long.
-        people: what people do, by second.
-        repeats_seed: from what reports are drawn that are sent again, at once or late; nothing: none are.
-        outage: seconds in which robots cannot reach the service, from and until.
-        start_s: when it begins.
-        facts_every_s: how often facts are noted; besides, they are at the end.
+        service: What the robots poll.
+        scripts: What each robot does.
+        seconds: How long.
+        people: What people do, by second.
+        repeats_seed: From what reports are drawn that are sent again, at once or late; nothing: none are.
+        outage: Seconds in which robots cannot reach the service, from and until.
+        start_s: When it begins.
+        facts_every_s: How often facts are noted; besides, they are at the end.
     """
     agents = [_Agent(name, script) for name, script in scripts.items()]
     repeats = _Repeats(repeats_seed)

@@ -125,8 +125,8 @@ class MortalS3Server:
     """A server of one test's own, which the test kills, brings back with what it had stored, or makes hang.
 
     Args:
-        data: an empty folder.
-        running: ends the server.
+        data: An empty folder.
+        running: Ends the server.
     """
 
     def __init__(self, data: Path, running: ExitStack) -> None:

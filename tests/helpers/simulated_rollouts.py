@@ -54,15 +54,15 @@ def simulate(
     """Rolls out to robots until nothing goes on any more, or for some seconds.
 
     Args:
-        names: names of the robots.
-        concurrent: at the same time, in percent.
-        threshold: of failures, in percent.
-        bad: which robots fail, by number.
-        silent: which robots never fetch their orders.
-        until_s: when to stop, in seconds since it began.
-        events: what else happens, and when.
-        seed: of how long robots take.
-        windows: when robots may be changed; none: always.
+        names: Names of the robots.
+        concurrent: At the same time, in percent.
+        threshold: Of failures, in percent.
+        bad: Which robots fail, by number.
+        silent: Which robots never fetch their orders.
+        until_s: When to stop, in seconds since it began.
+        events: What else happens, and when.
+        seed: Of how long robots take.
+        windows: When robots may be changed; none: always.
     """
     rng, numbers, ties = random.Random(seed), itertools.count(1), itertools.count()
     robots = tuple(

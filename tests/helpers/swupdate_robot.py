@@ -64,11 +64,11 @@ def swupdate_robot(
     """Starts a robot.
 
     Args:
-        name: id of the robot.
-        token: its token.
-        port: of the server, on this machine.
-        certificate_pem: whose bundles it installs.
-        revision: of its hardware.
+        name: Id of the robot.
+        token: Its token.
+        port: Of the server, on this machine.
+        certificate_pem: Whose bundles it installs.
+        revision: Of its hardware.
     """
     # Not pytest's: sockets lie there, and their paths may have 107 characters.
     with tempfile.TemporaryDirectory(prefix="swu-", dir="/tmp") as short:

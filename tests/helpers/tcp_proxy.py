@@ -13,7 +13,7 @@ class TcpProxy:
     """Passes connections on to a port of this machine; its methods may be called from any thread.
 
     Args:
-        target: the port that connections are passed on to.
+        target: The port that connections are passed on to.
     """
 
     def __init__(self, target: int) -> None:

@@ -28,9 +28,9 @@ def bodies(draw: st.DrawFn, version: str | None = None, most_rooms: int = 6) -> 
     """A valid template body.
 
     Args:
-        draw: hypothesis's.
+        draw: Hypothesis's.
         version: "1" or "2"; any of them otherwise.
-        most_rooms: rooms at most.
+        most_rooms: Rooms at most.
     """
     return parse_template_body(draw(body_texts(version, most_rooms)))
 

@@ -29,8 +29,8 @@ def recorded_poses(url: str, folder: Path) -> list[tuple[float, float, float, fl
     """Time, place and heading of all poses of a recording, as another library reads them.
 
     Args:
-        url: address of `recording.mcap`.
-        folder: where it is kept.
+        url: Address of `recording.mcap`.
+        folder: Where it is kept.
     """
     path = folder / "recording.mcap"
     path.write_bytes(httpx.get(url, timeout=200).raise_for_status().content)
@@ -80,9 +80,9 @@ def check_time_line(page: Page, files: str, folder: Path) -> None:
     """Checks the time line of the page that is shown: plan, videos, keyboard, button, a video that plays.
 
     Args:
-        page: the page of a job with a recording, a video and a missed requirement.
-        files: address of the job's files.
-        folder: folder of the test.
+        page: The page of a job with a recording, a video and a missed requirement.
+        files: Address of the job's files.
+        folder: Folder of the test.
     """
     wait_for_time_line(page)
     poses = recorded_poses(f"{files}/recording.mcap", folder)

@@ -33,10 +33,10 @@ class MortalStore:
     """An object store whose process is killed at one of its writes, before or after it took effect.
 
     Args:
-        store: the store.
-        kill_at: number of the write, from 1; 0: none.
-        after: whether that write takes effect.
-        on_write: called after each write.
+        store: The store.
+        kill_at: Number of the write, from 1; 0: none.
+        after: Whether that write takes effect.
+        on_write: Called after each write.
     """
 
     def __init__(
@@ -97,9 +97,9 @@ class TrustingRobot:
     """A client that keeps what it has seen, as an agent does.
 
     Args:
-        files: the repository.
-        root: the root that it was given.
-        folder: where it keeps what it has seen.
+        files: The repository.
+        root: The root that it was given.
+        folder: Where it keeps what it has seen.
     """
 
     def __init__(self, files: RepositoryFiles, root: bytes, folder: Path) -> None:

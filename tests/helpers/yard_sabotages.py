@@ -106,10 +106,10 @@ def assert_caught(status: str, reason: str | None, result: bytes | None, sabotag
     """Asserts that a run did not pass, and that for each kind of requirement somebody caught the sabotage.
 
     Args:
-        status: how the run ended.
-        reason: why it failed.
-        result: its `result.json`.
-        sabotage: what it was spoilt by; the empty string if it was not, then it has to pass.
+        status: How the run ended.
+        reason: Why it failed.
+        result: Its `result.json`.
+        sabotage: What it was spoilt by; the empty string if it was not, then it has to pass.
     """
     if status == "Failed" and sabotage in FAILS_THE_JOB:
         assert any(words in (reason or "") for words in FAILS_THE_JOB[sabotage]), reason

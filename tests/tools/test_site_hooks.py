@@ -11,8 +11,8 @@ def on_site(markdown: str, source: str) -> str:
     """A page's Markdown as the site gets it.
 
     Args:
-        markdown: as it is in the repository.
-        source: path of the page in the site.
+        markdown: As it is in the repository.
+        source: Path of the page in the site.
     """
     return on_page_markdown(markdown, SimpleNamespace(file=SimpleNamespace(src_uri=source)))
 

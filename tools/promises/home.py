@@ -24,7 +24,7 @@ def record_home() -> None:
     """Runs the specification in a home of its own, and packs its catalog and files beside the facts.
 
     Raises:
-        RuntimeError: the specification cannot be run, or the home's place is taken.
+        RuntimeError: The specification cannot be run, or the home's place is taken.
     """
     try:
         _PLACE.mkdir(mode=0o700)
@@ -46,7 +46,7 @@ def unpack_home(home: Path) -> None:
     """Makes a data home of what is recorded.
 
     Args:
-        home: folder for it, which is empty or not there yet.
+        home: Folder for it, which is empty or not there yet.
     """
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tarfile.open(HOME) as archive:

@@ -55,7 +55,7 @@ def commands_page(docs: Path) -> str:
     """Writes the page: each command with its arguments, and the exit codes.
 
     Args:
-        docs: folder of the documentation.
+        docs: Folder of the documentation.
     """
     parts = [_TOP]
     for group in find_groups():

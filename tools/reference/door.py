@@ -96,7 +96,7 @@ def with_deployments(text: str) -> str:
     """Makes the deployments of `prefect.yaml` anew; what stands before them stays.
 
     Raises:
-        ValueError: the line that they begin with is missing.
+        ValueError: The line that they begin with is missing.
     """
     before, mark, _ = text.partition(_MARK)
     if not mark:

@@ -27,11 +27,11 @@ def with_rooms(text: str, root: Path) -> str:
     """Makes the map anew between its marks; what stands around it stays.
 
     Args:
-        text: the page.
-        root: the folder of the repository.
+        text: The page.
+        root: The folder of the repository.
 
     Raises:
-        ValueError: the page has no marks.
+        ValueError: The page has no marks.
     """
     before, begin, rest = text.partition(_BEGIN)
     _, end, after = rest.partition(_END)
@@ -61,7 +61,7 @@ def with_tables(page: str) -> str:
         page: Markdown, with `<!-- made: calls -->` … `<!-- end -->` where a table belongs.
 
     Raises:
-        ValueError: a mark names no table.
+        ValueError: A mark names no table.
     """
 
     def made(mark: re.Match[str]) -> str:
@@ -146,7 +146,7 @@ def pages() -> Mapping[Path, str]:
     """Makes the pages, and the files that list all flows; what people have written in them stays.
 
     Raises:
-        ConfigurationError: this is an installed package, which has no documentation.
+        ConfigurationError: This is an installed package, which has no documentation.
     """
     guide = DOCS / "coming-from-robomaker.md"
     tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md", "judging.md", "trials.md")))

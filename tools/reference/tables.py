@@ -24,7 +24,7 @@ class Tables:
     """Writes the shapes of the service model as tables.
 
     Args:
-        model: a botocore service model; by default that of our own interface.
+        model: A botocore service model; by default that of our own interface.
     """
 
     def __init__(self, model: Definition | None = None) -> None:
@@ -46,7 +46,7 @@ class Tables:
         """Names of all shapes that tables link to, in alphabetical order.
 
         Args:
-            roots: names of the structures whose tables are shown.
+            roots: Names of the structures whose tables are shown.
         """
         found: set[str] = set()
         waiting = list(roots)

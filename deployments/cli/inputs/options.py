@@ -19,7 +19,7 @@ def who(given: str | None) -> str:
     """Returns the name of the person who decides: as given, else the operating system's user.
 
     Args:
-        given: name on the command line; empty: the operating system's user.
+        given: Name on the command line; empty: the operating system's user.
     """
     if given:
         return given
@@ -37,11 +37,11 @@ def time_span(text: str, option: str) -> timedelta:
     """Parses a time span such as `2w 3d`.
 
     Args:
-        text: numbers with units, the largest first: w, d, h, m, s.
-        option: name of the option, for the error message.
+        text: Numbers with units, the largest first: w, d, h, m, s.
+        option: Name of the option, for the error message.
 
     Raises:
-        ConfigurationError: the text is not a time span.
+        ConfigurationError: The text is not a time span.
     """
     if re.fullmatch(r"(\d{1,5}w)?(\d{1,5}d)?(\d{1,5}h)?(\d{1,5}m)?(\d{1,5}s)?", text) and text:
         total = timedelta(**{_UNITS[unit]: int(number) for number, unit in re.findall(r"(\d+)([wdhms])", text)})
@@ -54,16 +54,16 @@ def percentage(text: str | None, option: str, *, whole: bool = False, none: bool
     """Parses percentage points such as `5` or `5points`, and returns them as a share.
 
     Args:
-        text: a number, with or without `points` behind it; None: nothing was given.
-        option: name of the option, for the error message.
-        whole: whether 100 is allowed, too.
-        none: whether 0 is allowed, too.
+        text: A number, with or without `points` behind it; None: nothing was given.
+        option: Name of the option, for the error message.
+        whole: Whether 100 is allowed, too.
+        none: Whether 0 is allowed, too.
 
     Returns:
         The share: 0.05 for `5`; None: nothing was given.
 
     Raises:
-        ConfigurationError: the text is not a number of percentage points, or is out of range.
+        ConfigurationError: The text is not a number of percentage points, or is out of range.
     """
     if text is None:
         return None
@@ -79,11 +79,11 @@ def output_file(path: str | None, option: str) -> Path | None:
     """Checks an output file's path, and makes it absolute.
 
     Args:
-        path: path that the user gave; None: none was given.
-        option: name of the option, for the error message.
+        path: Path that the user gave; None: none was given.
+        option: Name of the option, for the error message.
 
     Raises:
-        ConfigurationError: the path is that of a folder, or its folder does not exist.
+        ConfigurationError: The path is that of a folder, or its folder does not exist.
     """
     if path is None:
         return None
@@ -97,11 +97,11 @@ def spec_name(given: str, option: str = "--name") -> str:
     """Checks the name that an option gives a specification, and returns it.
 
     Args:
-        given: the name.
-        option: name of the option, for the error message.
+        given: The name.
+        option: Name of the option, for the error message.
 
     Raises:
-        ConfigurationError: the text is not a valid name.
+        ConfigurationError: The text is not a valid name.
     """
     from ....schemas.specs.specification import is_spec_name
 
@@ -114,11 +114,11 @@ def seed_number(given: int, option: str) -> int:
     """Checks the seed that an option gives a run, and returns it.
 
     Args:
-        given: the seed.
-        option: name of the option, for the error message.
+        given: The seed.
+        option: Name of the option, for the error message.
 
     Raises:
-        ConfigurationError: the seed is out of range.
+        ConfigurationError: The seed is out of range.
     """
     from ....schemas.wire.common import MAX_SEED
 
@@ -131,8 +131,8 @@ def open_service() -> "Service":
     """Opens the RoboMaker service that the environment variables describe.
 
     Raises:
-        ConfigurationError: a setting leads nowhere.
-        StorageError: the object store does not answer.
+        ConfigurationError: A setting leads nowhere.
+        StorageError: The object store does not answer.
     """
     from ....schemas.settings import Settings
     from ....tasks.service.service import Service
@@ -144,11 +144,11 @@ def find_record(runs: Path, run: str) -> Path:
     """Finds the record file of a run.
 
     Args:
-        runs: folder of all runs.
-        run: a run's id or its beginning, its folder, or `latest`, which leaves the probes of forecasts out.
+        runs: Folder of all runs.
+        run: A run's id or its beginning, its folder, or `latest`, which leaves the probes of forecasts out.
 
     Raises:
-        ConfigurationError: the run does not exist, or the beginning is that of several.
+        ConfigurationError: The run does not exist, or the beginning is that of several.
     """
     if "/" in run and (record := Path(run) / "run.json").is_file():
         return record
@@ -173,12 +173,12 @@ def find_run(runs: Path, run: str) -> Path:
     """Finds the folder of a run, which may not have ended.
 
     Args:
-        runs: folder of all runs.
-        run: a run's id, its folder, or `latest`: the run that `find_record` finds, or one that began later and has no
+        runs: Folder of all runs.
+        run: A run's id, its folder, or `latest`: the run that `find_record` finds, or one that began later and has no
             record yet.
 
     Raises:
-        ConfigurationError: the run does not exist.
+        ConfigurationError: The run does not exist.
     """
     if "/" in run and (Path(run) / "order.json").is_file():
         return Path(run)
@@ -211,7 +211,7 @@ def read_record(runs: Path, run: str) -> "RunRecord":
     """Reads the record of a run; see `find_record`.
 
     Raises:
-        ConfigurationError: the run does not exist, or its record cannot be read.
+        ConfigurationError: The run does not exist, or its record cannot be read.
     """
     record = find_record(runs, run)
     from ....tasks.inspection import run_records

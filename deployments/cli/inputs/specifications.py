@@ -22,8 +22,8 @@ def read_text(path: str) -> str:
     """Reads a text file that the user named.
 
     Raises:
-        InputFileError: the file cannot be opened.
-        SpecError: the file is not UTF-8 text.
+        InputFileError: The file cannot be opened.
+        SpecError: The file is not UTF-8 text.
     """
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
@@ -38,15 +38,15 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
     """Returns the values that a command line gives a specification's parameters, by `--set` and `--parameters`.
 
     Args:
-        arguments: parsed arguments of the command.
+        arguments: Parsed arguments of the command.
 
     Returns:
         Values by name, as `load_spec` takes them; those of a file know their place there.
 
     Raises:
-        InputFileError: the file cannot be opened.
-        SpecError: the file is no mapping of names.
-        ConfigurationError: a word of `--set` has no `=`, or a name is there twice.
+        InputFileError: The file cannot be opened.
+        SpecError: The file is no mapping of names.
+        ConfigurationError: A word of `--set` has no `=`, or a name is there twice.
     """
     given: dict[str, Any] = {}
     if arguments.parameters is not None:
@@ -70,13 +70,13 @@ def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_comp
     """Reads and checks a specification file.
 
     Args:
-        path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
-        parameters: values of its parameters; see `given_parameters`.
-        is_complete: whether each parameter has to have a value, as for a run.
+        path: A file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
+        parameters: Values of its parameters; see `given_parameters`.
+        is_complete: Whether each parameter has to have a value, as for a run.
 
     Raises:
-        InputFileError: the file cannot be opened.
-        SpecError: the specification is invalid; the error lists all its problems.
+        InputFileError: The file cannot be opened.
+        SpecError: The specification is invalid; the error lists all its problems.
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
@@ -87,11 +87,11 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
     """Reads the members of an API request from a file, JSON or YAML text, or standard input.
 
     Args:
-        given: a file's path or `file://` address, JSON or YAML text that begins with `{`, or `-` for standard input.
-        operation: the operation's name.
+        given: A file's path or `file://` address, JSON or YAML text that begins with `{`, or `-` for standard input.
+        operation: The operation's name.
 
     Raises:
-        ServiceError: the text is not a valid request of this operation.
+        ServiceError: The text is not a valid request of this operation.
     """
     from ....schemas.specs.check import load_request
     from ....schemas.specs.resolving import resolve_input

@@ -56,14 +56,14 @@ def find_world(wanted: str) -> FoundWorld:
     """Finds a world by ARN, id, name or folder, and downloads its files if necessary.
 
     Args:
-        wanted: a world's ARN, its id (`import-82856b0yq33y`) or the beginning of that (`generation-8285/world-3`), its
+        wanted: A world's ARN, its id (`import-82856b0yq33y`) or the beginning of that (`generation-8285/world-3`), its
             name (`flat 3`), or the folder of a bundle.
 
     Raises:
-        InvalidParameterException: an ARN of something else, or none at all.
-        ResourceNotFoundException: the catalog has no world of the ARN.
-        ConfigurationError: the text means no world, or any of several; or the folder holds no world.
-        StorageError: the bundle is gone, or cannot be fetched.
+        InvalidParameterException: An ARN of something else, or none at all.
+        ResourceNotFoundException: The catalog has no world of the ARN.
+        ConfigurationError: The text means no world, or any of several; or the folder holds no world.
+        StorageError: The bundle is gone, or cannot be fetched.
     """
     folder = Path(wanted)
     if not wanted.startswith("arn:") and folder.is_dir():
@@ -81,9 +81,9 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
     """Returns the default path for a page or picture of a world or job.
 
     Args:
-        name: the world's or the job's.
-        folder: below the data home.
-        suffix: suffix of the file's name.
+        name: The world's or the job's.
+        folder: Below the data home.
+        suffix: Suffix of the file's name.
     """
     safe = "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
     return Settings.from_environment(os.environ).home / folder / f"{safe}{suffix}"
@@ -126,13 +126,13 @@ def stored_digests(found: FoundWorld) -> dict[str, str] | None:
     """Returns the SHA-256 of a world's files by their paths, from the manifest that it was stored with.
 
     Args:
-        found: the world; a folder may have a copy of its manifest.
+        found: The world; a folder may have a copy of its manifest.
 
     Returns:
         None where there is no manifest.
 
     Raises:
-        StorageError: the manifest is gone, or is none.
+        StorageError: The manifest is gone, or is none.
     """
     from ....schemas.runs.provenance import Manifest
     from ....tasks.storage.publication import MANIFEST_NAME, read_manifest

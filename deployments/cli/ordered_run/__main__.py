@@ -97,7 +97,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
     """Returns the visitor's access key with its current rights; `None` if no login is required.
 
     Raises:
-        ConfigurationError: the access key was deleted.
+        ConfigurationError: The access key was deleted.
     """
     if order.key_id is None:
         return None

@@ -28,8 +28,8 @@ def print_either(form: str, document: "BaseModel | dict[str, Any]", lines: Itera
 
     Args:
         form: `json`, or anything else for lines.
-        document: the answer for programs.
-        lines: the answer for people.
+        document: The answer for programs.
+        lines: The answer for people.
     """
     if form != "json":
         sys.stdout.write("".join(f"{line}\n" for line in lines))
@@ -43,8 +43,8 @@ def in_columns(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> li
     """Formats rows of cells as an aligned text table.
 
     Args:
-        rows: the cells, those of the titles first.
-        right: numbers of the columns that are aligned to the right.
+        rows: The cells, those of the titles first.
+        right: Numbers of the columns that are aligned to the right.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
@@ -60,7 +60,7 @@ def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:
     """Prints lines of styled text; paths and ARNs are not broken, so that they can be copied.
 
     Raises:
-        BrokenPipeError: the reader of the stream has closed it; a console would end the process with 1.
+        BrokenPipeError: The reader of the stream has closed it; a console would end the process with 1.
     """
     from rich.console import Console
     from rich.text import Text

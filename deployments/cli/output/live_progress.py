@@ -23,8 +23,8 @@ class LiveWatcher(Watcher):
     """Progress display of a run that redraws its steps, bars and failures on a terminal.
 
     Args:
-        steps: names and operations, in the order they run.
-        stream: a terminal.
+        steps: Names and operations, in the order they run.
+        stream: A terminal.
     """
 
     def __init__(self, steps: Sequence[tuple[str, str]], stream: TextIO) -> None:

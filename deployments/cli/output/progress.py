@@ -21,9 +21,9 @@ def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream
     """Chooses the progress display for the output: animated on a terminal, else plain lines.
 
     Args:
-        steps: names and operations, in the order they run.
-        environ: environment variables; `CI` and a dumb `TERM` mean no animation.
-        stream: output stream; absent: standard error.
+        steps: Names and operations, in the order they run.
+        environ: Environment variables; `CI` and a dumb `TERM` mean no animation.
+        stream: Output stream; absent: standard error.
     """
     out: TextIO = sys.stderr if stream is None else stream
     if not is_animated(out, environ):
@@ -46,10 +46,10 @@ class PlainWatcher(Watcher):
     """Progress display of a run in plain lines: one for each change, and one a minute without changes.
 
     Args:
-        steps: names and operations, in the order they run.
-        stream: output stream, such as standard output.
-        clock: seconds on a clock that only runs forward.
-        heartbeat_s: longest silence.
+        steps: Names and operations, in the order they run.
+        stream: Output stream, such as standard output.
+        clock: Seconds on a clock that only runs forward.
+        heartbeat_s: Longest silence.
     """
 
     def __init__(

@@ -79,7 +79,7 @@ class StepStates:
     """Progress of all steps of a run, for display.
 
     Args:
-        steps: names and operations.
+        steps: Names and operations.
     """
 
     def __init__(self, steps: Sequence[tuple[str, str]]) -> None:
@@ -90,8 +90,8 @@ class StepStates:
         """Updates the progress by an event.
 
         Args:
-            event: the event to apply.
-            now_s: time of the event, in seconds of a clock that only runs forward.
+            event: The event to apply.
+            now_s: Time of the event, in seconds of a clock that only runs forward.
         """
         if isinstance(event, Note):
             self.notes.append(event.text)

@@ -34,13 +34,13 @@ def print_summary(
     """Prints the final summary of a run: results, report and next commands.
 
     Args:
-        record: the run.
-        command: the command that runs it again.
-        stream: output stream, such as standard output.
-        server: address of the Prefect server's pages; empty: not shown.
-        page: address of the run's page in the console; empty: not shown.
-        lost: lines about what it judges less than earlier runs.
-        why: lines about groups of its failures.
+        record: The run.
+        command: The command that runs it again.
+        stream: Output stream, such as standard output.
+        server: Address of the Prefect server's pages; empty: not shown.
+        page: Address of the run's page in the console; empty: not shown.
+        lost: Lines about what it judges less than earlier runs.
+        why: Lines about groups of its failures.
     """
     print_lines(summary_lines(record, command, server=server, page=page, lost=lost, why=why), stream)
 

@@ -151,7 +151,7 @@ def print_kept(arn: str, form: str) -> int:
     """Prints facts about a newly stored world, its ARN first, and returns the exit code.
 
     Args:
-        arn: the world.
+        arn: The world.
         form: `text` or `json`.
     """
     facts = world_facts(find_world(arn))

@@ -33,7 +33,7 @@ async def read_fields(request: Request, most_bytes: int = MOST_BYTES) -> dict[st
     """Reads the fields of a submitted web form, with uploaded files as text.
 
     Raises:
-        ProtocolError: the form is too long, was not sent in time, or cannot be read.
+        ProtocolError: The form is too long, was not sent in time, or cannot be read.
     """
     whole = ServiceRequest(request.scope, request.receive)
     kind = request.headers.get("content-type", "")

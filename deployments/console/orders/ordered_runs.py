@@ -88,8 +88,8 @@ def cancel(visit: Visit) -> Response:
     """Handles the web console's button that cancels a run.
 
     Raises:
-        ResourceNotFoundException: the run does not exist, or is not the visitor's.
-        AccessDeniedException: the visitor's key is not good for ending runs.
+        ResourceNotFoundException: The run does not exist, or is not the visitor's.
+        AccessDeniedException: The visitor's key is not good for ending runs.
     """
     run_id = visit.request.path_params["id"]
     with visit.noted("CancelRun", *filter(_RUN_ID.fullmatch, [run_id])):
@@ -105,10 +105,10 @@ def take_up(visit: Visit) -> Response:
     """Handles the web console's button that resumes an interrupted run.
 
     Raises:
-        ResourceNotFoundException: the run does not exist, or is not the visitor's.
-        AccessDeniedException: the visitor's key is not good for runs.
-        InvalidParameterException: the run was not interrupted.
-        ThrottlingException: too many run already.
+        ResourceNotFoundException: The run does not exist, or is not the visitor's.
+        AccessDeniedException: The visitor's key is not good for runs.
+        InvalidParameterException: The run was not interrupted.
+        ThrottlingException: Too many run already.
     """
     run_id = visit.request.path_params["id"]
     with visit.noted("TakeUpRun", *filter(_RUN_ID.fullmatch, [run_id])):
@@ -163,9 +163,9 @@ def failed_of_run(visit: Visit) -> Response:
     """Handles the button that runs a run's failed jobs again.
 
     Raises:
-        ResourceNotFoundException: the visitor may see no such run.
-        AccessDeniedException: the visitor's key is not good for it.
-        InvalidParameterException: no job of the run failed.
+        ResourceNotFoundException: The visitor may see no such run.
+        AccessDeniedException: The visitor's key is not good for it.
+        InvalidParameterException: No job of the run failed.
     """
     with visit.noted(START) as call:
         ordered = runs_of(visit)
@@ -184,9 +184,9 @@ def failed_of_batch(visit: Visit) -> Response:
     """Handles the button that runs a batch's failed jobs again.
 
     Raises:
-        ResourceNotFoundException: the visitor may see no such batch.
-        AccessDeniedException: the visitor's key is not good for it.
-        InvalidParameterException: the batch has not ended, or none of its jobs failed.
+        ResourceNotFoundException: The visitor may see no such batch.
+        AccessDeniedException: The visitor's key is not good for it.
+        InvalidParameterException: The batch has not ended, or none of its jobs failed.
     """
     with visit.noted(_START_BATCH, if_refused=True) as call:
         batch = visit.find(_BATCH, visit.request.path_params["id"])

@@ -34,8 +34,8 @@ class Previews:
     """Draws floor plan previews of world templates in a child process.
 
     Args:
-        clock: seconds that only grow.
-        program: the module that draws them.
+        clock: Seconds that only grow.
+        program: The module that draws them.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic, program: str = _PROGRAM) -> None:
@@ -50,13 +50,13 @@ class Previews:
         """Draws the floor plan of a generation job's first world, as SVG.
 
         Args:
-            body: body of the world template.
-            seed: seed of the generation job.
-            visitor: the visitor who asks.
+            body: Body of the world template.
+            seed: Seed of the generation job.
+            visitor: The visitor who asks.
 
         Raises:
-            NoPlanError: the world cannot be generated, or takes too long.
-            ThrottlingException: the visitor, or all of them, ask for too many.
+            NoPlanError: The world cannot be generated, or takes too long.
+            ThrottlingException: The visitor, or all of them, ask for too many.
         """
         self._count(visitor)
         if not self._drawing.acquire(timeout=_QUEUE_S):

@@ -110,15 +110,15 @@ def begin(
     """Starts a run for a visitor of the web console, and redirects to its page.
 
     Args:
-        visit: the visitor's request; the run's steps use the visitor's access key.
-        runs: the server's runs.
-        spec: the specification.
-        call: gets the run's id, for the audit log.
-        spec_path: file name in the run's record; empty: that of the file in the run's folder.
-        rerun_of: the run that it repeats; `None`: it is no rerun.
+        visit: The visitor's request; the run's steps use the visitor's access key.
+        runs: The server's runs.
+        spec: The specification.
+        call: Gets the run's id, for the audit log.
+        spec_path: File name in the run's record; empty: that of the file in the run's folder.
+        rerun_of: The run that it repeats; `None`: it is no rerun.
 
     Raises:
-        ThrottlingException: too many run already.
+        ThrottlingException: Too many run already.
     """
     run_id = new_run_id(spec.name, visit.service.clock())
     path = spec_path or str(visit.service.settings.home / "runs" / run_id / "spec.yaml")
@@ -148,8 +148,8 @@ def runs_of(visit: Visit) -> SpecRuns:
     """Returns the server's runs, after checking that the visitor may order runs.
 
     Raises:
-        AccessDeniedException: the visitor's key is not good for ordering any.
-        InvalidParameterException: this server does not execute runs.
+        AccessDeniedException: The visitor's key is not good for ordering any.
+        InvalidParameterException: This server does not execute runs.
     """
     if visit.key is not None:
         check_scope(visit.key, _NEEDED)

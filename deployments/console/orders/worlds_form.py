@@ -115,7 +115,7 @@ def body_of(draft: WorldsDraft) -> str:
     """Converts the form to the JSON body of a world template.
 
     Raises:
-        InvalidParameterException: a field holds no number where there has to be one.
+        InvalidParameterException: A field holds no number where there has to be one.
     """
     named = draft.rooms
     draft = replace(draft, rooms=tuple(replace(room, name=_plain(room.name, n)) for n, room in enumerate(named, 1)))
@@ -226,7 +226,7 @@ def whole(text: str, what: str) -> int:
     """Parses a whole number from a form field.
 
     Raises:
-        InvalidParameterException: the text is not a whole number.
+        InvalidParameterException: The text is not a whole number.
     """
     if not (text.strip().isascii() and text.strip().isdecimal() and len(text) <= 12):
         raise InvalidParameterException(f"{what}: is {text!r}; it has to be a whole number from 0")
@@ -292,8 +292,8 @@ def _check(visit: Visit, template: str) -> None:
     """Checks that the visitor may order what the form requests.
 
     Raises:
-        AccessDeniedException: the visitor's key is not good for it.
-        ResourceNotFoundException: the visitor may see no such template.
+        AccessDeniedException: The visitor's key is not good for it.
+        ResourceNotFoundException: The visitor may see no such template.
     """
     if visit.key is not None:
         check_scope(visit.key, "CreateWorldGenerationJob" if template else "CreateWorldTemplate")

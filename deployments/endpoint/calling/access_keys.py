@@ -58,7 +58,7 @@ def read_access_keys(path: Path) -> dict[str, AccessKey]:
         The access keys by id.
 
     Raises:
-        ConfigurationError: the file cannot be read, or it holds no keys.
+        ConfigurationError: The file cannot be read, or it holds no keys.
     """
     parser = configparser.RawConfigParser(strict=False)
     try:

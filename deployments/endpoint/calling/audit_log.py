@@ -41,11 +41,11 @@ class AuditLog:
     """Audit log file of API calls; several servers may share it.
 
     Args:
-        path: the file; one that is made is its user's alone.
-        clock: the time.
+        path: The file; one that is made is its user's alone.
+        clock: The time.
 
     Raises:
-        ConfigurationError: the file cannot be written.
+        ConfigurationError: The file cannot be written.
     """
 
     def __init__(self, path: Path, clock: Callable[[], datetime]) -> None:

@@ -40,7 +40,7 @@ class Replays:
     """Remembers accepted signatures while they are valid, against replayed requests.
 
     Args:
-        valid: time for which a signature is valid after it was made.
+        valid: Time for which a signature is valid after it was made.
     """
 
     def __init__(self, valid: timedelta) -> None:
@@ -55,14 +55,14 @@ class Replays:
         """Records a verified signature as used; raises an error if it was used before.
 
         Args:
-            signature: hexadecimal digits of the signature.
-            signed_at: time of signing.
-            now: the time.
-            repeatable: whether a second call would do nothing more.
+            signature: Hexadecimal digits of the signature.
+            signed_at: Time of signing.
+            now: The time.
+            repeatable: Whether a second call would do nothing more.
 
         Raises:
-            InvalidSignatureException: the signature was used before.
-            ThrottlingException: the signature was used a moment ago; a client that repeats a call on purpose signs it
+            InvalidSignatureException: The signature was used before.
+            ThrottlingException: The signature was used a moment ago; a client that repeats a call on purpose signs it
                 anew at its next try.
         """
         now_s = now.timestamp()
@@ -127,7 +127,7 @@ class Authenticator:
         """Verifies a request's signature, and returns its signer.
 
         Raises:
-            ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
+            ProtocolError: The signature is not of a known key; with the reason in AWS's terms.
         """
         signature = _parsed(request)
         key = self._access_keys.get(signature.access_key)

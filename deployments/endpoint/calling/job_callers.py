@@ -48,7 +48,7 @@ class JobCallers:
     """Recognises API requests of simulation jobs, which have fewer rights.
 
     Args:
-        service: the service; only jobs of job workers with its data home are recognised.
+        service: The service; only jobs of job workers with its data home are recognised.
     """
 
     def __init__(self, service: Service) -> None:
@@ -62,7 +62,7 @@ class JobCallers:
         known too.
 
         Raises:
-            AccessDeniedException: the path is not that of a running job.
+            AccessDeniedException: The path is not that of a running job.
         """
         path = scope["raw_path"].decode("latin-1")
         if not path.startswith(OF_JOB):
@@ -81,7 +81,7 @@ class JobCallers:
         """Returns the ARN of the job that sent a request; `None` if no job did.
 
         Raises:
-            AccessDeniedException: the caller's process cannot be determined, so that it may belong to any job.
+            AccessDeniedException: The caller's process cannot be determined, so that it may belong to any job.
         """
         peer, server = map(as_address, scope.get("state", {}).get(ENDS, (None, None)))
         if peer is None or server is None:  # it came over no connection
@@ -98,14 +98,14 @@ class JobCallers:
         """Raises an error if a job may not make this API call.
 
         Args:
-            arn: the job.
-            shape: the operation.
-            members: the members of the request on the wire, which have been checked.
+            arn: The job.
+            shape: The operation.
+            members: The members of the request on the wire, which have been checked.
 
         Raises:
-            AccessDeniedException: a job may not make this call; the message is the same whether or not the resource
+            AccessDeniedException: A job may not make this call; the message is the same whether or not the resource
                 exists.
-            ResourceNotFoundException: the job is not in the catalog any more.
+            ResourceNotFoundException: The job is not in the catalog any more.
         """
         job = self._service.catalog.get(arn, kind="simulation-job")
         named = set(named_resources(members))

@@ -45,7 +45,7 @@ def check_scope(key: AccessKey, operation: str) -> None:
     """Raises an error if an access key's scope does not include an operation.
 
     Raises:
-        AccessDeniedException: the key's scope does not include the operation.
+        AccessDeniedException: The key's scope does not include the operation.
     """
     needed = needed_scope(operation)
     if SCOPES.index(key.scope) < SCOPES.index(needed):
@@ -58,13 +58,13 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
     """Raises an error if a request concerns resources that an access key does not permit.
 
     Args:
-        key: the caller's.
-        shape: the operation.
-        request: the members of its request, which have been checked.
-        catalog: the catalog of the resources.
+        key: The caller's.
+        shape: The operation.
+        request: The members of its request, which have been checked.
+        catalog: The catalog of the resources.
 
     Raises:
-        AccessDeniedException: the key does not permit a resource; the message is the same whether or not the resource
+        AccessDeniedException: The key does not permit a resource; the message is the same whether or not the resource
             exists.
     """
     if not key.is_confined:
@@ -84,7 +84,7 @@ def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> Non
     """Raises an error if a request names resources that a confined access key may not use, by their names and tags.
 
     Raises:
-        AccessDeniedException: a resource is not among those of the key; the message is the same whether or not the
+        AccessDeniedException: A resource is not among those of the key; the message is the same whether or not the
             resource exists.
     """
     allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
@@ -176,9 +176,9 @@ class Calls:
     """Makes API calls with authorisation and audit log.
 
     Args:
-        service: the service, with its catalog and object store.
-        on_submitted: called with the ARN of every stored job.
-        audit_log: records every call, also refused ones; `None`: calls are not recorded.
+        service: The service, with its catalog and object store.
+        on_submitted: Called with the ARN of every stored job.
+        audit_log: Records every call, also refused ones; `None`: calls are not recorded.
     """
 
     def __init__(
@@ -192,13 +192,13 @@ class Calls:
         """Calls an API operation for an authenticated caller, and logs it.
 
         Args:
-            name: the operation.
-            members: members of the request.
-            call: record of the call, with the caller; the operation and its outcome are added.
+            name: The operation.
+            members: Members of the request.
+            call: Record of the call, with the caller; the operation and its outcome are added.
 
         Raises:
-            AccessDeniedException: the caller's access key is not good for it.
-            ServiceError: the request is refused.
+            AccessDeniedException: The caller's access key is not good for it.
+            ServiceError: The request is refused.
         """
         operation = registry()[name]
         call.operation = name
@@ -216,8 +216,8 @@ class Calls:
         """Carries out a checked request whose scope was checked, after checking its resources.
 
         Raises:
-            AccessDeniedException: the request names what the caller's access key is not good for.
-            ServiceError: the request is refused.
+            AccessDeniedException: The request names what the caller's access key is not good for.
+            ServiceError: The request is refused.
         """
         shape, key, catalog = operation.shape, call.key, self._service.catalog
         if key is not None or self._audit_log is not None:

@@ -63,12 +63,12 @@ class Addresses:
     """Parses and makes the URLs of the update server for robots (hawkBit's DDI API).
 
     Args:
-        tenant: first part of every path; hawkBit's own is `DEFAULT`.
+        tenant: First part of every path; hawkBit's own is `DEFAULT`.
         public_url: URL of this server for robots, such as `https://fleet.example.com`, without a path; `None`: as
             each request's `Host` says, which is right where no proxy is in between.
 
     Raises:
-        ConfigurationError: the URL or the tenant is invalid.
+        ConfigurationError: The URL or the tenant is invalid.
     """
 
     def __init__(self, tenant: str, public_url: str | None) -> None:
@@ -88,7 +88,7 @@ class Addresses:
         """Parses a URL path into its robot and resource.
 
         Raises:
-            DoorRefusal: nothing (404).
+            DoorRefusal: Nothing (404).
         """
         if (enrolment := self._enrolment.fullmatch(path)) is not None:
             return Address(enrolment["robot"], "enrolment")
@@ -110,11 +110,11 @@ class Addresses:
 
         Args:
             scope: ASGI scope of the request.
-            host: header `Host` of the request.
-            robot: the robot.
+            host: Header `Host` of the request.
+            robot: The robot.
 
         Raises:
-            DoorRefusal: the request's `Host` is none, and no public address is configured (400).
+            DoorRefusal: The request's `Host` is none, and no public address is configured (400).
         """
         origin = self._public_url
         if origin is None:

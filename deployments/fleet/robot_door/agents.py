@@ -38,8 +38,8 @@ class AgentSide(Protocol):
         """Returns a TUF metadata file of the update repository.
 
         Raises:
-            ObjectNotFoundError: the repository has no metadata file of this name.
-            StorageError: the file cannot be read.
+            ObjectNotFoundError: The repository has no metadata file of this name.
+            StorageError: The file cannot be read.
         """
         ...
 
@@ -47,8 +47,8 @@ class AgentSide(Protocol):
         """Returns an update file of the repository, by its path with the hash before the name.
 
         Raises:
-            ObjectNotFoundError: the repository has no such file.
-            StorageError: the file cannot be read.
+            ObjectNotFoundError: The repository has no such file.
+            StorageError: The file cannot be read.
         """
         ...
 
@@ -63,7 +63,7 @@ class GuessLimit:
     """Counts wrong one-time tokens for each robot, against guessing.
 
     Args:
-        clock: the time, in seconds since 1970.
+        clock: The time, in seconds since 1970.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -74,7 +74,7 @@ class GuessLimit:
         """Raises an error for a robot with too many wrong tokens.
 
         Raises:
-            DoorRefusal: too many (429).
+            DoorRefusal: Too many (429).
         """
         guesses = self._guesses.get(robot)
         now_s = self._clock()
@@ -99,9 +99,9 @@ class AgentAnswers:
     """Answers HTTP requests of agents on robots: enrolment and update repository.
 
     Args:
-        side: enrols agents and reads the repository.
-        downloads: sends files, and has the threads.
-        clock: the time, in seconds since 1970.
+        side: Enrols agents and reads the repository.
+        downloads: Sends files, and has the threads.
+        clock: The time, in seconds since 1970.
     """
 
     def __init__(self, side: AgentSide, downloads: Downloads, clock: Callable[[], float]) -> None:
@@ -127,8 +127,8 @@ class AgentAnswers:
         """Answers an agent's request to enrol with a one-time token.
 
         Raises:
-            DoorRefusal: the token is not right (401), or too many were wrong (429).
-            InvalidParameterException: the body is not right.
+            DoorRefusal: The token is not right (401), or too many were wrong (429).
+            InvalidParameterException: The body is not right.
         """
         self._limit.check(robot)
         token_sha256 = _token_sha256(await read_body(receive, length))

@@ -80,17 +80,17 @@ class RobotDoor:
     """Update server for robots (hawkBit's DDI API) as an ASGI application.
 
     Args:
-        orders: the robots, and what is open for each.
-        read_part: reads a part of an order's file; called from threads.
-        sink: called with reports of robots, from threads; the robot waits for it, except for `RobotsSeen`. An
+        orders: The robots, and what is open for each.
+        read_part: Reads a part of an order's file; called from threads.
+        sink: Called with reports of robots, from threads; the robot waits for it, except for `RobotsSeen`. An
             order stays open until its last report was taken. If it raises, the response asks the robot to try again.
-        clock: the time, in seconds since 1970.
-        chance: random numbers from 0 to below 1.
-        settings: poll intervals and limits.
-        agents: enrolment and update repository for this package's agents; `None`: not served.
+        clock: The time, in seconds since 1970.
+        chance: Random numbers from 0 to below 1.
+        settings: Poll intervals and limits.
+        agents: Enrolment and update repository for this package's agents; `None`: not served.
 
     Raises:
-        ConfigurationError: tenant or public address are not right.
+        ConfigurationError: Tenant or public address are not right.
     """
 
     def __init__(

@@ -34,13 +34,13 @@ def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes 
     Several ranges, other units, and what cannot be read count as asking for the whole file.
 
     Args:
-        size_bytes: length of the file.
-        etag: the file's, with its quotes.
-        range_: the header `Range`.
-        if_range: the header `If-Range`: another file than that has to be read from its beginning.
+        size_bytes: Length of the file.
+        etag: The file's, with its quotes.
+        range_: The header `Range`.
+        if_range: The header `If-Range`: another file than that has to be read from its beginning.
 
     Raises:
-        DoorRefusal: the file has no such part (416).
+        DoorRefusal: The file has no such part (416).
     """
     whole = Part(0, size_bytes, True)
     found = _RANGE.fullmatch((range_ or b"").strip())
@@ -71,7 +71,7 @@ def reader_of_files(path_of: Callable[[RobotOrder], Path]) -> ReadPart:
     """Makes a function that reads parts of orders' files from local folders.
 
     Args:
-        path_of: returns the local path of an order's file.
+        path_of: Returns the local path of an order's file.
     """
 
     def read(order: RobotOrder, start: int, length: int) -> bytes:
@@ -106,7 +106,7 @@ class Downloads:
     """Sends files to robots; reads them in threads.
 
     Args:
-        read: reads parts of orders' files.
+        read: Reads parts of orders' files.
     """
 
     def __init__(self, read: ReadPart) -> None:
@@ -121,7 +121,7 @@ class Downloads:
         """Runs a function that waits for disks or servers, in a thread.
 
         Raises:
-            DoorRefusal: there is no such file (404), or it cannot be read now (503).
+            DoorRefusal: There is no such file (404), or it cannot be read now (503).
         """
         try:
             return await asyncio.get_running_loop().run_in_executor(self._threads, call)
@@ -144,15 +144,15 @@ class Downloads:
         """Answers an HTTP request for a file, with support for byte ranges.
 
         Args:
-            file: the file.
+            file: The file.
             method: GET, or HEAD for the headers alone.
-            range_: the header `Range`.
-            if_range: the header `If-Range`.
-            receive: receives ASGI messages, such as that the robot disconnected.
-            send: sends the ASGI messages of the response.
+            range_: The header `Range`.
+            if_range: The header `If-Range`.
+            receive: Receives ASGI messages, such as that the robot disconnected.
+            send: Sends the ASGI messages of the response.
 
         Raises:
-            DoorRefusal: there is no such part (416) or no such file (404), or it cannot be read now (503). Once
+            DoorRefusal: There is no such part (416) or no such file (404), or it cannot be read now (503). Once
                 bytes were sent, errors of the reader end the connection, and the robot asks for the rest.
         """
         etag = f'"{file.sha256}"'.encode()

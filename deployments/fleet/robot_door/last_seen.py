@@ -8,8 +8,8 @@ class LastSeen:
     """Collects the last poll times of robots, and passes them on regularly.
 
     Args:
-        hand_on: receives the collected times, in seconds since 1970, by robot; must not block.
-        interval_s: time for which they are collected, in seconds.
+        hand_on: Receives the collected times, in seconds since 1970, by robot; must not block.
+        interval_s: Time for which they are collected, in seconds.
     """
 
     def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:

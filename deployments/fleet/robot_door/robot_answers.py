@@ -87,12 +87,12 @@ async def read_body(receive: Receive, declared: bytes | None) -> bytes:
     """Reads the body of a robot's request, with limits on size and time.
 
     Args:
-        receive: receives the ASGI messages of the body.
-        declared: the header `Content-Length`.
+        receive: Receives the ASGI messages of the body.
+        declared: The header `Content-Length`.
 
     Raises:
-        DoorRefusal: the body is too long (413), or did not arrive in time (408).
-        Disconnected: the robot hung up.
+        DoorRefusal: The body is too long (413), or did not arrive in time (408).
+        Disconnected: The robot hung up.
     """
     if declared is not None and (len(declared) > 18 or not declared.isdigit() or int(declared) > MAX_BODY_BYTES):
         raise _too_long()

@@ -22,7 +22,7 @@ def application_notes(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
     """Yields names of applications that only the catalog may know, which is asked when the specification runs.
 
     Args:
-        steps: the steps, whose inputs may have problems.
+        steps: The steps, whose inputs may have problems.
     """
     known = {kind: [*names] for kind, names in BUILT_IN.items()}
     for step in steps.values():

@@ -193,11 +193,11 @@ def check_world_counts(spec: CheckedSpec, most: int) -> None:
     """Raises an error if a generation step asks for more worlds than allowed, as far as known before the run.
 
     Args:
-        spec: the specification.
+        spec: The specification.
         most: Maximum number of worlds of one job, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
 
     Raises:
-        SpecError: a job asks for more.
+        SpecError: A job asks for more.
     """
     if problems := [*world_count_problems(spec.steps, most)]:
         raise SpecError(problems)

@@ -106,7 +106,7 @@ def annotation_at(annotation: Any, value: Any, location: tuple[str | int, ...]) 
     Args:
         annotation: Annotation of the request.
         value: Request, whose mappings name their kinds.
-        location: members and list positions that lead to the value.
+        location: Members and list positions that lead to the value.
     """
     for step in location:
         if is_object(value):

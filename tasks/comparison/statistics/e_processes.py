@@ -50,7 +50,7 @@ def sign_wealth(nets: Numbers) -> Numbers:
     share of gains up to a half.
 
     Args:
-        nets: changes in the order in which they are looked at, along the last axis: gains minus losses of a pair or
+        nets: Changes in the order in which they are looked at, along the last axis: gains minus losses of a pair or
             world; 0 where nothing changed or is known.
 
     Returns:
@@ -72,8 +72,8 @@ def margin_wealth(changes: Numbers, margin: float) -> Numbers:
     counts the same, however many trials it has.
 
     Args:
-        changes: mean changes of pairs or worlds, from -1 to 1, in their order along the last axis; NaN: not judged.
-        margin: the fall of the pass rate that would matter, above 0 and below 1.
+        changes: Mean changes of pairs or worlds, from -1 to 1, in their order along the last axis; NaN: not judged.
+        margin: The fall of the pass rate that would matter, above 0 and below 1.
 
     Returns:
         Logarithms of the evidence after each step, with the bets along a last axis of their own.
@@ -115,7 +115,7 @@ def best_margin(wealth: Numbers, gains: int, others: int, margin: float) -> floa
         wealth: Present evidence of each bet.
         gains: Number of pairs or worlds that can still get better.
         others: Number of other remaining pairs or worlds.
-        margin: the fall of the pass rate that would matter.
+        margin: The fall of the pass rate that would matter.
     """
     stakes = _STAKES / (1 - margin)
     return float(mixed(wealth + gains * np.log1p(stakes * (1 + margin)) + others * np.log1p(stakes * margin)))

@@ -33,14 +33,14 @@ def paired_rate_difference(both: int, worse: int, better: int, neither: int, alp
     with the correlation of the pairs. It has a width also when no pair differs.
 
     Args:
-        both: pairs that passed before and after.
-        worse: pairs that passed before and not after.
-        better: pairs that passed after and not before.
-        neither: pairs that passed neither before nor after.
+        both: Pairs that passed before and after.
+        worse: Pairs that passed before and not after.
+        better: Pairs that passed after and not before.
+        neither: Pairs that passed neither before nor after.
         alpha: 1 minus the confidence level.
 
     Raises:
-        ValueError: there are no pairs, or a number is negative.
+        ValueError: There are no pairs, or a number is negative.
     """
     pairs = both + worse + better + neither
     if pairs < 1 or min(both, worse, better, neither) < 0:
@@ -79,7 +79,7 @@ def clustered_mean(sums: NDArray[np.float64], counts: NDArray[np.float64], alpha
     The variance is that of a ratio estimator between worlds, with a t distribution of worlds - 1 degrees of freedom.
 
     Args:
-        sums: sum of the values in each of at least two worlds.
+        sums: Sum of the values in each of at least two worlds.
         counts: Number of trials in each world.
         alpha: 1 minus the confidence level.
     """
@@ -96,11 +96,11 @@ def mean_difference(differences: Sequence[float], alpha: float = 0.05) -> Interv
     Differences that are all the same have an interval without width.
 
     Args:
-        differences: after minus before, of at least two pairs.
+        differences: After minus before, of at least two pairs.
         alpha: 1 minus the confidence level.
 
     Raises:
-        ValueError: there are fewer than two.
+        ValueError: There are fewer than two.
     """
     count = len(differences)
     if count < 2:

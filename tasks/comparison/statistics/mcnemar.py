@@ -16,14 +16,14 @@ def mcnemar_p_value(worse: int, better: int) -> float:
     """Computes the two-sided p-value of the exact McNemar test, a sign test of the pairs that differ.
 
     Args:
-        worse: pairs that passed before and not after.
-        better: pairs that passed after and not before.
+        worse: Pairs that passed before and not after.
+        better: Pairs that passed after and not before.
 
     Returns:
         Twice the smaller tail of the binomial distribution with probability 1/2, at most 1; 1 when no pair differs.
 
     Raises:
-        ValueError: a number is negative.
+        ValueError: A number is negative.
     """
     if min(worse, better) < 0:
         raise ValueError(f"{worse} and {better} pairs that differ; numbers from 0 were expected")
@@ -34,10 +34,10 @@ def mcnemar_power(pairs: int, discordant: float, difference: float, alpha: float
     """Computes the power of the exact McNemar test: the probability that it detects a difference of pass rates.
 
     Args:
-        pairs: number of pairs.
-        discordant: share of pairs whose verdicts differ, above 0.
-        difference: difference of the pass rates, at most `discordant`.
-        alpha: error probability of the two-sided test.
+        pairs: Number of pairs.
+        discordant: Share of pairs whose verdicts differ, above 0.
+        difference: Difference of the pass rates, at most `discordant`.
+        alpha: Error probability of the two-sided test.
     """
     reach = 8 * math.sqrt(pairs * discordant * (1 - discordant)) + 8  # what lies outside is below 1e-14
     middle = pairs * discordant
@@ -54,13 +54,13 @@ def mcnemar_pairs_needed(discordant: float, difference: float, alpha: float = 0.
     """Computes the number of pairs that the exact McNemar test needs to detect a difference of pass rates.
 
     Args:
-        discordant: share of pairs whose verdicts differ; at least the difference.
-        difference: difference of the pass rates, of either sign.
-        alpha: error probability of the two-sided test.
-        power: probability with which the difference is to be shown.
+        discordant: Share of pairs whose verdicts differ; at least the difference.
+        difference: Difference of the pass rates, of either sign.
+        alpha: Error probability of the two-sided test.
+        power: Probability with which the difference is to be shown.
 
     Raises:
-        ValueError: the difference is 0 or larger than the share of pairs that differ, or that is larger than 1.
+        ValueError: The difference is 0 or larger than the share of pairs that differ, or that is larger than 1.
     """
     if not 0 < abs(difference) <= discordant <= 1:
         raise ValueError(f"a difference of {difference} with {discordant} of pairs that differ cannot be")

@@ -75,12 +75,12 @@ def worlds_needed(
     Args:
         differences: Difference of the pass rates in each known world.
         trials: Number of trials in a world.
-        difference: difference of the pass rates that is to be shown, above 0.
+        difference: Difference of the pass rates that is to be shown, above 0.
         chance: Random generator.
         discordant: Share of pairs whose verdicts differ, at least the difference; used if nothing is known of the
             worlds.
-        alpha: error probability of the two-sided test.
-        power: probability with which the difference is to be shown.
+        alpha: Error probability of the two-sided test.
+        power: Probability with which the difference is to be shown.
     """
     spread = differences - differences.mean()
     sizes = max(1, round(trials))
@@ -107,9 +107,9 @@ def changes_of_worlds(
 
     Args:
         trials: Number of trials in a world.
-        worlds: number of worlds.
-        discordant: share of pairs whose verdicts differ; at least the difference.
-        difference: difference of the pass rates.
+        worlds: Number of worlds.
+        discordant: Share of pairs whose verdicts differ; at least the difference.
+        difference: Difference of the pass rates.
         chance: Random generator.
 
     Returns:

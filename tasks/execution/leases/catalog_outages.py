@@ -23,9 +23,9 @@ class CatalogWait:
 
     Args:
         arn: ARN of the waiting job, for the log.
-        look: reads the catalog.
-        is_over: returns whether to stop waiting.
-        pause_s: seconds until the next try after the catalog did not answer.
+        look: Reads the catalog.
+        is_over: Returns whether to stop waiting.
+        pause_s: Seconds until the next try after the catalog did not answer.
     """
 
     def __init__(self, arn: str, look: Callable[[], object], is_over: Callable[[], bool], pause_s: float) -> None:
@@ -41,10 +41,10 @@ class CatalogWait:
         """Calls a function, and calls it again after an outage of the catalog's database.
 
         Args:
-            call: does the same when it is called again, whether or not the catalog had done it.
+            call: Does the same when it is called again, whether or not the catalog had done it.
 
         Raises:
-            ServiceUnavailableException: as `outlast`.
+            ServiceUnavailableException: As `outlast`.
         """
         while True:
             try:
@@ -56,7 +56,7 @@ class CatalogWait:
         """Waits until the catalog's database answers again.
 
         Args:
-            failure: error by which the outage was noticed.
+            failure: Error by which the outage was noticed.
 
         Raises:
             ServiceUnavailableException: `failure`, when waiting is over, or when the catalog was never away the last

@@ -45,8 +45,8 @@ def role_of(main: str, words: Sequence[str]) -> str:
     """Returns a program's name for people, from its main module and command line.
 
     Args:
-        main: name of its main module; empty: it is a script.
-        words: command line of the process.
+        main: Name of its main module; empty: it is a script.
+        words: Command line of the process.
     """
     if "prefect_robomaker.deployments.worker" in main:
         return "robomaker serve"
@@ -89,7 +89,7 @@ class HeldLeases:
         """Yields an owner name for a job's lease (lock), valid inside the `with` block.
 
         Raises:
-            WorkerStopping: no more leases are taken.
+            WorkerStopping: No more leases are taken.
         """
         with self._lock:
             if self._closed:
@@ -143,8 +143,8 @@ class HeldLeases:
         """Takes the lease (lock) of a job that a callback chooses; `cancel_reservation` has to follow.
 
         Args:
-            take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
-            catalog: the catalog of the jobs.
+            take: Takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
+            catalog: The catalog of the jobs.
 
         Returns:
             The job; `None`: there was none to take, or this process takes no more.
@@ -179,7 +179,7 @@ class HeldLeases:
         """Whether no other owner has taken a job that this process has locked; an expired lock is still its own.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer.
+            ServiceUnavailableException: The catalog does not answer.
         """
         with self._lock:
             held = dict(self._owners)

@@ -19,9 +19,9 @@ class Lease:
     Changes made through it fail with `LeaseLostError` once another worker has taken over.
 
     Args:
-        job: the job as it was when the lease was taken.
-        owner: name of the lease's holder.
-        service: the service, with its catalog and object store.
+        job: The job as it was when the lease was taken.
+        owner: Name of the lease's holder.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, job: Resource, owner: str, service: Service) -> None:

@@ -24,14 +24,14 @@ def run_under_lease(
     """Waits for a job's lease (lock) and runs its work while holding it; does nothing if the job has ended.
 
     Args:
-        arn: the job.
-        kind: the resource kind it has to be.
-        service: the service, with its catalog and object store.
-        work: runs the job from its current state to a terminal state.
-        held: record of the leases that this process holds.
+        arn: The job.
+        kind: The resource kind it has to be.
+        service: The service, with its catalog and object store.
+        work: Runs the job from its current state to a terminal state.
+        held: Record of the leases that this process holds.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
+        ResourceNotFoundException: The catalog has no such job.
     """
     while True:
         try:
@@ -48,19 +48,19 @@ def run_if_unclaimed(
     """Runs a job's work if the job has not ended and no other job worker holds its lease (lock).
 
     Args:
-        arn: the job.
-        kind: the resource kind it has to be.
-        service: the service, with its catalog and object store.
-        work: carries the job on, holding its lease.
-        held: record of the leases that this process holds.
+        arn: The job.
+        kind: The resource kind it has to be.
+        service: The service, with its catalog and object store.
+        work: Carries the job on, holding its lease.
+        held: Record of the leases that this process holds.
 
     Returns:
         True when `work` was run or the job had ended; false when another worker holds its lease.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
-        LeaseLostError: another job worker took over the job while its work was running.
-        WorkerStopping: this process is about to end.
+        ResourceNotFoundException: The catalog has no such job.
+        LeaseLostError: Another job worker took over the job while its work was running.
+        WorkerStopping: This process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)
     if is_terminal(job.kind, job.status):
@@ -85,12 +85,12 @@ def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) ->
     """Runs a job to completion, and continues from its current state after each outage of the catalog.
 
     Args:
-        work: runs the job from its current state to a terminal state.
-        lease: the right to change the job.
-        service: the service, with its catalog and object store.
+        work: Runs the job from its current state to a terminal state.
+        lease: The right to change the job.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
+        ServiceUnavailableException: Another worker took the job over during an outage, or the catalog is there and
             accepts no change.
     """
     wait = CatalogWait.of(lease, service)

@@ -60,7 +60,7 @@ def enroll(arguments: argparse.Namespace) -> int:
     """Runs `robomaker-agent enroll`: enrols this robot at the service.
 
     Raises:
-        AgentError: the robot cannot be enrolled.
+        AgentError: The robot cannot be enrolled.
     """
     from .enrolment import enrol
     from .settings import Home, checked_connection
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Runs `robomaker-agent run`: runs the agent until it is stopped.
 
     Raises:
-        AgentError: the agent cannot run.
+        AgentError: The agent cannot run.
     """
     from .running import run as run_agent
     from .settings import Home, Options
@@ -89,7 +89,7 @@ def status(arguments: argparse.Namespace) -> int:
     """Runs `robomaker-agent status`: prints what the agent is doing and the installed version.
 
     Raises:
-        AgentError: the robot is not enrolled.
+        AgentError: The robot is not enrolled.
     """
     from .running import status_of
     from .settings import Home

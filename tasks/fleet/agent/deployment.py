@@ -115,7 +115,7 @@ def application_of(target: str) -> str:
     """Returns the application that a deployment document's path belongs to.
 
     Raises:
-        StepFailed: the path is not that of a deployment document.
+        StepFailed: The path is not that of a deployment document.
     """
     found = _TARGET.fullmatch(target)
     if found is None:
@@ -127,12 +127,12 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
     """Parses a deployment document for this robot's architecture.
 
     Args:
-        text: the document; its signature was checked.
-        target: path of the target.
-        architecture: the robot's, in RoboMaker's words.
+        text: The document; its signature was checked.
+        target: Path of the target.
+        architecture: The robot's, in RoboMaker's words.
 
     Raises:
-        StepFailed: the document has another format, or nothing for this robot; the text names the member.
+        StepFailed: The document has another format, or nothing for this robot; the text names the member.
     """
     application = application_of(target)
     try:

@@ -23,7 +23,7 @@ def switch(home: Home, version: Version | None) -> None:
     """Points the symbolic link `current` to a version atomically, or removes it if the version is `None`.
 
     Raises:
-        StepFailed: the version is not there, or the disk is full.
+        StepFailed: The version is not there, or the disk is full.
     """
     try:
         if version is None:
@@ -50,8 +50,8 @@ def tidy(home: Home, kept: Collection[str]) -> None:
     """Deletes downloads and old versions from the robot.
 
     Args:
-        home: the agent's.
-        kept: folders of versions, below the home.
+        home: The agent's.
+        kept: Folders of versions, below the home.
     """
     for file in home.downloads.iterdir():
         file.unlink()

@@ -37,12 +37,12 @@ class Effects:
     """Carries out the actions of each phase of a deployment on the robot.
 
     Args:
-        home: the agent's.
-        options: time-outs, and the health command.
-        sandbox: rights of scripts.
-        application: the running application.
-        monotonic: a clock that only goes forward, in seconds.
-        start: starts a process; `subprocess.Popen`.
+        home: The agent's.
+        options: Time-outs, and the health command.
+        sandbox: Rights of scripts.
+        application: The running application.
+        monotonic: A clock that only goes forward, in seconds.
+        start: Starts a process; `subprocess.Popen`.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Effects:
         It does nothing if no version should run.
 
         Raises:
-            StepFailed: the application cannot be started.
+            StepFailed: The application cannot be started.
         """
         switch(self._home, version)
         if version is None:

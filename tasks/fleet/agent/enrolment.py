@@ -36,15 +36,15 @@ def enrol(
     """Enrols a robot at the service with its one-time token.
 
     Args:
-        home: the agent's data folder.
+        home: The agent's data folder.
         connection: URL, tenant, name and token of the robot; its token is made here.
-        enrolment_token: one-time token that `robomaker robots enroll NAME --agent` printed.
-        random_bytes: makes the robot's token.
-        again: forget the server that it is enrolled with; versions stay and run on.
-        exchange: sends a request.
+        enrolment_token: One-time token that `robomaker robots enroll NAME --agent` printed.
+        random_bytes: Makes the robot's token.
+        again: Forget the server that it is enrolled with; versions stay and run on.
+        exchange: Sends a request.
 
     Raises:
-        AgentError: the token is not right or used up, the root is another one, or the robot is enrolled already.
+        AgentError: The token is not right or used up, the root is another one, or the robot is enrolled already.
     """
     found = _TOKEN.fullmatch(enrolment_token.strip())
     if found is None:

@@ -15,8 +15,8 @@ class StepFailed(AgentError):
     """Raised when a step of a deployment failed and repeating it would not help.
 
     Args:
-        code: failure code in the table `NUMBERS`.
-        reason: text of the failure.
+        code: Failure code in the table `NUMBERS`.
+        reason: Text of the failure.
     """
 
     def __init__(self, code: str, reason: str) -> None:

@@ -20,7 +20,7 @@ def write_durably(path: Path, content: bytes, mode: int = 0o600) -> None:
     """Writes a file atomically, so that it survives a power loss.
 
     Raises:
-        OSError: the file cannot be written; the disk may be full.
+        OSError: The file cannot be written; the disk may be full.
     """
     temporary = path.with_name(f".{path.name}.new")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
@@ -65,7 +65,7 @@ class Journal:
         """Reads the stored state; returns that of a new robot if there is none.
 
         Raises:
-            AgentError: the file is not one of this agent.
+            AgentError: The file is not one of this agent.
         """
         try:
             content = json.loads(self._path.read_bytes())
@@ -83,7 +83,7 @@ class Journal:
         """Stores a state durably.
 
         Raises:
-            OSError: the state cannot be written; the state that was saved before remains.
+            OSError: The state cannot be written; the state that was saved before remains.
         """
         content = {"format": FORMAT, **asdict(state), "phase": state.phase.value}
         write_durably(self._path, json.dumps(content, indent=1).encode())

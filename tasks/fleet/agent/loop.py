@@ -24,7 +24,7 @@ class Notifier:
     """Notifies systemd of the agent's state, if it is a systemd service.
 
     Args:
-        environ: the variables that systemd sets.
+        environ: The variables that systemd sets.
     """
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
@@ -65,15 +65,15 @@ class Agent:
     """Main loop of the agent, the program on a robot that installs deployments.
 
     Args:
-        state: state from the journal.
-        journal: keeps the state.
-        polls: talks with the server.
-        effects: does what phases stand for.
-        application: the running application.
-        monotonic: a clock that only goes forward, in seconds.
-        wait: sleeps for seconds at most, or until one of some pipes can be read or a process ends.
-        notifier: tells systemd.
-        say: logs a line.
+        state: State from the journal.
+        journal: Keeps the state.
+        polls: Talks with the server.
+        effects: Does what phases stand for.
+        application: The running application.
+        monotonic: A clock that only goes forward, in seconds.
+        wait: Sleeps for seconds at most, or until one of some pipes can be read or a process ends.
+        notifier: Tells systemd.
+        say: Logs a line.
     """
 
     def __init__(

@@ -13,8 +13,8 @@ def is_newer(deployment: Deployment, last_number: int) -> bool:
     """Whether a deployment is newer than the last one that was carried out here, and so may be.
 
     Args:
-        deployment: the deployment of an order, with its verified document.
-        last_number: number of the last deployment that was finished on this robot; 0: there was none.
+        deployment: The deployment of an order, with its verified document.
+        last_number: Number of the last deployment that was finished on this robot; 0: there was none.
     """
     return deployment.number > last_number
 
@@ -23,9 +23,9 @@ def why_refused(deployment: Deployment, last_number: int, good: Version | None) 
     """Returns the reason why a deployment that is not newer is refused.
 
     Args:
-        deployment: the deployment of an order, for which `is_newer` is false.
-        last_number: number of the last deployment that was finished on this robot.
-        good: the last version that proved healthy; absent: none did.
+        deployment: The deployment of an order, for which `is_newer` is false.
+        last_number: Number of the last deployment that was finished on this robot.
+        good: The last version that proved healthy; absent: none did.
 
     Returns:
         `None` if this very deployment brought the good version, so that its order has been carried out already.

@@ -49,12 +49,12 @@ class Polls:
     """Polls the update server, and decides when to do so again.
 
     Args:
-        server: the server.
-        monotonic: a clock that only goes forward, in seconds.
-        chance: random numbers from 0 to below 1, so that robots do not all poll at once.
-        longest_wait_s: longest pause between two polls while the server is away, in seconds.
-        attributes: returns the robot's attributes for a state.
-        say: logs a line.
+        server: The server.
+        monotonic: A clock that only goes forward, in seconds.
+        chance: Random numbers from 0 to below 1, so that robots do not all poll at once.
+        longest_wait_s: Longest pause between two polls while the server is away, in seconds.
+        attributes: Returns the robot's attributes for a state.
+        say: Logs a line.
     """
 
     def __init__(

@@ -30,7 +30,7 @@ def run(home: Home, options: Options) -> None:
     """Runs the robot's agent until SIGTERM or SIGINT.
 
     Raises:
-        AgentError: the robot is not enrolled, its agent is already running, or an option is invalid.
+        AgentError: The robot is not enrolled, its agent is already running, or an option is invalid.
     """
     connection = home.connection()
     prepare(home)
@@ -59,7 +59,7 @@ def status_of(home: Home) -> dict[str, Any]:
     """Returns the agent's status as JSON: order, phase and application.
 
     Raises:
-        AgentError: the robot is not enrolled.
+        AgentError: The robot is not enrolled.
     """
     connection, state = home.connection(), Journal(home.folder).load()
     end = state.end

@@ -72,7 +72,7 @@ def exchange(
     """Sends one HTTP request; returns status and body.
 
     Raises:
-        TryLater: there is no answer.
+        TryLater: There is no answer.
     """
     link = connect(connection)
     try:
@@ -100,8 +100,8 @@ class Server:
         """Asks the server whether there is an order.
 
         Raises:
-            TryLater: there is no answer.
-            Refused: the robot is not let in.
+            TryLater: There is no answer.
+            Refused: The robot is not let in.
         """
         content = self._get("")
         links = content.get("_links")
@@ -120,7 +120,7 @@ class Server:
         """Reads a robot's order from the update server; `None` if the order no longer exists.
 
         Raises:
-            TryLater: there is no answer.
+            TryLater: There is no answer.
         """
         try:
             content = self._get(f"/deploymentBase/{action_id}")
@@ -138,7 +138,7 @@ class Server:
         """Reports how an order ended; returns whether the server knows it now.
 
         Raises:
-            TryLater: there is no answer, or it could not be stored.
+            TryLater: There is no answer, or it could not be stored.
         """
         kind = "cancelAction" if end.execution == "canceled" else "deploymentBase"
         status: dict[str, Any] = {"execution": end.execution, "result": {"finished": end.finished}}
@@ -154,7 +154,7 @@ class Server:
         """Reports the current step; a refusal is ignored.
 
         Raises:
-            TryLater: there is no answer.
+            TryLater: There is no answer.
         """
         result: dict[str, Any] = {"finished": "none"}
         if percent is not None:
@@ -166,7 +166,7 @@ class Server:
         """Reports that an order can no longer be cancelled.
 
         Raises:
-            TryLater: there is no answer.
+            TryLater: There is no answer.
         """
         status = {
             "execution": "rejected",
@@ -179,7 +179,7 @@ class Server:
         """Reports the robot's attributes; returns whether the server has taken them.
 
         Raises:
-            TryLater: there is no answer.
+            TryLater: There is no answer.
         """
         status, _ = self._send("PUT", "/configData", {"mode": "merge", "data": dict(attributes)})
         return status < 300

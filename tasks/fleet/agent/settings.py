@@ -69,7 +69,7 @@ class Home:
     """Folders and files of the agent on the robot.
 
     Args:
-        folder: absent ones are made when they are needed.
+        folder: Absent ones are made when they are needed.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -86,7 +86,7 @@ class Home:
         """Reads the robot's connection data from `agent.json`.
 
         Raises:
-            AgentError: the robot is not enrolled, or the file is invalid.
+            AgentError: The robot is not enrolled, or the file is invalid.
         """
         try:
             content = json.loads(self.connection_file.read_bytes())
@@ -105,7 +105,7 @@ def checked_connection(url: str, tenant: str, robot: str, token: str) -> Connect
     """Makes validated connection data.
 
     Raises:
-        AgentError: the URL, tenant or robot name is invalid; the message names it.
+        AgentError: The URL, tenant or robot name is invalid; the message names it.
     """
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
@@ -120,7 +120,7 @@ def checked_options(options: Options) -> Options:
     """Validates options, and fills in this machine's architecture.
 
     Raises:
-        AgentError: an option is invalid; the message names it.
+        AgentError: An option is invalid; the message names it.
     """
     known = sorted(set(ARCHITECTURES.values()))
     architecture = options.architecture or ARCHITECTURES.get(platform.machine().lower())

@@ -43,7 +43,7 @@ def attestation_key(service: Service) -> AttestationKey:
     """Returns the service's private key that signs attestations; it is created on first use.
 
     Raises:
-        ConfigurationError: the key file does not hold such a key, or cannot be read or written.
+        ConfigurationError: The key file does not hold such a key, or cannot be read or written.
     """
     path = _private_path(service)
     try:
@@ -62,7 +62,7 @@ def known_public_key(service: Service) -> PublicKey:
     """Reads the public key that verifies this service's attestations; none is created.
 
     Raises:
-        ConfigurationError: the service has no attestation key, or its key file does not hold one.
+        ConfigurationError: The service has no attestation key, or its key file does not hold one.
     """
     path = _private_path(service)
     if not path.exists():
@@ -79,7 +79,7 @@ def read_public_key(path: Path) -> PublicKey:
     """Reads a public key for attestations (ed25519, PEM) from a file.
 
     Raises:
-        ConfigurationError: the file cannot be read, or is no public key of ed25519 in PEM.
+        ConfigurationError: The file cannot be read, or is no public key of ed25519 in PEM.
     """
     try:
         key = load_pem_public_key(path.read_bytes())
@@ -135,11 +135,11 @@ def verified(content: bytes, key: PublicKey) -> Statement:
     """Verifies the signature of an attestation, and returns its statement.
 
     Args:
-        content: the envelope.
-        key: public key of the expected signer.
+        content: The envelope.
+        key: Public key of the expected signer.
 
     Raises:
-        AttestationError: the content is not an attestation in a signed envelope, another key signed it, or it was
+        AttestationError: The content is not an attestation in a signed envelope, another key signed it, or it was
             changed after it was signed.
     """
     envelope = _envelope_of(content)

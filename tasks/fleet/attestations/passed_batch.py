@@ -70,7 +70,7 @@ class StoredBatch:
         """Reads a simulation job batch and its jobs from the catalog.
 
         Raises:
-            DeploymentError: the catalog has no such batch.
+            DeploymentError: The catalog has no such batch.
         """
         try:
             batch = service.catalog.get(arn, kind=BATCH)
@@ -84,11 +84,11 @@ def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBa
     """Determines whether a simulation batch has passed with an application version, or is still running.
 
     Args:
-        stored: the batch.
-        application: the version, as `find_application` finds it.
+        stored: The batch.
+        application: The version, as `find_application` finds it.
 
     Raises:
-        DeploymentError: the batch has not passed, and cannot pass any more; the message names the job and the
+        DeploymentError: The batch has not passed, and cannot pass any more; the message names the job and the
             requirement that it missed.
     """
     document = SimulationJobBatchDocument.of(stored.batch)
@@ -120,7 +120,7 @@ def application_of(stored: StoredBatch) -> tuple[str, str]:
     """Returns the robot application (ARN or name, and version) that a batch's first job ran.
 
     Raises:
-        DeploymentError: the batch has no jobs, or none with a robot application.
+        DeploymentError: The batch has no jobs, or none with a robot application.
     """
     for job in stored.jobs:
         if config := _robot_application(SimulationJobDocument.of(job)):

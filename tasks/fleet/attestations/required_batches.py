@@ -44,18 +44,18 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
     """Attests, with a signature, that a deployment's required simulation batch passed with the version to deploy.
 
     Args:
-        job: the deployment job, which requires a batch.
-        application: the application version, as `find_application` finds it.
-        service: the service, with its catalog and object store.
+        job: The deployment job, which requires a batch.
+        application: The application version, as `find_application` finds it.
+        service: The service, with its catalog and object store.
 
     Returns:
         The batch that is still running; `None`: it has passed, and the attestation is stored.
 
     Raises:
-        DeploymentError: the batch has not passed with this version and cannot any more, it was waited for too long,
+        DeploymentError: The batch has not passed with this version and cannot any more, it was waited for too long,
             or an archive of the version is not what it was.
-        ConfigurationError: the attestation key cannot be used.
-        StorageError: the object store does not answer.
+        ConfigurationError: The attestation key cannot be used.
+        StorageError: The object store does not answer.
     """
     batch = str(DeploymentJobDocument.of(job).required_batch)
     judged = judge(StoredBatch.of(batch, service), application)
@@ -75,9 +75,9 @@ def signed(batch: PassedBatch, application: Resource, service: Service) -> bytes
     """Makes the signed attestation that a simulation batch passed with an application version.
 
     Raises:
-        DeploymentError: an archive of the version is not what it was when the version was made.
-        ConfigurationError: the attestation key cannot be used.
-        StorageError: the object store does not answer.
+        DeploymentError: An archive of the version is not what it was when the version was made.
+        ConfigurationError: The attestation key cannot be used.
+        StorageError: The object store does not answer.
     """
     return sign(statement_of(batch, application, _digests(application, service)), attestation_key(service))
 
@@ -88,8 +88,8 @@ def attestations_of(job: Resource, service: Service) -> tuple[bytes, ...]:
     A job that brings robots back requires none, and has the envelope of the job that had brought the version.
 
     Raises:
-        DeploymentError: the envelope is gone, or not what this service signed.
-        StorageError: the object store does not answer.
+        DeploymentError: The envelope is gone, or not what this service signed.
+        StorageError: The object store does not answer.
     """
     document = DeploymentJobDocument.of(job)
     if document.required_batch is not None:
@@ -108,13 +108,13 @@ def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
     """Checks that the files robots would get are those that the deployment's attestation covers.
 
     Args:
-        job: the deployment job; one that requires no batch is not checked.
-        gets: the files that robots would get.
-        service: the service, with its catalog and object store.
+        job: The deployment job; one that requires no batch is not checked.
+        gets: The files that robots would get.
+        service: The service, with its catalog and object store.
 
     Raises:
-        DeploymentError: a file differs from those that the attestation covers.
-        StorageError: the object store does not answer.
+        DeploymentError: A file differs from those that the attestation covers.
+        StorageError: The object store does not answer.
     """
     if DeploymentJobDocument.of(job).required_batch is None:
         return
@@ -204,12 +204,12 @@ def check_deployment(job: Resource, key: PublicKey, service: Service) -> Deploym
     """Verifies that a deployment delivered the files that its attestation covers.
 
     Args:
-        job: the deployment job.
-        key: the public key that attestations have to be signed by.
-        service: the service, with its catalog and object store.
+        job: The deployment job.
+        key: The public key that attestations have to be signed by.
+        service: The service, with its catalog and object store.
 
     Raises:
-        StorageError: the object store does not answer.
+        StorageError: The object store does not answer.
     """
     batch = DeploymentJobDocument.of(job).required_batch
     if batch is None:

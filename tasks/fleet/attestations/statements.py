@@ -110,7 +110,7 @@ class Statement(_Attested):
         """Parses a statement from its JSON.
 
         Raises:
-            AttestationError: the JSON is not such a statement.
+            AttestationError: The JSON is not such a statement.
         """
         try:
             return cls.model_validate_json(payload)
@@ -126,8 +126,8 @@ def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str
     """Makes the statement that an application version has passed a simulation batch.
 
     Args:
-        batch: the batch that passed with it.
-        application: the version, as `find_application` finds it.
+        batch: The batch that passed with it.
+        application: The version, as `find_application` finds it.
         digests: SHA-256 of each of its archives, by `place_of`.
     """
     sources = ApplicationDocument.of(application).sources or []

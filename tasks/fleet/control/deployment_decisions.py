@@ -27,12 +27,12 @@ def pause(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: name of the person who decides.
-        service: the service, with its catalog and object store.
+        by: Name of the person who decides.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
-        InvalidParameterException: the deployment has ended.
+        ResourceNotFoundException: The catalog has no such job.
+        InvalidParameterException: The deployment has ended.
     """
     _tell(_under_way(job, service), Paused(by=by), service)
 
@@ -41,8 +41,8 @@ def resume(job: str, service: Service) -> None:
     """Resumes a paused deployment; does nothing if it is not paused.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
-        InvalidParameterException: the deployment has ended.
+        ResourceNotFoundException: The catalog has no such job.
+        InvalidParameterException: The deployment has ended.
     """
     _tell(_under_way(job, service), Resumed(), service)
 
@@ -52,12 +52,12 @@ def approve(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: name of the person who decides.
-        service: the service, with its catalog and object store.
+        by: Name of the person who decides.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
-        InvalidParameterException: the deployment does not wait for approval.
+        ResourceNotFoundException: The catalog has no such job.
+        InvalidParameterException: The deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Approved(by=by), service)
@@ -68,12 +68,12 @@ def reject(job: str, by: str, service: Service) -> None:
 
     Args:
         job: ARN of the deployment job.
-        by: name of the person who decides.
-        service: the service, with its catalog and object store.
+        by: Name of the person who decides.
+        service: The service, with its catalog and object store.
 
     Raises:
-        ResourceNotFoundException: the catalog has no such job.
-        InvalidParameterException: the deployment does not wait for approval.
+        ResourceNotFoundException: The catalog has no such job.
+        InvalidParameterException: The deployment does not wait for approval.
     """
     found = _waiting(job, service)
     _tell(found, Stopped(why="rejected", by=by), service)
@@ -86,7 +86,7 @@ def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
 
     Args:
         job: ARN of the deployment job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
     said = [each for each in Rollouts(service.catalog).events(job) if each.event.get("kind") in ("paused", "resumed")]
     if not said or said[-1].event["kind"] == "resumed":
@@ -142,13 +142,13 @@ def check_robots(
     """Raises an error for a deployment that cannot reach any robot, or whose canary robots are not in its fleet.
 
     Args:
-        document: the deployment.
-        application: the version of the application.
+        document: The deployment.
+        application: The version of the application.
         fleet: ARN of the fleet.
-        robots: robots of the fleet.
+        robots: Robots of the fleet.
 
     Raises:
-        InvalidParameterException: the fleet has no robots, none can run the application or be asked the condition, or
+        InvalidParameterException: The fleet has no robots, none can run the application or be asked the condition, or
             a canary is not among them.
     """
     if not robots:

@@ -72,10 +72,10 @@ def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resou
     """Forecasts a deployment to a fleet without starting it.
 
     Args:
-        document: the deployment, as it would be stored.
-        application: the version of the application.
-        fleet: the fleet.
-        service: the service, with its catalog and object store.
+        document: The deployment, as it would be stored.
+        application: The version of the application.
+        fleet: The fleet.
+        service: The service, with its catalog and object store.
     """
     job = Resource.new(arn=f"{fleet.arn}/dry-run", kind=DEPLOYMENT, id="dry-run", status="Pending", document=document)
     robots = list(reversed(robots_of(fleet.arn, service)))

@@ -46,14 +46,14 @@ def roll_back(job: str, service: Service) -> bool:
 
     Args:
         job: ARN of a deployment job.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         Whether more is to be done later.
 
     Raises:
-        ThrottlingException: others have kept changing the fleet; ask again.
-        ServiceUnavailableException: the catalog does not answer; ask again.
+        ThrottlingException: Others have kept changing the fleet; ask again.
+        ServiceUnavailableException: The catalog does not answer; ask again.
     """
     rollout = rollout_of(job, service)
     if rollout is None or not rollout.rollback_is_due:
@@ -145,7 +145,7 @@ class EndedRollouts:
     """Completes work after deployments have ended, such as rollbacks. For one thread.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -157,10 +157,10 @@ class EndedRollouts:
         """Does the work that is due for rollouts whose jobs have ended.
 
         Args:
-            rollouts: open rollouts; those of jobs that have not ended are left to their runs.
+            rollouts: Open rollouts; those of jobs that have not ended are left to their runs.
 
         Raises:
-            ServiceUnavailableException: the catalog does not answer; ask again.
+            ServiceUnavailableException: The catalog does not answer; ask again.
         """
         ended = [each for each in rollouts if each.rollout.status != "InProgress"]
         known = {(each.job, each.revision) for each in ended}

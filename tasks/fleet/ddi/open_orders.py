@@ -97,7 +97,7 @@ class OpenOrders:
         """Returns the state of a robot.
 
         Raises:
-            ResourceNotFoundException: the robot is not enrolled.
+            ResourceNotFoundException: The robot is not enrolled.
         """
         try:
             return self._robots[robot]
@@ -118,8 +118,8 @@ class OpenOrders:
         """Gives a robot an update order; does nothing if the robot has the same order already.
 
         Raises:
-            ResourceNotFoundException: the robot is not in.
-            StateConflictError: the robot has another order open, or had this one before.
+            ResourceNotFoundException: The robot is not in.
+            StateConflictError: The robot has another order open, or had this one before.
         """
         with self._lock:
             state = self.state(order.robot)
@@ -156,9 +156,9 @@ class OpenOrders:
         """Removes a robot's finished order; returns false if it is not open.
 
         Args:
-            robot: id of the robot.
-            action_id: id of the order's action.
-            feedback: the robot's last feedback; its repetition is then no error.
+            robot: Id of the robot.
+            action_id: Id of the order's action.
+            feedback: The robot's last feedback; its repetition is then no error.
         """
         return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
 
@@ -226,9 +226,9 @@ def base_document(robot_url: str, state: RobotState, sleep_s: int) -> bytes:
     if they are asked for.
 
     Args:
-        robot_url: absolute address of the robot's base, without a slash at the end.
-        state: open orders of the robot.
-        sleep_s: seconds until its next poll, 1 s to a day.
+        robot_url: Absolute address of the robot's base, without a slash at the end.
+        state: Open orders of the robot.
+        sleep_s: Seconds until its next poll, 1 s to a day.
     """
     links: dict[str, Any] = {}
     if state.order is not None:
@@ -245,8 +245,8 @@ def order_document(robot_url: str, order: RobotOrder) -> bytes:
     Both steps are forced: SWUpdate takes `skip` for success without installing, and knows no maintenance windows.
 
     Args:
-        robot_url: absolute address of the robot's base, without a slash at the end.
-        order: the order.
+        robot_url: Absolute address of the robot's base, without a slash at the end.
+        order: The order.
     """
     link = {"href": f"{robot_url}/softwaremodules/{order.action_id}/artifacts/{order.file_name}"}
     scheme = "download" if robot_url.startswith("https:") else "download-http"

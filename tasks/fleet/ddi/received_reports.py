@@ -101,11 +101,11 @@ def parse_feedback(action_id: int, body: bytes) -> Feedback:
     """Parses a robot's feedback about an update order.
 
     Args:
-        action_id: the order that the address names; the body's own `id` is ignored.
+        action_id: The order that the address names; the body's own `id` is ignored.
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+        InvalidParameterException: The content is not such JSON; the message names the member, its value, and what would
             be right.
     """
     status = _member(_document(body), "status", dict, "")
@@ -129,7 +129,7 @@ def parse_attributes(body: bytes) -> Attributes:
         body: JSON in UTF-8.
 
     Raises:
-        InvalidParameterException: the content is not such JSON; the message names the member, its value, and what would
+        InvalidParameterException: The content is not such JSON; the message names the member, its value, and what would
             be right.
     """
     document = _document(body)

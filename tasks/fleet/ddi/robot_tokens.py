@@ -13,7 +13,7 @@ def new_token(random_bytes: Callable[[int], bytes]) -> str:
     """Makes a secret token with which one robot logs in: 64 hexadecimal digits.
 
     Args:
-        random_bytes: function that returns that many unpredictable bytes, such as `secrets.token_bytes`.
+        random_bytes: Function that returns that many unpredictable bytes, such as `secrets.token_bytes`.
     """
     return random_bytes(_BYTES).hex()
 

@@ -82,8 +82,8 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
     """Forecasts what a deployment would do (`robomaker fleet deploy --dry-run`); stores nothing.
 
     Args:
-        members: members of a request of CreateDeploymentJob.
-        service: the service, with its catalog and object store.
+        members: Members of a request of CreateDeploymentJob.
+        service: The service, with its catalog and object store.
 
     Raises:
         ServiceError: CreateDeploymentJob would refuse the request; a deployment that is under way is no reason here.

@@ -79,8 +79,8 @@ def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
     """Converts the phases of a wave's robots to stacked rectangles for the chart.
 
     Args:
-        robots: the spans of each.
-        scale: the time.
+        robots: The spans of each.
+        scale: The time.
     """
     columns = _columns(robots, scale)
     blocks: list[Block] = []
@@ -178,10 +178,10 @@ def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, s
     """Draws the curve of the share of failed robots, and the failure threshold.
 
     Args:
-        times_s: time at which each robot failed, in seconds since the epoch.
-        robots: number of robots that take part.
-        threshold_percentage: share of failed robots at which the rollout stops, in percent.
-        scale: the time.
+        times_s: Time at which each robot failed, in seconds since the epoch.
+        robots: Number of robots that take part.
+        threshold_percentage: Share of failed robots at which the rollout stops, in percent.
+        scale: The time.
     """
     steps = _steps(sorted(times_s), scale)
     shares = [100 * count / max(robots, 1) for _, count in steps]

@@ -12,7 +12,7 @@ def render_deployment(report: DeploymentReport) -> str:
     """Renders the report of a deployment as one self-contained HTML document.
 
     Args:
-        report: the report to show.
+        report: The report to show.
     """
     return render_page("rollout.html.j2", [path.name for path in STYLES], view_rollout(report), FOLDER)
 
@@ -21,8 +21,8 @@ def write_deployment(report: DeploymentReport, path: Path) -> Path:
     """Writes the HTML report of a deployment to a file, atomically.
 
     Args:
-        report: the report to show.
-        path: the file; its folder is made if needed.
+        report: The report to show.
+        path: The file; its folder is made if needed.
 
     Returns:
         The path.

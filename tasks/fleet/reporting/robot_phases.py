@@ -65,8 +65,8 @@ def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
     """Returns the phases of a robot in a deployment, in order.
 
     Args:
-        state: the robot; of its orders, the latest is known.
-        until_s: end of the phases that are still in progress, in seconds since the epoch.
+        state: The robot; of its orders, the latest is known.
+        until_s: End of the phases that are still in progress, in seconds since the epoch.
     """
     if state.offered_s is None:
         return []
@@ -87,8 +87,8 @@ def end_of(state: RobotDeploymentState, *, active: bool) -> RobotEnd:
     """Returns the result of a deployment for one robot, for the report.
 
     Args:
-        state: the robot.
-        active: whether the rollout is in progress.
+        state: The robot.
+        active: Whether the rollout is in progress.
     """
     if state.outcome == "succeeded":
         return RobotEnd(Outcome.PASSED, "in sync")

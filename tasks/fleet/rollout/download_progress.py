@@ -31,8 +31,8 @@ def remaining_s(state: State, now_s: float) -> int | None:
     The speed is that between its first and its last report; since the last report, the time left runs down.
 
     Args:
-        state: the robot.
-        now_s: the time.
+        state: The robot.
+        now_s: The time.
 
     Returns:
         The time left; nothing while no speed is known, and in other steps.

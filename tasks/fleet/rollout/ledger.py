@@ -72,9 +72,9 @@ def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = N
     """Creates the initial state of a rollout (deployment to the robots of a fleet); unfit robots fail at once.
 
     Args:
-        plan: the rollout's plan.
-        now_s: the time.
-        earlier: orders of earlier rollouts that robots have not answered, by robot: `Ledger.unanswered` of the last.
+        plan: The rollout's plan.
+        now_s: The time.
+        earlier: Orders of earlier rollouts that robots have not answered, by robot: `Ledger.unanswered` of the last.
     """
     robots: dict[str, RobotDeploymentState] = {}
     for robot in plan.robots:
@@ -163,8 +163,8 @@ class Ledger:
         """Applies an event, such as a robot's report, to the state, after the time-outs that came before it.
 
         Args:
-            event: the event to apply. Robots that are not of this rollout are left alone.
-            now_s: time of the event, in seconds since the epoch; times before an earlier event count as that event's.
+            event: The event to apply. Robots that are not of this rollout are left alone.
+            now_s: Time of the event, in seconds since the epoch; times before an earlier event count as that event's.
         """
         if isinstance(event, Outage):
             self._outage(event, now_s)

@@ -19,8 +19,8 @@ def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
     """Whether a time is inside a maintenance window, so that robots may be updated.
 
     Args:
-        windows: the windows; without any, robots may be changed at all times.
-        now_s: the time, in seconds since the epoch.
+        windows: The windows; without any, robots may be changed at all times.
+        now_s: The time, in seconds since the epoch.
     """
     return not windows or _is_in(_spans(windows, now_s), now_s)
 

@@ -10,9 +10,9 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
     """Returns the pauses of a deployment after a person began or ended one; a repetition changes nothing.
 
     Args:
-        pauses: earlier pauses, oldest first.
-        event: a person's decision.
-        now_s: the time, in seconds since the epoch.
+        pauses: Earlier pauses, oldest first.
+        event: A person's decision.
+        now_s: The time, in seconds since the epoch.
     """
     last = pauses[-1] if pauses else None
     is_paused = last is not None and last.until_s is None

@@ -53,10 +53,10 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
     """Returns a robot's state in a deployment after a report of it; the same object if nothing changes.
 
     Args:
-        state: the robot before it.
-        event: the report, about its latest order or that of an earlier rollout.
-        now_s: time of the event, in seconds since the epoch.
-        timeout_s: time limit for the installation after the robot fetched its order, in seconds.
+        state: The robot before it.
+        event: The report, about its latest order or that of an earlier rollout.
+        now_s: Time of the event, in seconds since the epoch.
+        timeout_s: Time limit for the installation after the robot fetched its order, in seconds.
     """
     if event.action_id == state.earlier_action_id:
         return changed(state, earlier_action_id=None) if isinstance(event, _CLOSING) else state

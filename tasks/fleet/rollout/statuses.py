@@ -43,8 +43,8 @@ def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
     """Lists why no further robots may begin to install now; empty if they may, or the deployment has ended.
 
     Args:
-        rollout: the rollout.
-        now_s: the time, in seconds since the epoch.
+        rollout: The rollout.
+        now_s: The time, in seconds since the epoch.
     """
     if rollout.status != "InProgress":
         return []
@@ -74,7 +74,7 @@ def in_words(wait: DeploymentWait, job: str) -> str:
     An example: `waits for its maintenance window, which opens at 2026-11-27T22:00+00:00`.
 
     Args:
-        wait: one of `waits_for`.
+        wait: One of `waits_for`.
         job: ARN of the deployment job.
     """
     if wait.cause == "PAUSED":
@@ -95,8 +95,8 @@ def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | 
     """Returns a robot's status (such as InSync or Failed) from its state in the latest rollout.
 
     Args:
-        state: state of the robot in the latest rollout of its fleet.
-        active: whether the rollout is in progress.
+        state: State of the robot in the latest rollout of its fleet.
+        active: Whether the rollout is in progress.
 
     Returns:
         The status; nothing for a robot that was deleted.
@@ -118,9 +118,9 @@ def robot_deployments(rollout: Rollout, job: str, now_s: float) -> list[RobotDep
     """Returns the deployment's state on each robot for a response, in the plan's order.
 
     Args:
-        rollout: the rollout.
+        rollout: The rollout.
         job: ARN of its deployment job.
-        now_s: the time.
+        now_s: The time.
     """
     active = rollout.status == "InProgress"
     return [_deployment(arn, rollout.robots[arn], active, job, now_s) for arn in rollout.plan.order]

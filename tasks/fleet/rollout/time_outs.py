@@ -16,7 +16,7 @@ class Deadlines:
         """Reads the deadlines of robots.
 
         Args:
-            robots: state of each robot, in the plan's order; read whenever deadlines are needed.
+            robots: State of each robot, in the plan's order; read whenever deadlines are needed.
         """
         self._robots = robots
         self._place = {robot: place for place, robot in enumerate(robots)}

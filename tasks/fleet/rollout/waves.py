@@ -18,7 +18,7 @@ def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
     theirs as soon as some of the group have ended; but those behind the canaries wait until all canaries have.
 
     Args:
-        plan: the rollout's plan.
+        plan: The rollout's plan.
 
     Returns:
         ARNs of the robots in each wave; the canaries' waves are first.
@@ -51,8 +51,8 @@ class Line:
         """Lines up the robots of a rollout.
 
         Args:
-            plan: the rollout's plan.
-            robots: state of each robot; read whenever the queue is used.
+            plan: The rollout's plan.
+            robots: State of each robot; read whenever the queue is used.
         """
         self._robots = robots
         self._canaries = deque(arn for arn in plan.canaries if waits(robots[arn]))
@@ -76,9 +76,9 @@ class Line:
         """Returns the robots that are next to get an order.
 
         Args:
-            count: largest number of robots.
-            first: whether robots get their first order.
-            others: whether these may be others than canaries.
+            count: Largest number of robots.
+            first: Whether robots get their first order.
+            others: Whether these may be others than canaries.
         """
         return tuple(islice(self._all(first, others), max(0, count)))
 

@@ -54,14 +54,14 @@ def begin_apart(
     """Creates the update repository's first TUF root, with root keys stored apart (such as on a USB stick).
 
     Args:
-        publisher: publisher on this machine; it gets the keys of the other roles.
-        root_keys: number of root keys to make.
-        threshold: number of root keys that must sign a root.
-        folder: folder for the root keys, such as on a removable medium; it is created.
-        change: changes of its rules about attestations; without keys, it names the key of this machine.
+        publisher: Publisher on this machine; it gets the keys of the other roles.
+        root_keys: Number of root keys to make.
+        threshold: Number of root keys that must sign a root.
+        folder: Folder for the root keys, such as on a removable medium; it is created.
+        change: Changes of its rules about attestations; without keys, it names the key of this machine.
 
     Raises:
-        ConfigurationError: there is a repository already, the numbers make no sense, or a folder cannot be used.
+        ConfigurationError: There is a repository already, the numbers make no sense, or a folder cannot be used.
     """
     check_ceremony(root_keys, threshold)
     machine = publisher.machine
@@ -87,8 +87,8 @@ def rotate_applications(publisher: Publisher) -> None:
     """Replaces the key that signs all applications' updates; no root signature is needed.
 
     Raises:
-        ConfigurationError: a key is missing.
-        StorageError: the object store does not answer.
+        ConfigurationError: A key is missing.
+        StorageError: The object store does not answer.
     """
     machine = publisher.machine
     publisher.root()
@@ -123,15 +123,15 @@ def renew_root(
     """Creates the next TUF root, or continues with the draft that waits, and adds signatures.
 
     Args:
-        publisher: publisher on this machine.
-        rotate: roles that get new keys.
-        key_files: root keys of holders; nothing: those in the data home.
-        folder: folder for new root keys; `None`: the data home.
-        change: changes of its rules about attestations.
+        publisher: Publisher on this machine.
+        rotate: Roles that get new keys.
+        key_files: Root keys of holders; nothing: those in the data home.
+        folder: Folder for new root keys; `None`: the data home.
+        change: Changes of its rules about attestations.
 
     Raises:
-        ConfigurationError: a file is no root key, or a root that was made with other roles in mind waits.
-        StorageError: the object store does not answer.
+        ConfigurationError: A file is no root key, or a root that was made with other roles in mind waits.
+        StorageError: The object store does not answer.
     """
     known = publisher.root()
     given = [read_key(path) for path in key_files]
@@ -149,16 +149,16 @@ def draft_root(
     """Returns the draft of the next TUF root that waits for signatures; creates one if there is none.
 
     Args:
-        publisher: publisher on this machine.
-        rotate: roles that get new keys; nothing: the same keys, valid for longer.
-        folder: folder for new root keys, as many as before; `None`: the data home.
-        change: changes of its rules about attestations.
+        publisher: Publisher on this machine.
+        rotate: Roles that get new keys; nothing: the same keys, valid for longer.
+        folder: Folder for new root keys, as many as before; `None`: the data home.
+        change: Changes of its rules about attestations.
 
     Returns:
         The root, and the files of new root keys, which have to sign it as well.
 
     Raises:
-        ConfigurationError: another draft waits for signatures, and `rotate` or `change` asks for a new one.
+        ConfigurationError: Another draft waits for signatures, and `rotate` or `change` asks for a new one.
     """
     known, machine = publisher.root(), publisher.machine
     waiting = _waiting(publisher, known)
@@ -187,16 +187,16 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
     """Adds signatures to the draft of a TUF root, and publishes it once it has enough.
 
     Args:
-        publisher: publisher on this machine.
-        draft: the root, from `draft_root`.
-        key_files: files of root keys; empty: those in the data home.
+        publisher: Publisher on this machine.
+        draft: The root, from `draft_root`.
+        key_files: Files of root keys; empty: those in the data home.
 
     Returns:
         Number of signatures that the root still needs; 0: it is published.
 
     Raises:
-        ConfigurationError: a file is no key, or none of a root key.
-        StorageError: the object store does not answer.
+        ConfigurationError: A file is no key, or none of a root key.
+        StorageError: The object store does not answer.
     """
     known, machine = publisher.root(), publisher.machine
     signers = [read_key(path) for path in key_files] or _own_keys(publisher, draft, known)

@@ -43,9 +43,9 @@ class TargetStep:
         """Uploads a file for the update repository unless it exists; returns its object-store key.
 
         Args:
-            target: path of the target.
-            path: the file.
-            hashes: length and hashes of the file.
+            target: Path of the target.
+            path: The file.
+            hashes: Length and hashes of the file.
 
         Returns:
             Object-store key of the file.
@@ -71,8 +71,8 @@ class TargetStep:
         """Makes all added files visible to robots at once; does nothing if they are visible.
 
         Raises:
-            ConfigurationError: a key is missing, or the store has what the keys have not signed.
-            StorageError: the store does not answer.
+            ConfigurationError: A key is missing, or the store has what the keys have not signed.
+            StorageError: The store does not answer.
         """
         self.publisher.publish(self._changes, [application_role(self.application)])
 
@@ -161,20 +161,20 @@ def publish(
     """Publishes a deployment's files to the agents on robots, all at once.
 
     Args:
-        job: the deployment job.
-        application: the application's version, as `find_application` finds it.
+        job: The deployment job.
+        application: The application's version, as `find_application` finds it.
         architectures: CPU architectures of the robots with agents.
-        service: the service, with its catalog and object store.
-        attestations: attestations of the version, each a signed envelope as JSON.
+        service: The service, with its catalog and object store.
+        attestations: Attestations of the version, each a signed envelope as JSON.
 
     Returns:
         Files for orders to robots, by architecture; architectures without an archive are absent.
 
     Raises:
-        DeploymentError: an archive or the condition is gone, may not be read, or has changed; the application has no
+        DeploymentError: An archive or the condition is gone, may not be read, or has changed; the application has no
             archives at all; or agents would not believe that it was attested.
-        StorageError: the object store does not answer.
-        ConfigurationError: a key is missing, or the store has what the keys have not signed.
+        StorageError: The object store does not answer.
+        ConfigurationError: A key is missing, or the store has what the keys have not signed.
     """
     sources = sources_by_architecture(application, architectures)
     if not sources:

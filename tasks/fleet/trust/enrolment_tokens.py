@@ -41,14 +41,14 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
     An earlier token of the robot becomes invalid.
 
     Args:
-        robot: the robot.
-        service: the service, with its catalog and object store.
-        random_bytes: function that returns that many unpredictable bytes.
-        rotate: whether a token that the robot has is to be replaced, once it comes with the one-time token.
+        robot: The robot.
+        service: The service, with its catalog and object store.
+        random_bytes: Function that returns that many unpredictable bytes.
+        rotate: Whether a token that the robot has is to be replaced, once it comes with the one-time token.
 
     Raises:
-        InvalidParameterException: the robot has a token that is not to be replaced.
-        ConfigurationError: a key is missing, or the store has what the keys have not signed.
+        InvalidParameterException: The robot has a token that is not to be replaced.
+        ConfigurationError: A key is missing, or the store has what the keys have not signed.
     """
     publisher = publisher_of(service)
     publisher.publish(lambda current: None if current else Changes())
@@ -76,18 +76,18 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
     """Enrols an agent that shows its robot's one-time token, and returns the TUF root it has to trust.
 
     Args:
-        name: the robot's.
-        secret: the 40 characters of its one-time token.
+        name: The robot's.
+        secret: The 40 characters of its one-time token.
         token_sha256: SHA-256 of the token that the robot made itself, in hexadecimal digits.
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
 
     Returns:
         The root that it is to trust, as JSON; the same again if the first answer got lost. `None`: the one-time token
         is wrong, too old, or was used with another token.
 
     Raises:
-        InvalidParameterException: the hash is none.
-        ServiceError: the catalog does not answer.
+        InvalidParameterException: The hash is none.
+        ServiceError: The catalog does not answer.
     """
     if not _SHA256.fullmatch(token_sha256):
         raise InvalidParameterException(

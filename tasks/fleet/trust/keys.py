@@ -39,11 +39,11 @@ def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
 
     Args:
         role: TUF role of the key.
-        folder: folder for the key's file; it has to exist.
-        random_bytes: source of randomness.
+        folder: Folder for the key's file; it has to exist.
+        random_bytes: Source of randomness.
 
     Raises:
-        ConfigurationError: the file cannot be written.
+        ConfigurationError: The file cannot be written.
     """
     private = Ed25519PrivateKey.from_private_bytes(random_bytes(_SEED_BYTES))
     signer = CryptoSigner(private)
@@ -56,7 +56,7 @@ def read_key(path: Path) -> CryptoSigner:
     """Reads a signing key of a TUF role from a file.
 
     Raises:
-        ConfigurationError: the file does not exist, may not be read, or does not hold such a key.
+        ConfigurationError: The file does not exist, may not be read, or does not hold such a key.
     """
     try:
         private = load_pem_private_key(path.read_bytes(), None)
@@ -73,7 +73,7 @@ class KeyFolder:
     """A folder with signing keys of the update repository.
 
     Args:
-        path: the folder; it is made when the first key is.
+        path: The folder; it is made when the first key is.
     """
 
     def __init__(self, path: Path) -> None:
@@ -100,7 +100,7 @@ class KeyFolder:
         """Returns the keys of a TUF role whose ids are among the given ones.
 
         Raises:
-            ConfigurationError: no key of the role is here, so that nothing can be signed for the role.
+            ConfigurationError: No key of the role is here, so that nothing can be signed for the role.
         """
         found = [key for key in self.of_role(role) if key.public_key.keyid in keyids]
         if not found:
@@ -121,12 +121,12 @@ def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
     """Writes a whole file that only its user can read.
 
     Args:
-        path: the file.
-        content: all of it.
-        replace: whether it takes the place of another one; no key ever does.
+        path: The file.
+        content: All of it.
+        replace: Whether it takes the place of another one; no key ever does.
 
     Raises:
-        ConfigurationError: the file cannot be written.
+        ConfigurationError: The file cannot be written.
     """
     try:
         with written(path, content, 0o600) as part:
@@ -146,7 +146,7 @@ class Machine:
     """Keys and last known repository state of this machine, in the folder `robots/trust` of a data home.
 
     Args:
-        folder: folder of the keys.
+        folder: Folder of the keys.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -162,7 +162,7 @@ class Machine:
         """Returns the newest TUF root that this machine has seen; `None` if it has seen none.
 
         Raises:
-            ConfigurationError: the file is no root.
+            ConfigurationError: The file is no root.
         """
         path = self.folder / _ROOT
         try:
@@ -180,7 +180,7 @@ class Machine:
         """Returns the number of the newest timestamp that this machine has seen or made; 0 if none.
 
         Raises:
-            ConfigurationError: the file cannot be read.
+            ConfigurationError: The file cannot be read.
         """
         path = self.folder / _SEEN
         try:
@@ -202,11 +202,11 @@ class Machine:
         """Raises an error if the object store has only older timestamps than were seen, which means it was set back.
 
         Args:
-            number: number of the newest timestamp in the store.
-            seen: result of `seen` before the store was read.
+            number: Number of the newest timestamp in the store.
+            seen: Result of `seen` before the store was read.
 
         Raises:
-            ConfigurationError: the object store has only older timestamps, so it was reset to an earlier state.
+            ConfigurationError: The object store has only older timestamps, so it was reset to an earlier state.
         """
         if number < seen:
             raise ConfigurationError(

@@ -91,7 +91,7 @@ def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
     """Parses TUF metadata; signatures are not checked.
 
     Raises:
-        DeserializationError: the content is not TUF metadata, or is that of another role.
+        DeserializationError: The content is not TUF metadata, or is that of another role.
     """
     metadata = Metadata.from_bytes(content)
     if not isinstance(metadata.signed, kind):
@@ -118,12 +118,12 @@ def next_repository(
     """Makes the update repository's new metadata with some changes.
 
     Args:
-        root: the root that robots have, or are about to get.
-        current: the repository now; `None`: it is empty.
-        changes: changes to make.
-        signers_of: the keys.
-        now: the time.
-        taken: versions that are used already.
+        root: The root that robots have, or are about to get.
+        current: The repository now; `None`: it is empty.
+        changes: Changes to make.
+        signers_of: The keys.
+        now: The time.
+        taken: Versions that are used already.
     """
     step = _Step(signers_of, now, taken)
     named = {application_role(each) for each in (*changes.add, *changes.remove)}
@@ -254,7 +254,7 @@ def check_ceremony(root_keys: int, threshold: int) -> None:
     """Raises an error for senseless numbers of root keys and required signatures.
 
     Raises:
-        ConfigurationError: names the number and what would be right.
+        ConfigurationError: Names the number and what would be right.
     """
     if not 1 <= root_keys <= MOST_ROOT_KEYS:
         raise ConfigurationError(f"root keys: {root_keys} is not right; 1 to {MOST_ROOT_KEYS} are")
@@ -268,11 +268,11 @@ def first_root(
     """Makes the first TUF root, signed by all root keys.
 
     Args:
-        root_keys: keys whose signatures are needed for the next root.
-        threshold: number of root keys that must sign the next root.
-        online: the key of each of `ONLINE_ROLES`.
-        now: the time.
-        attested: attestation rules of the root.
+        root_keys: Keys whose signatures are needed for the next root.
+        threshold: Number of root keys that must sign the next root.
+        online: The key of each of `ONLINE_ROLES`.
+        now: The time.
+        attested: Attestation rules of the root.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -290,10 +290,10 @@ def following_root(
     """Makes the TUF root that follows the newest one, still without signatures.
 
     Args:
-        known: the newest root.
-        now: the time.
-        replaced: new keys of the roles whose keys are replaced.
-        attested: attestation rules of the root; absent: the same as before.
+        known: The newest root.
+        now: The time.
+        replaced: New keys of the roles whose keys are replaced.
+        attested: Attestation rules of the root; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1
@@ -312,12 +312,12 @@ def sign_root(draft: Metadata[Root], known: Metadata[Root], signers: Sequence[Si
     """Adds signatures to the draft of a TUF root.
 
     Args:
-        draft: the root; signatures of others stay.
-        known: the one before it.
-        signers: the keys.
+        draft: The root; signatures of others stay.
+        known: The one before it.
+        signers: The keys.
 
     Raises:
-        ConfigurationError: a key is none of either root.
+        ConfigurationError: A key is none of either root.
     """
     counting = {*draft.signed.roles[Root.type].keyids, *known.signed.roles[Root.type].keyids}
     for signer in signers:

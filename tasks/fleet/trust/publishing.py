@@ -73,8 +73,8 @@ class Publisher:
         """Returns the newest TUF root; the first time, keys and a root are created.
 
         Raises:
-            ConfigurationError: the object store has another repository's root.
-            StorageError: the object store does not answer.
+            ConfigurationError: The object store has another repository's root.
+            StorageError: The object store does not answer.
         """
         known = self.machine.root() or self._first_root()
         roots = self.files.newer_roots(known)
@@ -87,7 +87,7 @@ class Publisher:
         """Stores the first TUF root in the object store.
 
         Raises:
-            ConfigurationError: the object store has another first root.
+            ConfigurationError: The object store has another first root.
         """
         self.files.store.ensure_bucket(self.files.bucket)
         if not self.files.write("root", root.signed.version, to_bytes(root)):
@@ -100,14 +100,14 @@ class Publisher:
         """Reads and verifies the update repository's metadata.
 
         Args:
-            root: the newest root.
-            applications: delegated roles that are read as well; `None`: all of them.
+            root: The newest root.
+            applications: Delegated roles that are read as well; `None`: all of them.
 
         Returns:
             `None`: nothing has been published.
 
         Raises:
-            ConfigurationError: a signature is missing or wrong, or the repository was reset to an earlier state.
+            ConfigurationError: A signature is missing or wrong, or the repository was reset to an earlier state.
         """
         seen = self.machine.seen()
         newest = self.files.newest_timestamp()
@@ -127,16 +127,16 @@ class Publisher:
         """Publishes changes to the update repository, with all signatures in order.
 
         Args:
-            decide: chooses the changes.
-            applications: delegated roles that it is to see; `None`: all of them.
-            coming: keys that are about to count.
+            decide: Chooses the changes.
+            applications: Delegated roles that it is to see; `None`: all of them.
+            coming: Keys that are about to count.
 
         Returns:
             Metadata of the repository after the changes.
 
         Raises:
-            ConfigurationError: a key is missing, or the store has what they have not signed.
-            StorageError: the object store does not answer, or other publishers changed the repository at each attempt.
+            ConfigurationError: A key is missing, or the store has what they have not signed.
+            StorageError: The object store does not answer, or other publishers changed the repository at each attempt.
         """
         taken: dict[str, int] = {}
         for _ in range(_TRIES):
@@ -163,8 +163,8 @@ class Publisher:
             Metadata of the repository after renewal; `None`: there is none, or this machine has no keys.
 
         Raises:
-            ConfigurationError: a key is missing, or the store has what they have not signed.
-            StorageError: the object store does not answer.
+            ConfigurationError: A key is missing, or the store has what they have not signed.
+            StorageError: The object store does not answer.
         """
         known = self.machine.root()
         if known is None:

@@ -35,7 +35,7 @@ class RepositoryFiles:
         """Returns number and content of the newest TUF timestamp; `None` if nothing has been published.
 
         Raises:
-            StorageError: the store does not answer.
+            StorageError: The store does not answer.
         """
         try:
             numbers = [_number(info.key) for info in self.store.list(self.bucket, TIMESTAMPS)]
@@ -49,7 +49,7 @@ class RepositoryFiles:
         """Reads a version of a TUF role's metadata, as it is stored.
 
         Raises:
-            ObjectNotFoundError: the object store has no such version.
+            ObjectNotFoundError: The object store has no such version.
         """
         return self.store.get_bytes(self.bucket, metadata_key(role, version))
 
@@ -57,7 +57,7 @@ class RepositoryFiles:
         """Reads the TUF roots that follow a known one, each verified with the root before it.
 
         Raises:
-            ConfigurationError: a root is not signed by the keys of the root before it.
+            ConfigurationError: A root is not signed by the keys of the root before it.
         """
         found: list[bytes] = []
         newest = known
@@ -82,14 +82,14 @@ class RepositoryFiles:
         """Reads the update repository's metadata, and verifies all signatures; expiry is not checked.
 
         Args:
-            root: the root.
-            number: number of the newest timestamp.
-            newest: the newest timestamp.
-            applications: delegated roles that are read as well, if they are there.
+            root: The root.
+            number: Number of the newest timestamp.
+            newest: The newest timestamp.
+            applications: Delegated roles that are read as well, if they are there.
 
         Raises:
-            ConfigurationError: a signature is missing or wrong.
-            ObjectNotFoundError: a metadata file was deleted.
+            ConfigurationError: A signature is missing or wrong.
+            ObjectNotFoundError: A metadata file was deleted.
         """
         key = timestamp_key(number)
         timestamp = _verified(newest, Timestamp, key, root, "timestamp", number)

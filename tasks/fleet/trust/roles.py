@@ -93,7 +93,7 @@ def target_key(path: str, sha256: str) -> str:
     """Returns the object-store key of a file in the update repository: TUF puts the hash before the name.
 
     Args:
-        path: path of the target.
+        path: Path of the target.
         sha256: SHA-256 of its content, in hexadecimal digits.
     """
     folder, _, name = path.rpartition("/")
@@ -113,7 +113,7 @@ class RepositoryReader:
     """Reads files of the update repository for robots that ask for them; usable from any thread.
 
     Args:
-        service: the service, with its catalog and object store.
+        service: The service, with its catalog and object store.
     """
 
     def __init__(self, service: Service) -> None:
@@ -128,8 +128,8 @@ class RepositoryReader:
         """Reads a TUF metadata file, such as `timestamp.json` or `3.snapshot.json`.
 
         Raises:
-            ObjectNotFoundError: the repository has no metadata file of this name.
-            StorageError: the object store does not answer.
+            ObjectNotFoundError: The repository has no metadata file of this name.
+            StorageError: The object store does not answer.
         """
         if name == "timestamp.json":
             return self._newest_timestamp()
@@ -150,11 +150,11 @@ class RepositoryReader:
         """Returns the local path of a file in the update repository, after downloading it if necessary.
 
         Args:
-            path: path of the target, with the hash before the name.
+            path: Path of the target, with the hash before the name.
 
         Raises:
-            ObjectNotFoundError: the repository has no such file.
-            StorageError: the file cannot be downloaded.
+            ObjectNotFoundError: The repository has no such file.
+            StorageError: The file cannot be downloaded.
         """
         if not _TARGET.fullmatch(path):
             raise ObjectNotFoundError(f"there is no target {path[:60]!r}")

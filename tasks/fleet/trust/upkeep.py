@@ -38,8 +38,8 @@ def standing_of(service: Service) -> list[RoleStanding]:
     """Returns the status of each TUF role of a service's update repository; empty where there are no keys.
 
     Raises:
-        ConfigurationError: the store has what the keys have not signed.
-        StorageError: the object store does not answer.
+        ConfigurationError: The store has what the keys have not signed.
+        StorageError: The object store does not answer.
     """
     publisher = publisher_of(service)
     if publisher.machine.root() is None:
@@ -52,8 +52,8 @@ def attested_of(service: Service) -> Attested:
     """Reads the attestation rules of the newest TUF root; empty where there are no keys.
 
     Raises:
-        ConfigurationError: the object store has another repository's root.
-        StorageError: the object store does not answer.
+        ConfigurationError: The object store has another repository's root.
+        StorageError: The object store does not answer.
     """
     publisher = publisher_of(service)
     return Attested() if publisher.machine.root() is None else Attested.of(publisher.root().signed)
@@ -63,8 +63,8 @@ def standings(repository: Repository, now: datetime) -> list[RoleStanding]:
     """Returns the status of each TUF role in verified metadata.
 
     Args:
-        repository: all of it.
-        now: the time.
+        repository: All of it.
+        now: The time.
     """
     root = repository.root.signed
     content = {
@@ -87,9 +87,9 @@ def warning_of(role: str, expires: datetime, now: datetime) -> str:
     """Advises how to renew a TUF role's signature that expires soon; empty if no renewal is needed.
 
     Args:
-        role: the role.
-        expires: expiry of the role's latest signature.
-        now: the time.
+        role: The role.
+        expires: Expiry of the role's latest signature.
+        now: The time.
     """
     left = expires - now
     ahead = lifetime_of(role).renew_before
@@ -127,12 +127,12 @@ def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
     """Finds files of the update repository that no deployment needs.
 
     Args:
-        publisher: publisher on this machine; no deployment may be published meanwhile.
-        documents: paths of the documents of the deployments that are needed.
+        publisher: Publisher on this machine; no deployment may be published meanwhile.
+        documents: Paths of the documents of the deployments that are needed.
 
     Raises:
-        ConfigurationError: the store has what the keys have not signed.
-        StorageError: the object store does not answer.
+        ConfigurationError: The store has what the keys have not signed.
+        StorageError: The object store does not answer.
     """
     if publisher.machine.root() is None:
         return Unneeded({}, ())
@@ -156,8 +156,8 @@ def remove_unneeded(publisher: Publisher, unneeded: Unneeded) -> None:
     """Deletes the files that `find_unneeded` found.
 
     Raises:
-        ConfigurationError: a key is missing.
-        StorageError: the store does not answer.
+        ConfigurationError: A key is missing.
+        StorageError: The store does not answer.
     """
     if unneeded.targets:
         publisher.publish(lambda _: Changes(remove=unneeded.targets), None)

@@ -29,15 +29,15 @@ def write_report(job: Resource, service: Service, path: Path | None = None) -> P
     """Writes the HTML report of a deployment in its current state.
 
     Args:
-        job: the deployment job.
-        service: the service, with its catalog and object store.
-        path: the file; absent: `report_path`.
+        job: The deployment job.
+        service: The service, with its catalog and object store.
+        path: The file; absent: `report_path`.
 
     Returns:
         The file.
 
     Raises:
-        ServiceUnavailableException: the catalog does not answer.
+        ServiceUnavailableException: The catalog does not answer.
     """
     return write_deployment(report_of(job, service), path or report_path(job, service))
 

@@ -37,9 +37,9 @@ def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) ->
     """Returns the status of a deployment for `robomaker fleet status`.
 
     Args:
-        job: the deployment job.
-        rollout: rollout of the job; `None`: it has not begun.
-        now_s: the time, in seconds since the epoch.
+        job: The deployment job.
+        rollout: Rollout of the job; `None`: it has not begun.
+        now_s: The time, in seconds since the epoch.
     """
     document = DeploymentJobDocument.of(job)
     application, version = deployed_by(job)
@@ -130,8 +130,8 @@ def find_fleet(fleet: str, service: Service) -> Resource:
     """Finds a fleet by its name or ARN.
 
     Raises:
-        InvalidParameterException: no fleet has this name, or the ARN is not that of a fleet.
-        ResourceNotFoundException: the catalog has no fleet of this ARN.
+        InvalidParameterException: No fleet has this name, or the ARN is not that of a fleet.
+        ResourceNotFoundException: The catalog has no fleet of this ARN.
     """
     if fleet.startswith("arn:"):
         ResourceArn.parse(fleet, FLEET)
@@ -147,13 +147,13 @@ def find_deployment(named: str | None, service: Service) -> Resource:
     """Finds a deployment job by ARN, by its fleet, or as the only one in progress.
 
     Args:
-        named: name or ARN that the user gave; `None`: the only deployment in progress.
-        service: the service, with its catalog and object store.
+        named: Name or ARN that the user gave; `None`: the only deployment in progress.
+        service: The service, with its catalog and object store.
 
     Raises:
-        InvalidParameterException: nothing has this name, the fleet has had no deployment, or none or several
+        InvalidParameterException: Nothing has this name, the fleet has had no deployment, or none or several
             deployments are in progress.
-        ResourceNotFoundException: the catalog has no resource of this ARN.
+        ResourceNotFoundException: The catalog has no resource of this ARN.
     """
     if named is None:
         return _only_one(service)
@@ -204,13 +204,13 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
     """Yields snapshots of a deployment until it has ended.
 
     Args:
-        job: the deployment job.
-        service: the service, with its catalog and object store.
-        sleep: waits, in seconds.
+        job: The deployment job.
+        service: The service, with its catalog and object store.
+        sleep: Waits, in seconds.
 
     Raises:
-        ResourceNotFoundException: the deployment was deleted.
-        ServiceUnavailableException: the catalog does not answer.
+        ResourceNotFoundException: The deployment was deleted.
+        ServiceUnavailableException: The catalog does not answer.
     """
     look, revision = _look(job, service), None
     while True:

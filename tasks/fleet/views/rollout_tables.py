@@ -15,7 +15,7 @@ def robot_rows(rollout: Rollout, robots: Iterable[str]) -> list[dict[str, str | 
     """Makes a table row for each robot of a deployment: name, status, step, failure, duration in seconds.
 
     Args:
-        rollout: the rollout.
+        rollout: The rollout.
         robots: ARNs of the robots.
     """
     active = rollout.status == "InProgress"

@@ -61,10 +61,10 @@ def draw_label(
     Args:
         name: Name of the room; it is shortened if it does not fit, and the whole name becomes the tooltip.
         note: Text below the name; left out if it does not fit.
-        polygon: the room's corners in metres.
-        frame: the drawing.
+        polygon: The room's corners in metres.
+        frame: The drawing.
         crowd: Points of the drawing that the label should not cover.
-        size: height of the letters in units of the drawing; long names get smaller ones.
+        size: Height of the letters in units of the drawing; long names get smaller ones.
     """
     box = largest_box(polygon)
     width, height = (box.right - box.left) * frame.scale * _FILL, (box.top - box.bottom) * frame.scale * _FILL

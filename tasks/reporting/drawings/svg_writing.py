@@ -22,7 +22,7 @@ def element(tag: str, *children: str | Markup, **attributes: str | Number | None
 
     Args:
         tag: Name of the element.
-        *children: content; plain strings are escaped.
+        *children: Content; plain strings are escaped.
         **attributes: `class_` becomes `class`, other underscores become hyphens; None leaves one out.
 
     Returns:
@@ -86,7 +86,7 @@ class Frame:
         """Makes the frame that shows all given points with a margin.
 
         Raises:
-            ValueError: no points are given, or some are not finite.
+            ValueError: No points are given, or some are not finite.
         """
         xs, ys = zip(*points, strict=True)
         if not all(map(math.isfinite, (*xs, *ys))):

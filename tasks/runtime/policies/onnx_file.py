@@ -56,7 +56,7 @@ class OnnxPolicy:
         action: Spec of the action.
 
     Raises:
-        LoadError: onnxruntime is missing, the file is no network, or it does not fit the environment.
+        LoadError: Onnxruntime is missing, the file is no network, or it does not fit the environment.
     """
 
     def __init__(self, path: Path, policy: str, arrays: ObservedArrays, action: specs.Array) -> None:

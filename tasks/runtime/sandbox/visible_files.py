@@ -71,7 +71,7 @@ def paths_in(variables: Mapping[str, str]) -> list[Path]:
     sees as part of the system, and folders such as the home folder that hold much else.
 
     Args:
-        variables: environment variables of the job worker or of the run.
+        variables: Environment variables of the job worker or of the run.
     """
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
     return _worth_showing(each for path in named if os.path.isabs(path) for each in (path, *_beside(path)))

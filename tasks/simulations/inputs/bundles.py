@@ -102,7 +102,7 @@ def application_bundle(
         role: `Robot` or `Simulation`, for failure codes.
         service: The service, with its catalog and object store.
         is_pinned: Whether the archive must have that ETag, as for a numbered version; `$LATEST` is the present archive.
-        keeper: the service with its own access to the store, which keeps the archive by its ETag, and has those that
+        keeper: The service with its own access to the store, which keeps the archive by its ETag, and has those that
             were kept; `None`: none is kept.
         as_ran: ETag of the archive that an earlier run had, which is taken if it is anywhere; otherwise the archive of
             now is, which those who compare the two find out.

@@ -29,7 +29,7 @@ def is_kept(etag: str, service: Service) -> bool:
     """Whether the archive of an ETag is kept.
 
     Raises:
-        StorageError: the store does not answer.
+        StorageError: The store does not answer.
     """
     try:
         at_once(service.store).head(service.settings.bucket, key_of(etag))
@@ -42,9 +42,9 @@ def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> No
     """Keeps an archive, unless it is kept already; a store that refuses it keeps no job from running.
 
     Args:
-        etag: its ETag.
-        fetch: downloads it into a file, and returns what it has become meanwhile.
-        service: the service with its own access to the store, not that of a job's role.
+        etag: Its ETag.
+        fetch: Downloads it into a file, and returns what it has become meanwhile.
+        service: The service with its own access to the store, not that of a job's role.
     """
     try:
         if is_kept(etag, service):
@@ -61,7 +61,7 @@ def put(etag: str, archive: Path, service: Service) -> None:
     """Stores an archive under its ETag.
 
     Raises:
-        StorageError: it cannot be stored.
+        StorageError: It cannot be stored.
     """
     store, bucket = at_once(service.store), service.settings.bucket
     store.ensure_bucket(bucket)
@@ -72,7 +72,7 @@ def fetch_kept(etag: str, archive: Path, service: Service) -> bool:
     """Downloads a kept archive; returns whether there is one.
 
     Raises:
-        StorageError: the store does not answer.
+        StorageError: The store does not answer.
     """
     try:
         at_once(service.store).get_file(service.settings.bucket, key_of(etag), archive)
@@ -85,7 +85,7 @@ def kept_archives(service: Service) -> Iterator[ObjectInfo]:
     """Yields all kept archives; the last part of a key is the ETag that the archive had.
 
     Raises:
-        StorageError: the store does not answer.
+        StorageError: The store does not answer.
     """
     try:
         yield from service.store.list(service.settings.bucket, f"{FOLDER}/")

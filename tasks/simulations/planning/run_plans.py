@@ -139,7 +139,7 @@ def run_plan(
         run_id: Id of the run.
         folder: Empty folder of the run.
         service: Service that stores worlds, applications and data; the last two are read as the role of the request.
-        ros_domain: the run's own domain of ROS 2; see `ros_domains.own_domain`.
+        ros_domain: The run's own domain of ROS 2; see `ros_domains.own_domain`.
         stopped: Function called during long operations; true cancels them.
         as_ran: ETags of the archives, by role, of an earlier run that is to be repeated; those that are nowhere any
             more are taken as they are now. Absent: all are as they are now, and are kept.

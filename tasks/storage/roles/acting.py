@@ -22,9 +22,9 @@ class ConfinedStore(StoreOver):
     """Object store wrapper that refuses accesses which an access role does not allow.
 
     Args:
-        store: the store behind it.
-        role: the access role, with the keys that may be read and written.
-        arn: the ARN of the request, for messages.
+        store: The store behind it.
+        role: The access role, with the keys that may be read and written.
+        arn: The ARN of the request, for messages.
     """
 
     def __init__(self, store: ObjectStore, role: Role, arn: str) -> None:
@@ -101,11 +101,11 @@ class Roles:
         """Returns the object store with a role's access.
 
         Args:
-            arn: the role, as the request names it.
+            arn: The role, as the request names it.
 
         Raises:
-            CredentialsRefusedError: the role does not exist, or its credentials are refused.
-            StorageUnavailableError: the server does not answer.
+            CredentialsRefusedError: The role does not exist, or its credentials are refused.
+            StorageUnavailableError: The server does not answer.
         """
         with self.opened.lock:
             if arn not in self.opened.stores:
@@ -116,7 +116,7 @@ class Roles:
         """Returns a role's current credentials; `None` if objects are local files.
 
         Raises:
-            StorageError: see `store_of`; or the credentials cannot be renewed.
+            StorageError: See `store_of`; or the credentials cannot be renewed.
         """
         self.store_of(arn)
         session = self.opened.sessions.get(arn)
@@ -148,11 +148,11 @@ def open_roles(settings: Settings, store: ObjectStore, environ: Mapping[str, str
 
     Args:
         settings: `roles_file`, `object_store` and `region` are used.
-        store: the process's own store.
-        environ: environment variables, usually `os.environ`.
+        store: The process's own store.
+        environ: Environment variables, usually `os.environ`.
 
     Raises:
-        ConfigurationError: the file cannot be used.
+        ConfigurationError: The file cannot be used.
     """
     if settings.roles_file is None:
         return None

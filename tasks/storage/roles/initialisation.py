@@ -30,11 +30,11 @@ class MinioUsers:
     """Creates users and policies on a MinIO server.
 
     Args:
-        endpoint: the server.
-        environ: environment variables, which name the credentials of who may make users.
+        endpoint: The server.
+        environ: Environment variables, which name the credentials of who may make users.
 
     Raises:
-        ConfigurationError: the package `minio` is missing, or there are no credentials.
+        ConfigurationError: The package `minio` is missing, or there are no credentials.
     """
 
     def __init__(self, endpoint: str, environ: Mapping[str, str]) -> None:
@@ -105,14 +105,14 @@ def initialise(
     STS are left to those who made these.
 
     Args:
-        settings: the roles file, and the store.
-        store: this process's own, whose credentials may make buckets and users.
-        environ: environment variables, which name these credentials.
-        dry_run: whether nothing is changed, and steps are only told.
+        settings: The roles file, and the store.
+        store: This process's own, whose credentials may make buckets and users.
+        environ: Environment variables, which name these credentials.
+        dry_run: Whether nothing is changed, and steps are only told.
 
     Raises:
-        ConfigurationError: the roles file does not exist, or is invalid.
-        StorageError: the server refuses something, or has no interface for users.
+        ConfigurationError: The roles file does not exist, or is invalid.
+        StorageError: The server refuses something, or has no interface for users.
     """
     path = settings.roles_file
     if path is None:
@@ -158,13 +158,13 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
     """Adds an access key to a role in the roles file, preserving everything else.
 
     Args:
-        path: the file.
-        index: number of the role in the file, from 0.
-        access_key_id: the key's id.
-        secret_access_key: the key.
+        path: The file.
+        index: Number of the role in the file, from 0.
+        access_key_id: The key's id.
+        secret_access_key: The key.
 
     Raises:
-        ConfigurationError: the file is written in a way that nothing can be added to safely.
+        ConfigurationError: The file is written in a way that nothing can be added to safely.
     """
     text = path.read_text(encoding="utf-8")
     before = parse_roles(text, str(path))
@@ -204,8 +204,8 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
     """Returns the client for a server's users, depending on the interface that the server has.
 
     Raises:
-        StorageError: the server does not answer.
-        ConfigurationError: see `MinioUsers`.
+        StorageError: The server does not answer.
+        ConfigurationError: See `MinioUsers`.
     """
     if not _server_name(endpoint, region, environ).startswith(SERVER):
         return IamUsers(endpoint, region, environ)
@@ -255,15 +255,15 @@ class IamUsers:
         """Calls the server.
 
         Args:
-            doing: description of the action, for errors.
-            call: the call.
-            expected: error code that is not treated as an error.
+            doing: Description of the action, for errors.
+            call: The call.
+            expected: Error code that is not treated as an error.
 
         Returns:
             The answer; `None` for the expected error.
 
         Raises:
-            StorageError: the server refuses, or does not answer.
+            StorageError: The server refuses, or does not answer.
         """
         from botocore.exceptions import BotoCoreError, ClientError
 

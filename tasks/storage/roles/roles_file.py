@@ -20,7 +20,7 @@ def read_roles_file(path: Path) -> tuple[Role, ...]:
     """Reads the roles file, which may hold secrets and so must be private to its owner.
 
     Raises:
-        ConfigurationError: the file cannot be read, can be read by other users, or is invalid; the message does not
+        ConfigurationError: The file cannot be read, can be read by other users, or is invalid; the message does not
             repeat its values.
     """
     try:
@@ -43,10 +43,10 @@ def parse_roles(text: str, where: str) -> tuple[Role, ...]:
 
     Args:
         text: TOML.
-        where: the file's name, for messages.
+        where: The file's name, for messages.
 
     Raises:
-        ConfigurationError: the text is not a valid roles file.
+        ConfigurationError: The text is not a valid roles file.
     """
     try:
         content = tomllib.loads(text)

@@ -36,10 +36,10 @@ class SessionSource:
     """Opens boto3 sessions with the credentials of access roles.
 
     Args:
-        endpoint_url: the S3 server, which answers for STS, too; `None`: AWS.
-        region: the region to sign for.
-        environ: environment variables, which name this process's own credentials.
-        read_block: reads blocks of Prefect.
+        endpoint_url: The S3 server, which answers for STS, too; `None`: AWS.
+        region: The region to sign for.
+        environ: Environment variables, which name this process's own credentials.
+        read_block: Reads blocks of Prefect.
     """
 
     endpoint_url: str | None
@@ -51,11 +51,11 @@ class SessionSource:
         """Opens a session with a role's credentials; those of an assumed role are renewed.
 
         Args:
-            role: the role.
-            arn: the ARN that the request has.
+            role: The role.
+            arn: The ARN that the request has.
 
         Raises:
-            CredentialsRefusedError: the role gives no credentials.
+            CredentialsRefusedError: The role gives no credentials.
             StorageUnavailableError: STS does not answer.
         """
         session = self._source(role, arn)
@@ -138,7 +138,7 @@ def keys_of(session: Session) -> Keys:
     """Returns a session's current credentials, renewed if they soon expire.
 
     Raises:
-        CredentialsRefusedError: the session has no credentials.
+        CredentialsRefusedError: The session has no credentials.
     """
     try:
         credentials = session.get_credentials()

@@ -100,7 +100,7 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
     """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`.
 
     Args:
-        doing: description of the action, in words that follow "cannot".
+        doing: Description of the action, in words that follow "cannot".
         endpoint: URL of the server; every message names it, as a wrong endpoint has the strangest symptoms.
     """
     try:

@@ -53,8 +53,8 @@ class PartedUploads:
     """Multipart uploads to S3, which share one set of threads.
 
     Args:
-        client: begins and ends uploads, and stores the parts that the quick way does not.
-        quick: the quick way; `None`: there is none.
+        client: Begins and ends uploads, and stores the parts that the quick way does not.
+        quick: The quick way; `None`: there is none.
     """
 
     def __init__(self, client: "S3Client", quick: QuickPuts | None) -> None:
@@ -66,10 +66,10 @@ class PartedUploads:
         """Uploads a file in parts; nothing remains of a failed or stopped upload.
 
         Args:
-            bucket: the bucket.
-            key: the object's key.
-            path: the file, which is not empty.
-            stopped: called several times a second; true stops the upload.
+            bucket: The bucket.
+            key: The object's key.
+            path: The file, which is not empty.
+            stopped: Called several times a second; true stops the upload.
 
         Returns:
             Size and CRC32, in base64, of what was sent. Where the server has lost sight of the upload at its end, the
@@ -77,7 +77,7 @@ class PartedUploads:
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
-            ChecksumMismatchError: the file was written to meanwhile.
+            ChecksumMismatchError: The file was written to meanwhile.
         """
         with path.open("rb") as file:
             before = os.fstat(file.fileno())
@@ -177,7 +177,7 @@ def _await(futures: list[Future[_Sent]], stopped: Stopped, what: str) -> None:
 
     Raises:
         TransferStoppedError: `stopped` said so.
-        Exception: the error with which a part failed.
+        Exception: The error with which a part failed.
     """
     left = set(futures)
     while left:

@@ -71,10 +71,10 @@ class QuickPuts:
     """Fast uploads to an S3 endpoint with path-style buckets: signs requests without botocore.
 
     Args:
-        client: boto3 client whose connections are used.
-        endpoint_url: the endpoint.
-        region: the region to sign for.
-        session: boto3 session with the credentials.
+        client: Boto3 client whose connections are used.
+        endpoint_url: The endpoint.
+        region: The region to sign for.
+        session: Boto3 session with the credentials.
     """
 
     def __init__(self, client: "S3Client", endpoint_url: str, region: str, session: boto3.Session) -> None:
@@ -101,18 +101,18 @@ class QuickPuts:
         """Uploads an object or part with one request; `None` if that did not work.
 
         Args:
-            bucket: the bucket.
-            key: the object's key.
-            data: content of the object or part.
+            bucket: The bucket.
+            key: The object's key.
+            data: Content of the object or part.
             crc32: CRC32 of the data, in base64; the server compares it.
-            query: names the part, quoted, with its members in order; none for an object.
-            stopped: called between two pieces; true stops the transfer.
+            query: Names the part, quoted, with its members in order; none for an object.
+            stopped: Called between two pieces; true stops the transfer.
 
         Returns:
             ETag and checksum of the stored object; `None`: it may not be stored; boto3's client will find out why.
 
         Raises:
-            StorageError: the credentials of a role could not be had again.
+            StorageError: The credentials of a role could not be had again.
             CancelledError: `stopped` said so.
         """
         try:
@@ -139,12 +139,12 @@ class QuickPuts:
         """Returns the headers of a PUT request, signed with AWS Signature Version 4.
 
         Args:
-            path: path of the URL, quoted.
-            data: the body.
+            path: Path of the URL, quoted.
+            data: The body.
             crc32: CRC32 of the body, in base64.
-            credentials: credentials that sign the request.
-            now: the time, in UTC.
-            query: query string of the URL, quoted and in order.
+            credentials: Credentials that sign the request.
+            now: The time, in UTC.
+            query: Query string of the URL, quoted and in order.
         """
         day, time = f"{now:%Y%m%d}", f"{now:%Y%m%dT%H%M%SZ}"
         digest = hashlib.sha256(data).hexdigest()

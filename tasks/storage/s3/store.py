@@ -101,10 +101,10 @@ class S3Store:
     """Object store on an S3 server or AWS.
 
     Args:
-        endpoint_url: the endpoint; None for AWS.
-        region: the region to sign for.
-        session: boto3 session with the credentials; by default boto3's usual chain.
-        attempts: how often a request is tried in all. The waits between ten attempts add up to about
+        endpoint_url: The endpoint; None for AWS.
+        region: The region to sign for.
+        session: Boto3 session with the credentials; by default boto3's usual chain.
+        attempts: How often a request is tried in all. The waits between ten attempts add up to about
             13 seconds on average, which outlasts a server's restart.
     """
 
@@ -145,7 +145,7 @@ class S3Store:
         """Creates the bucket unless it exists.
 
         Raises:
-            StorageAccessDeniedError: the credentials may not even ask; the bucket may exist all the same.
+            StorageAccessDeniedError: The credentials may not even ask; the bucket may exist all the same.
         """
         check_bucket(bucket)
         with self._failures(f"look for the bucket {bucket}"):
@@ -165,8 +165,8 @@ class S3Store:
         """Checks that the server knows the credentials, whatever they allow.
 
         Raises:
-            CredentialsRefusedError: the server does not know the credentials, or none are given.
-            StorageUnavailableError: the server does not answer.
+            CredentialsRefusedError: The server does not know the credentials, or none are given.
+            StorageUnavailableError: The server does not answer.
         """
         try:
             with self._failures("find out who one is"):
@@ -180,8 +180,8 @@ class S3Store:
         """Checks that an object could be written, by beginning a multipart upload.
 
         Raises:
-            StorageAccessDeniedError: the credentials do not allow it.
-            BucketNotFoundError: the bucket does not exist.
+            StorageAccessDeniedError: The credentials do not allow it.
+            BucketNotFoundError: The bucket does not exist.
         """
         _check(bucket, key)
         with self._failures(f"write {bucket}/{key}"):
@@ -194,7 +194,7 @@ class S3Store:
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
-            ChecksumMismatchError: the file was written to meanwhile, or the server has other bytes.
+            ChecksumMismatchError: The file was written to meanwhile, or the server has other bytes.
         """
         _check(bucket, key)
         with self._failures(f"store {path} as {bucket}/{key}"):

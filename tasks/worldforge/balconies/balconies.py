@@ -32,11 +32,11 @@ def whole_floorplan(body: WorldTemplateBody, seed: int) -> Floorplan:
     """Generates a floor plan with the balconies that a template asks for; equal arguments give the same plan.
 
     Args:
-        body: the template.
-        seed: seed of the floor plan, as for `generate_floorplan`.
+        body: The template.
+        seed: Seed of the floor plan, as for `generate_floorplan`.
 
     Raises:
-        WorldGenerationError: there is no valid plan, or no outer wall has room for a balcony.
+        WorldGenerationError: There is no valid plan, or no outer wall has room for a balcony.
     """
     inside = without_balconies(body)
     plan = generate_floorplan(inside, seed)

@@ -19,10 +19,10 @@ def with_balcony(plan: Floorplan, site: Site, wished: TemplateRoom, *, requested
     """Attaches a balcony to a floor plan; its room comes last.
 
     Args:
-        plan: the plan, which is left as it is.
-        site: place of the balcony.
-        wished: the room of the template.
-        requested: whether the template asked for the door.
+        plan: The plan, which is left as it is.
+        site: Place of the balcony.
+        wished: The room of the template.
+        requested: Whether the template asked for the door.
     """
     room = _room(site, wished)
     walls = list(plan.walls)

@@ -83,11 +83,11 @@ def sites(plan: Floorplan, area_m2: float, ratio: float, hosts: Sequence[str], d
     """Lists places for a balcony, the best one first.
 
     Args:
-        plan: the plan so far, with other balconies.
-        area_m2: desired floor area.
-        ratio: desired length over width of the floor.
-        hosts: names of the rooms that may have its door.
-        dice: the source of chance.
+        plan: The plan so far, with other balconies.
+        area_m2: Desired floor area.
+        ratio: Desired length over width of the floor.
+        hosts: Names of the rooms that may have its door.
+        dice: The source of chance.
     """
     rooms = {room.name: room for room in plan.rooms}
     found: list[Site] = []
@@ -152,9 +152,9 @@ def fitting_size(longest: int, area: float, ratio: float) -> Size | None:
     """Returns the size of a balcony's floor that is nearest to the desired one; `None` if the wall is too short.
 
     Args:
-        longest: length of the wall that is free for it, in grid units.
-        area: desired floor area, in square grid units.
-        ratio: desired length over width.
+        longest: Length of the wall that is free for it, in grid units.
+        area: Desired floor area, in square grid units.
+        ratio: Desired length over width.
     """
     found: list[Size] = []
     for long in range(_LEAST_LONG, longest + 1):
@@ -168,10 +168,10 @@ def _door(span: Span, inside: Span, windows: Sequence[Span], dice: Random) -> tu
     """Chooses the place of a balcony's door, and counts the windows that are lost to it.
 
     Args:
-        span: centre lines of the railings at both ends.
-        inside: faces of the walls at both ends in the room.
-        windows: windows in the wall.
-        dice: the source of chance.
+        span: Centre lines of the railings at both ends.
+        inside: Faces of the walls at both ends in the room.
+        windows: Windows in the wall.
+        dice: The source of chance.
     """
     half = RAILING_WALL // 2
     first = max(span[0] + half, inside[0]) + DOOR_CLEARANCE
@@ -195,9 +195,9 @@ def is_lost(window: Span, span: Span, door: Span | None = None) -> bool:
     """Whether a window has no place in a wall with a balcony, all in grid units along the wall.
 
     Args:
-        window: its ends.
-        span: centre lines of the railings, which must not end at the window.
-        door: the balcony's door, if it is known.
+        window: Its ends.
+        span: Centre lines of the railings, which must not end at the window.
+        door: The balcony's door, if it is known.
     """
     return any(_overlap((side - _FRAME, side + _FRAME), window) for side in span) or (
         door is not None and _overlap(_framed(door), window)

@@ -30,14 +30,14 @@ def write_bundle(world: World, folder: Path) -> str:
     The preview picture takes longer than all of these together, so it is drawn only when somebody looks at the world.
 
     Args:
-        world: the world.
-        folder: target folder, which must not exist; its parent is created if necessary.
+        world: The world.
+        folder: Target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.
 
     Raises:
-        FileExistsError: there is something at `folder` already.
+        FileExistsError: There is something at `folder` already.
     """
     return write_files(_files(world), folder)
 
@@ -46,14 +46,14 @@ def write_files(files: Mapping[str, bytes], folder: Path) -> str:
     """Writes the files of a world to a new folder, all or none; returns their hash.
 
     Args:
-        files: contents by their paths in the bundle.
-        folder: target folder, which must not exist; its parent is created if necessary.
+        files: Contents by their paths in the bundle.
+        folder: Target folder, which must not exist; its parent is created if necessary.
 
     Returns:
         The content's hash, hexadecimal: of all names and bytes.
 
     Raises:
-        FileExistsError: there is something at `folder` already.
+        FileExistsError: There is something at `folder` already.
     """
     if folder.exists():
         raise FileExistsError(f"{folder}: exists already; a bundle is written once, into a new folder")
@@ -77,8 +77,8 @@ def read_world(folder: Path) -> World:
     """Reads a world from its folder of files.
 
     Raises:
-        FileNotFoundError: the folder holds no `world.json`.
-        ValueError: the file is no world, or one of another version's form.
+        FileNotFoundError: The folder holds no `world.json`.
+        ValueError: The file is no world, or one of another version's form.
     """
     return World.model_validate_json((folder / WORLD_FILE).read_bytes())
 
@@ -140,7 +140,7 @@ def with_plain_names(mjcf: str) -> PlainModel:
     """Replaces special characters in an MJCF model's names by `_`, keeping names unique.
 
     Args:
-        mjcf: the text of a model.
+        mjcf: The text of a model.
     """
     names = dict.fromkeys(_NAMED.findall(mjcf))
     plain = {name: name for name in names if _PLAIN.fullmatch(name)}

@@ -50,16 +50,16 @@ def prove(world: World, folder: Path, *, digests: Mapping[str, str] | None = Non
     """Measures a stored world again, whichever generator version made it, and whether it was generated or imported.
 
     Args:
-        world: the world.
-        folder: folder of the world's bundle.
+        world: The world.
+        folder: Folder of the world's bundle.
         digests: SHA-256 of its files by their paths, from the manifest it was stored with; absent if it has none.
-        pushed: whether loose objects are pushed, too.
+        pushed: Whether loose objects are pushed, too.
 
     Returns:
         The measurements, with all places where a guarantee is broken.
 
     Raises:
-        ValueError: when MuJoCo does not accept the model.
+        ValueError: When MuJoCo does not accept the model.
     """
     model = mujoco.MjModel.from_xml_path(str(folder / MODEL_FILE))
     site = _seen_site(world, model) if isinstance(world.source, GazeboSource) else planned_site(world, model)

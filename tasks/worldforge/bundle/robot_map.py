@@ -46,12 +46,12 @@ def write_robot_map(scene: Scene, folder: Path, height_m: float = ROBOT_HIGH_M) 
     """Writes a Nav2 map (`map.pgm`, `map.yaml`) of a world for a robot of a height in metres.
 
     Args:
-        scene: the world.
-        folder: target folder.
-        height_m: height of the robot, in metres.
+        scene: The world.
+        folder: Target folder.
+        height_m: Height of the robot, in metres.
 
     Raises:
-        ValueError: no robot is so high.
+        ValueError: No robot is so high.
     """
     said = f"what a robot {height_m:g} m high meets, from {ROBOT_LOW_M:g} m above the floor; all stands as at first"
     write_map(robot_map(scene, height_m), folder, said)
@@ -61,11 +61,11 @@ def robot_map(scene: Scene, height_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
     """Computes the occupancy grid of a world: the solid parts that a robot of a height meets.
 
     Args:
-        scene: the world.
-        height_m: height of the robot, in metres.
+        scene: The world.
+        height_m: Height of the robot, in metres.
 
     Raises:
-        ValueError: no robot is so high.
+        ValueError: No robot is so high.
     """
     if not HEIGHTS_M[0] <= height_m <= HEIGHTS_M[1]:
         raise ValueError(f"a robot {height_m:g} m high: {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m would be right")

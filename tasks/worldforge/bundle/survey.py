@@ -87,10 +87,10 @@ def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m
     """Returns the height of the floor at a point; `None` if there is none.
 
     Args:
-        model: the compiled world.
+        model: The compiled world.
         data: MuJoCo state of the world.
-        point: the place.
-        near_m: height that the floor is near, as in a building of several storeys; without, the floor is the first
+        point: The place.
+        near_m: Height that the floor is near, as in a building of several storeys; without, the floor is the first
             surface below 0.5 m, else the lowest one with a metre of free space above.
     """
     height = _low_floor(model, data, point, 0.0 if near_m is None else near_m)
@@ -171,11 +171,11 @@ def ground_at(
     """Scans a world from above for floor and obstacles at one floor height.
 
     Args:
-        model: compiled model of the world.
+        model: Compiled model of the world.
         data: MuJoCo state of the world.
-        floor_m: height of the floor.
-        near: place that has to be on the map of a world larger than a map can be.
-        high_m: height of the robot.
+        floor_m: Height of the floor.
+        near: Place that has to be on the map of a world larger than a map can be.
+        high_m: Height of the robot.
     """
     grid = _empty_grid(*world_bounds(model, data), near)
     supported = np.zeros_like(grid.occupied)
@@ -311,8 +311,8 @@ def survey(model: mujoco.MjModel, high_m: float = ROBOT_HIGH_M) -> OccupancyGrid
     """Computes the occupancy grid of a world whose robot starts at the origin.
 
     Args:
-        model: compiled model of the world.
-        high_m: height of the robot.
+        model: Compiled model of the world.
+        high_m: Height of the robot.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -323,8 +323,8 @@ def known_map(ground: Ground, start: Point) -> OccupancyGrid:
     """Computes the occupancy grid of the area that can be seen from a start position.
 
     Args:
-        ground: the world from above.
-        start: start position of the robot.
+        ground: The world from above.
+        start: Start position of the robot.
     """
     grid = ground.grid
     reached = connected(ground.supported & ~ground.blocked, grid.cell(start))
@@ -350,9 +350,9 @@ def on_map(cells: NDArray[np.bool_], ground: Ground, grid: OccupancyGrid) -> NDA
     """Converts cells of the scan from above to cells of the occupancy grid.
 
     Args:
-        cells: cells of `ground`.
-        ground: the world from above.
-        grid: occupancy grid of the world.
+        cells: Cells of `ground`.
+        ground: The world from above.
+        grid: Occupancy grid of the world.
     """
     row, column = ground.grid.cell((grid.origin[0] + RESOLUTION_M / 2, grid.origin[1] + RESOLUTION_M / 2))
     found = np.zeros_like(grid.known)
@@ -374,8 +374,8 @@ def wall_boxes(cells: NDArray[np.bool_], grid: OccupancyGrid) -> list[tuple[floa
     """Covers cells with rectangles (west, south, east, north in metres), as walls of the world.
 
     Args:
-        cells: cells of the grid.
-        grid: occupancy grid with the cells' positions.
+        cells: Cells of the grid.
+        grid: Occupancy grid with the cells' positions.
     """
     size, blocks = grid.resolution_m, cells
     while True:

@@ -148,9 +148,9 @@ def decorate(world: World, sides: Sides, shapes: Shapes) -> Decoration:
     """Makes the decoration of a world.
 
     Args:
-        world: the world.
-        sides: tells the surfaces of walls.
-        shapes: gathers the meshes of what stands and hangs about.
+        world: The world.
+        sides: Tells the surfaces of walls.
+        shapes: Gathers the meshes of what stands and hangs about.
     """
     made = Decoration()
     for ornament, mesh in _ornaments(world, sides, shapes):
@@ -177,8 +177,8 @@ def ornaments(world: World, shapes: Shapes) -> Iterator[Ornament]:
     """Yields what rooms are decorated with, without what walls and ceilings are drawn as.
 
     Args:
-        world: the world.
-        shapes: gathers the meshes of what stands and hangs about.
+        world: The world.
+        shapes: Gathers the meshes of what stands and hangs about.
     """
     # As cheap and as lasting as chance gets: nothing else takes draws from it.
     dice = Random(world.floorplan_seed * 1_000_003 + world.interior_seed)  # noqa: S311 (chance, not secrecy)

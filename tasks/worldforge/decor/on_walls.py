@@ -52,8 +52,8 @@ class _Wall:
         """Finds a free stretch on the wall that is wide enough, and returns its middle.
 
         Args:
-            wide: width of the decoration, in metres.
-            below: largest height of furniture below it, in metres.
+            wide: Width of the decoration, in metres.
+            below: Largest height of furniture below it, in metres.
         """
         low, high = self.face.inner
         reach = wide / 2 + _FROM_CORNER_M

@@ -38,8 +38,8 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
     """Yields a wall as one box, or as two halves if its sides have different surfaces.
 
     Args:
-        wall: the wall.
-        sides: surfaces of its right and left face, looking from its start to its end.
+        wall: The wall.
+        sides: Surfaces of its right and left face, looking from its start to its end.
     """
     right, left = sides
     if (wall.end[0] - wall.start[0]) + (wall.end[1] - wall.start[1]) < 0:

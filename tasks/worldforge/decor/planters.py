@@ -30,9 +30,9 @@ def planters(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """Yields copings and flower boxes of all railings; the longest railing of each balcony has the boxes.
 
     Args:
-        world: the world.
-        shapes: gathers the meshes of the plants.
-        dice: the source of chance.
+        world: The world.
+        shapes: Gathers the meshes of the plants.
+        dice: The source of chance.
     """
     for room in world.floorplan.rooms:
         railings = [

@@ -115,9 +115,9 @@ def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]
     """Yields the visible frame around a doorway.
 
     Args:
-        number: the doorway's, for the names.
-        passage: the doorway.
-        lintel: the piece of wall over it.
+        number: The doorway's, for the names.
+        passage: The doorway.
+        lintel: The piece of wall over it.
     """
     door = passage.door
     color = _FINISHES.get(door.style.partition(" ")[2], _FINISHES["white"])[0] if door else WHITE
@@ -156,8 +156,8 @@ def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
     """Returns the corners of a door leaf on the floor, counter-clockwise.
 
     Args:
-        door: the door.
-        angle_rad: opening angle in radians; `None`: the initial one.
+        door: The door.
+        angle_rad: Opening angle in radians; `None`: the initial one.
     """
     yaw = door.yaw_at(door.open_angle_rad if angle_rad is None else angle_rad)
     u, v = cos(yaw), sin(yaw)
@@ -171,8 +171,8 @@ def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Poi
     """Returns the outlines of all door leaves, as obstacles for a map.
 
     Args:
-        plan: the plan.
-        fully_open: whether doors are taken as fully open, and not as they are initially.
+        plan: The plan.
+        fully_open: Whether doors are taken as fully open, and not as they are initially.
     """
     doors = [passage.door for passage in plan.passages if passage.door]
     return [leaf_corners(door, door.max_angle_rad if fully_open else None) for door in doors]
@@ -213,8 +213,8 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
     """Yields a door's geometry in the world, in its initial position.
 
     Args:
-        door: the door.
-        closed_frame: whether shapes are given in the leaf's own frame instead.
+        door: The door.
+        closed_frame: Whether shapes are given in the leaf's own frame instead.
     """
     yaw = 0.0 if closed_frame else door.yaw_at(door.open_angle_rad)
     (x0, y0), c, s = ((0.0, 0.0) if closed_frame else door.hinge), cos(yaw), sin(yaw)
@@ -248,9 +248,9 @@ def door_lines(plan: Floorplan, write: WriteGeom, *, solid_only: bool = False) -
     The joint's position is how far the leaf is open: 0 is closed.
 
     Args:
-        plan: the plan.
-        write: writes a geom.
-        solid_only: whether what is for the eye only is left out.
+        plan: The plan.
+        write: Writes a geom.
+        solid_only: Whether what is for the eye only is left out.
     """
     for solid in doorframe_solids(plan):
         if solid.solid or not solid_only:
@@ -283,7 +283,7 @@ def door_resistance(door: Door) -> dict[str, float]:
     """Returns the MJCF joint attributes that make a door hard to turn (friction, damping, ...), by attribute name.
 
     Args:
-        door: the door.
+        door: The door.
     """
     found = {"damping": _DAMPING_NMS, "frictionloss": _FRICTION_NM, "armature": 0.0, "stiffness": 0.0}
     found["mass"] = found["inertia"] = 0.0

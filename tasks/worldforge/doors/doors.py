@@ -101,7 +101,7 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
     """Gives every doorway of a floor plan a door, where there is space to open it.
 
     Args:
-        plan: the plan, which is left as it is.
+        plan: The plan, which is left as it is.
 
     Returns:
         The plan with doors; for the doorways without one, by their place in `passages`, the reason.

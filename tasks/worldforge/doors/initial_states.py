@@ -28,9 +28,9 @@ def dress_doors(
     All doors of a world have one finish. A door that no doorway set is for is fully open.
 
     Args:
-        body: the template.
-        plan: the plan, with the doors that `hang_doors` gave it; left as it is.
-        rng: the source of chance.
+        body: The template.
+        plan: The plan, with the doors that `hang_doors` gave it; left as it is.
+        rng: The source of chance.
 
     Returns:
         The plan with its doors in their initial state, and the outcome of each doorway set.

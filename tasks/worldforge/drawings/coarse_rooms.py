@@ -34,8 +34,8 @@ def coarse_rooms(regions: Regions, resolution_m: float) -> Regions:
     """Straightens rooms, so that all of their edges lie on common lines.
 
     Args:
-        regions: number of the room that each cell belongs to, from 1; 0 for none.
-        resolution_m: side of a cell.
+        regions: Number of the room that each cell belongs to, from 1; 0 for none.
+        resolution_m: Side of a cell.
 
     Returns:
         The same with straight edges; a room without any field of its own is in it no more.

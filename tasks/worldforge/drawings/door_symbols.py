@@ -76,8 +76,8 @@ def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Itera
     """Yields the doorways of drawn doors; two leaves that meet form one door.
 
     Args:
-        swings: the arcs.
-        lines: corners of all else that is drawn of doors.
+        swings: The arcs.
+        lines: Corners of all else that is drawn of doors.
     """
     left = [_doorway(swing, lines) for swing in swings]
     while left:
@@ -123,7 +123,7 @@ def symbols(parts: Sequence[SymbolPart]) -> Iterator[Shape]:
     A group may be a symbol of one door or a layer of all: parts that touch draw one.
 
     Args:
-        parts: shapes of the group, those of groups inside of it included.
+        parts: Shapes of the group, those of groups inside of it included.
     """
     for cluster in _touching(parts):
         if len(cluster) == 1 and not cluster[0].swings:

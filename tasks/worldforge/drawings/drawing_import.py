@@ -55,14 +55,14 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
     """Makes a world from a drawing or map: the floor plan is the drawing's, furniture is generated.
 
     Args:
-        source: the drawing and the file of notes.
-        notes: scale, room types and wishes that the drawing does not have.
-        seed: seed of materials, furniture and undrawn windows; the same files and seed give the same world.
-        settle: whether physics runs for two seconds to see that loose objects stay.
+        source: The drawing and the file of notes.
+        notes: Scale, room types and wishes that the drawing does not have.
+        seed: Seed of materials, furniture and undrawn windows; the same files and seed give the same world.
+        settle: Whether physics runs for two seconds to see that loose objects stay.
 
     Raises:
-        ConfigurationError: the file cannot be read, or draws no plan that a world can have.
-        WorldGenerationError: no interior passed the checks.
+        ConfigurationError: The file cannot be read, or draws no plan that a world can have.
+        WorldGenerationError: No interior passed the checks.
     """
     read, scale, made, left_out = planned(source.drawing, notes, seed)
     origin = DrawnSource(
@@ -84,15 +84,15 @@ def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, floa
     """Reads a drawing or map and makes its floor plan, without furniture.
 
     Args:
-        path: the drawing.
-        notes: scale, room types and wishes that the drawing does not have.
-        seed: seed of windows, if none are drawn.
+        path: The drawing.
+        notes: Scale, room types and wishes that the drawing does not have.
+        seed: Seed of windows, if none are drawn.
 
     Returns:
         The file, metres a unit, the plan, and what was left out of it.
 
     Raises:
-        ConfigurationError: the file cannot be read, or draws no plan that a world can have.
+        ConfigurationError: The file cannot be read, or draws no plan that a world can have.
     """
     if path.suffix.lower() not in MAPS:
         return _planned(_read(path), path, notes, seed)

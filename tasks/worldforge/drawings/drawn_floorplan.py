@@ -82,12 +82,12 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     """Makes a floor plan from a drawing's rooms, doors and windows.
 
     Args:
-        drawn: content of the drawing.
-        ceiling_m: floor to ceiling.
-        seed: seed of windows, if none are drawn.
+        drawn: Content of the drawing.
+        ceiling_m: Floor to ceiling.
+        seed: Seed of windows, if none are drawn.
 
     Raises:
-        ConfigurationError: rooms overlap or are not joined, none is inside, or a door lies in no wall.
+        ConfigurationError: Rooms overlap or are not joined, none is inside, or a door lies in no wall.
     """
     names = [room.name for room in drawn.rooms]
     if all(room.type == OUTDOOR_ROOM_TYPE for room in drawn.rooms):

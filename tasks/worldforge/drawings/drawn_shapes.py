@@ -212,8 +212,8 @@ def read_notes(path: Path) -> DrawingNotes:
     """Reads and checks the notes file beside a drawing.
 
     Raises:
-        SpecError: with everything that is wrong: file, line, member, value and what would be right.
-        ConfigurationError: the file cannot be read.
+        SpecError: With everything that is wrong: file, line, member, value and what would be right.
+        ConfigurationError: The file cannot be read.
     """
     return read_yaml(path, DrawingNotes)
 
@@ -225,12 +225,12 @@ def read_yaml(path: Path, form: type[Notes]) -> Notes:
     """Reads and checks a YAML notes file.
 
     Args:
-        path: the file.
-        form: model of the notes that the file must match.
+        path: The file.
+        form: Model of the notes that the file must match.
 
     Raises:
-        SpecError: with everything that is wrong: file, line, member, value and what would be right.
-        ConfigurationError: the file cannot be read.
+        SpecError: With everything that is wrong: file, line, member, value and what would be right.
+        ConfigurationError: The file cannot be read.
     """
     try:
         text = path.read_text(encoding="utf-8")

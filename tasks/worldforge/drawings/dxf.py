@@ -46,11 +46,11 @@ def read_dxf(content: bytes, name: str) -> Drawing:
     """Reads the floor plan shapes and texts of a DXF file.
 
     Args:
-        content: the file's bytes.
-        name: name of the file in error messages.
+        content: The file's bytes.
+        name: Name of the file in error messages.
 
     Raises:
-        ConfigurationError: the file is not a DXF drawing, or ezdxf is not installed.
+        ConfigurationError: The file is not a DXF drawing, or ezdxf is not installed.
     """
     try:
         from ezdxf import units
@@ -162,8 +162,8 @@ class _Reader:
         """Recognises doors drawn with a leaf and its swing, or as a line or shape along the wall.
 
         Args:
-            parts: lines and arcs of one block or of a layer.
-            one: whether it is one door.
+            parts: Lines and arcs of one block or of a layer.
+            one: Whether it is one door.
         """
         swings = {part.swing: part for part in parts if part.swing}
         lines = [part for part in parts if not part.swing]

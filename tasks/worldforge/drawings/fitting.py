@@ -83,18 +83,18 @@ def fit_way(
     """Places a drawn door or opening in the wall between two rooms.
 
     Args:
-        drawn: the drawn door, opening or window.
-        walls: the walls.
-        moved: grid units of the drawing's coordinates.
-        names: names of the rooms.
-        file: the drawing.
-        ways: doors and openings that are placed in walls already.
+        drawn: The drawn door, opening or window.
+        walls: The walls.
+        moved: Grid units of the drawing's coordinates.
+        names: Names of the rooms.
+        file: The drawing.
+        ways: Doors and openings that are placed in walls already.
 
     Returns:
         The way, and how far it is as drawn; no way for a door to the outside.
 
     Raises:
-        ConfigurationError: the door or opening lies in no wall, or does not fit there.
+        ConfigurationError: The door or opening lies in no wall, or does not fit there.
     """
     path, what = f"{file}#{drawn.name}", "opening" if drawn.kind == "Opening" else "door"
     inner, outer, width_m = _choose(drawn, walls, moved, file)
@@ -171,10 +171,10 @@ def fit_window(
     """Places a drawn window in an outer wall, as far as it fits.
 
     Args:
-        drawn: the drawn door, opening or window.
-        sides: the outer walls.
-        moved: grid units of the drawing's coordinates.
-        file: the drawing.
+        drawn: The drawn door, opening or window.
+        sides: The outer walls.
+        moved: Grid units of the drawing's coordinates.
+        file: The drawing.
     """
     path, places = f"{file}#{drawn.name}", _places(drawn.lines, moved)
     wish = f"window {drawn.name} of {max(each.end - each.start for each in places) / UNITS_PER_M:.2f} m"

@@ -75,14 +75,14 @@ def read_nav2_map(path: Path, *, coarse: bool = False) -> tuple[Drawing, float]:
     """Reads a Nav2 occupancy map as a drawing of rooms.
 
     Args:
-        path: path of the map's `map.yaml`.
-        coarse: whether outlines follow the walls' common lines only, for maps with bumps and furniture.
+        path: Path of the map's `map.yaml`.
+        coarse: Whether outlines follow the walls' common lines only, for maps with bumps and furniture.
 
     Returns:
         A drawing in metres, and the side of a cell.
 
     Raises:
-        ConfigurationError: the map cannot be read, or has no rooms.
+        ConfigurationError: The map cannot be read, or has no rooms.
     """
     read = _read(path)
     _refuse_slanted(read, path.name)

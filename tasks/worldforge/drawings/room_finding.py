@@ -44,12 +44,12 @@ def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> 
     """Determines the scale of a drawing in metres per unit.
 
     Args:
-        drawing: the drawing.
-        stated: metres a unit, or a scale on paper such as `1:50`.
-        file: name of the file.
+        drawing: The drawing.
+        stated: Metres a unit, or a scale on paper such as `1:50`.
+        file: Name of the file.
 
     Raises:
-        ConfigurationError: with that scale it would be no building.
+        ConfigurationError: With that scale it would be no building.
     """
     if isinstance(stated, str):
         if drawing.paper_m is None:
@@ -76,16 +76,16 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
     """Finds rooms, doors and windows in a drawing.
 
     Args:
-        drawing: the drawing.
-        scale: metres a unit.
-        notes: scale, room types and wishes that the drawing does not have.
-        file: name of the file.
+        drawing: The drawing.
+        scale: Metres a unit.
+        notes: Scale, room types and wishes that the drawing does not have.
+        file: Name of the file.
 
     Returns:
         The plan, and what was taken for none of it.
 
     Raises:
-        ConfigurationError: the drawing has no rooms, or a room that no world can have.
+        ConfigurationError: The drawing has no rooms, or a room that no world can have.
     """
     found: dict[Kind | None, list[Shape]] = {}
     for shape in drawing.shapes:

@@ -75,12 +75,12 @@ def upright(points: Sequence[Point], what: str, drawn: Sequence[Point]) -> tuple
     """Returns the corners of an axis-parallel outline, counter-clockwise.
 
     Args:
-        points: the outline, in metres.
-        what: name of the outline in error messages.
-        drawn: the same points in the numbers of the drawing, for error messages.
+        points: The outline, in metres.
+        what: Name of the outline in error messages.
+        drawn: The same points in the numbers of the drawing, for error messages.
 
     Raises:
-        ConfigurationError: an edge runs at an angle.
+        ConfigurationError: An edge runs at an angle.
     """
     lines: list[tuple[bool, float]] = []
     for number, ((x0, y0), (x1, y1)) in enumerate(zip(points, [*points[1:], points[0]], strict=True)):
@@ -117,8 +117,8 @@ def square(outlines: Outlines, on_faces: bool | None) -> Squared:
     """Moves room edges onto common grid lines, so that neighbouring rooms share walls.
 
     Args:
-        outlines: corners of the rooms, of `upright`, in metres.
-        on_faces: whether they were drawn along the faces of walls; None: they were if there are gaps between them.
+        outlines: Corners of the rooms, of `upright`, in metres.
+        on_faces: Whether they were drawn along the faces of walls; None: they were if there are gaps between them.
     """
     edges = [list(_edges(outlines, axis)) for axis in (0, 1)]
     gaps = [max(0.0, gap) for axis in (0, 1) for _, _, gap in _facing(edges[axis])]
@@ -232,7 +232,7 @@ def outline_of(around: Sequence[Step]) -> Corners:
     """Returns the corners of a building's outline, counter-clockwise.
 
     Args:
-        around: sides of rooms that face the outside, each from end to end with its room to the left.
+        around: Sides of rooms that face the outside, each from end to end with its room to the left.
     """
     steps: dict[Node, list[Node]] = {}
     for one, other in around:

@@ -65,11 +65,11 @@ def read_svg(content: bytes, name: str) -> Drawing:
     """Reads the floor plan shapes and texts of an SVG file.
 
     Args:
-        content: the file's bytes.
-        name: name of the file in error messages.
+        content: The file's bytes.
+        name: Name of the file in error messages.
 
     Raises:
-        ConfigurationError: the file is not an SVG drawing, or a shape in it cannot be read.
+        ConfigurationError: The file is not an SVG drawing, or a shape in it cannot be read.
     """
     try:
         root = ET.fromstring(content)  # noqa: S314 (expat bounds entities since 2.4)

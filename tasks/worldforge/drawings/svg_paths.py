@@ -68,9 +68,9 @@ def outlines(element: ET.Element, tag: str) -> list[Outline]:
     """Parses a shape: one outline, of a path one for each of its parts.
 
     Raises:
-        PathError: the path cannot be read.
-        ValueError: an attribute of the shape is not a number.
-        TooManyCornersError: the shape has more corners than a part of a floor plan.
+        PathError: The path cannot be read.
+        ValueError: An attribute of the shape is not a number.
+        TooManyCornersError: The shape has more corners than a part of a floor plan.
     """
     if tag == "rect":
         x, y, width, height = (number(element.get(key)) for key in ("x", "y", "width", "height"))
@@ -99,8 +99,8 @@ def path_parts(d: str) -> list[Outline]:
     """Parses an SVG path: its parts, each from one `M` to the next.
 
     Raises:
-        PathError: the text is not a path.
-        TooManyCornersError: the path has more corners than a part of a floor plan.
+        PathError: The text is not a path.
+        TooManyCornersError: The path has more corners than a part of a floor plan.
     """
     parts: list[_PathPart] = []
     x = y = 0.0
@@ -234,7 +234,7 @@ def number(text: str | None) -> float:
     """Parses a length in user units; of one in other units, the number.
 
     Raises:
-        ValueError: the text is not a length.
+        ValueError: The text is not a length.
     """
     found = re.match(NUMBER, (text or "0").strip())
     if found is None:
@@ -264,9 +264,9 @@ def viewport_size(element: ET.Element, around: Size, instance: ET.Element | None
     """Returns width and height that an `<svg>` or `<symbol>` fills.
 
     Args:
-        element: the `<svg>` or `<symbol>`.
-        around: width and height of what it is in, of which 100 % is meant where nothing is said.
-        instance: the `<use>` that shows it, whose width and height come first.
+        element: The `<svg>` or `<symbol>`.
+        around: Width and height of what it is in, of which 100 % is meant where nothing is said.
+        instance: The `<use>` that shows it, whose width and height come first.
     """
     size: list[float] = []
     for key, whole in zip(("width", "height"), around, strict=True):
@@ -279,8 +279,8 @@ def viewport(element: ET.Element, size: Size) -> Matrix:
     """Returns the transform from a view box into its viewport, as `preserveAspectRatio` says.
 
     Args:
-        element: an `<svg>` or `<symbol>`.
-        size: width and height of the viewport.
+        element: An `<svg>` or `<symbol>`.
+        size: Width and height of the viewport.
     """
     box = view_box(element)
     if box is None:
@@ -304,7 +304,7 @@ def transform(written: str) -> Matrix:
     """Parses a `transform`.
 
     Raises:
-        ValueError: the transform cannot be read; the message says why.
+        ValueError: The transform cannot be read; the message says why.
     """
     matrix = SAME
     if len(written) > _LONGEST_TRANSFORM:

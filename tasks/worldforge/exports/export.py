@@ -46,15 +46,15 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
     """Writes the archive of exported worlds (ROS packages, Gazebo, USD, ...); equal worlds give equal bytes.
 
     Args:
-        bundles: the folder of each world's bundle, by the world's name in archives, such as
+        bundles: The folder of each world's bundle, by the world's name in archives, such as
             `generation_82856b0yq33y_world_3`.
-        path: the archive; it appears when it is whole.
+        path: The archive; it appears when it is whole.
 
     Raises:
-        FileNotFoundError: a bundle is missing or lacks `world.json` or `world.xml`.
-        ValueError: there is no bundle, a name cannot be a folder's, or a bundle holds no world or something
+        FileNotFoundError: A bundle is missing or lacks `world.json` or `world.xml`.
+        ValueError: There is no bundle, a name cannot be a folder's, or a bundle holds no world or something
             that is neither a regular file nor a folder.
-        OSError: a bundle cannot be read or the archive cannot be written.
+        OSError: A bundle cannot be read or the archive cannot be written.
     """
     if not bundles:
         raise ValueError("bundles is empty; an export has at least one world")

@@ -48,7 +48,7 @@ def unit_mesh(kind: Kind) -> Mesh:
     """Returns the mesh of a shape with half sizes of 1: a cube of edge 2, a ball of radius 1.
 
     Raises:
-        ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
+        ValueError: The shape has no unit, such as a capsule, whose ends change with its proportions.
     """
     if kind == "box":
         box = creation.box((2.0, 2.0, 2.0))
@@ -97,8 +97,8 @@ def terrain_mesh(model: mujoco.MjModel, field: int) -> Mesh:
     The triangles of the surface are those that MuJoCo collides with, their normals are smooth.
 
     Args:
-        model: the compiled model.
-        field: index of the height field.
+        model: The compiled model.
+        field: Index of the height field.
     """
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     start = int(model.hfield_adr[field])
@@ -157,11 +157,11 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
     """Formats a mesh as a Wavefront OBJ file.
 
     Args:
-        mesh: the mesh.
-        places: on a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
+        mesh: The mesh.
+        places: On a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
             right and up; without, it has none.
-        look: name of its material, and of the `.mtl` file beside it that has that.
-        digits: number of digits of each coordinate.
+        look: Name of its material, and of the `.mtl` file beside it that has that.
+        digits: Number of digits of each coordinate.
     """
     head = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
     corners = mesh.triangles + 1

@@ -151,10 +151,10 @@ def with_hung(thing: Thing, position: Vector, rotation: Matrix, above: Placed | 
     """Yields an object and all objects that hang on it, parents before children.
 
     Args:
-        thing: the thing.
-        position: position of the object in the target frame.
-        rotation: rotation of the object in the target frame.
-        above: the thing that it hangs on.
+        thing: The thing.
+        position: Position of the object in the target frame.
+        rotation: Rotation of the object in the target frame.
+        above: The thing that it hangs on.
     """
     placed = Placed(thing, above, position, rotation)
     yield placed
@@ -178,8 +178,8 @@ def read_scene(bundle: Path) -> Scene:
     """Reads a world's files as a scene for export.
 
     Raises:
-        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: a file is not what its name says, or the MJCF has an element that exports cannot hold.
+        FileNotFoundError: The bundle lacks `world.json` or `world.xml`.
+        ValueError: A file is not what its name says, or the MJCF has an element that exports cannot hold.
     """
     world = read_world(bundle)
     path = bundle / MODEL_FILE
@@ -192,12 +192,12 @@ def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) 
     """Makes a scene for export from a world's compiled MuJoCo model.
 
     Args:
-        world: the world that the MJCF was written for.
-        model: the compiled MJCF.
-        folder: folder of its texture files; without it, textures are generated where they are needed.
+        world: The world that the MJCF was written for.
+        model: The compiled MJCF.
+        folder: Folder of its texture files; without it, textures are generated where they are needed.
 
     Raises:
-        ValueError: the MJCF has something that exports cannot hold.
+        ValueError: The MJCF has something that exports cannot hold.
     """
     fixed = {item.id: item for item in world.furniture if not item.movable}
     colors = _material_colors(model)

@@ -38,8 +38,8 @@ def world_glb(bundle: Path) -> bytes:
     """Converts a world's files to a GLB (binary glTF) model.
 
     Raises:
-        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: a file of the world is invalid.
+        FileNotFoundError: The bundle lacks `world.json` or `world.xml`.
+        ValueError: A file of the world is invalid.
     """
     return scene_glb(read_scene(bundle))
 

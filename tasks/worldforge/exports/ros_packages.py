@@ -198,7 +198,7 @@ def package_files(worlds: list[str]) -> dict[str, str]:
     """Returns the text files of the exported ROS packages (launch files, manifests), by path.
 
     Args:
-        worlds: names of the worlds in archives; the first is launched unless another is asked for.
+        worlds: Names of the worlds in archives; the first is launched unless another is asked for.
     """
     shared = _package(
         SHARED_MODELS,

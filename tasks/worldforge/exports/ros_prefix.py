@@ -55,7 +55,7 @@ def first_on_paths(prefix: str) -> dict[str, list[str]]:
     """Returns the environment variables, with folders to put first, by which ROS and Gazebo find packages.
 
     Args:
-        prefix: path of the prefix as the program that uses it sees it.
+        prefix: Path of the prefix as the program that uses it sees it.
     """
     models = [f"{prefix}/share/{package}/{CONTENTS[package][0]}" for package in (SHARED_MODELS, WORLDS)]
     return {
@@ -74,13 +74,13 @@ def write_ros_prefix(name: str, bundle: Path, folder: Path) -> None:
     """Writes the ROS packages of one world to an install prefix.
 
     Args:
-        name: the world's name in archives.
-        bundle: folder of its bundle.
-        folder: the prefix; it may not be there yet.
+        name: The world's name in archives.
+        bundle: Folder of its bundle.
+        folder: The prefix; it may not be there yet.
 
     Raises:
-        ValueError: the bundle holds no world.
-        OSError: the world cannot be read, or the folder cannot be written.
+        ValueError: The bundle holds no world.
+        OSError: The world cannot be read, or the folder cannot be written.
     """
     from .export import TOP, write_export_zip  # brings MuJoCo, which planning a job does without
 

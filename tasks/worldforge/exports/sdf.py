@@ -43,9 +43,9 @@ def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
     """Returns the files of a Gazebo model: `model.config`, `model.sdf` and meshes.
 
     Args:
-        thing: object that is converted; only a building has texture files, which are beside the model.
-        name: the model's name, which is its folder's.
-        scene: the world that the thing is from.
+        thing: Object that is converted; only a building has texture files, which are beside the model.
+        name: The model's name, which is its folder's.
+        scene: The world that the thing is from.
     """
     meshes: dict[str, str] = {}
     pictures: Pictures = {}

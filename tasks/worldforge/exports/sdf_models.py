@@ -150,9 +150,9 @@ def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
     """Converts a world to a Gazebo SDF world; its building becomes a model of the world's name.
 
     Args:
-        scene: the world.
-        name: name of the world in archives.
-        shared: gets the models that are not in it yet.
+        scene: The world.
+        name: Name of the world in archives.
+        shared: Gets the models that are not in it yet.
     """
     root = ET.Element("sdf", version=SDF_VERSION)
     world = ET.SubElement(root, "world", name=name)

@@ -93,8 +93,8 @@ def vectors(rows: NDArray[np.float64], *, times: int = 1) -> str:
     """Formats an array of vectors for USD.
 
     Args:
-        rows: shape (vectors, components).
-        times: number of repetitions of each vector.
+        rows: Shape (vectors, components).
+        times: Number of repetitions of each vector.
     """
     each = f"({', '.join(['%.10g'] * rows.shape[1])})"
     text = "\n".join([each] * len(rows)) % tuple((np.round(rows, _DIGITS) + 0.0).ravel().tolist())

@@ -127,8 +127,8 @@ def brief(preferences: TemplateFloorplan, *, diverse: bool = True) -> Brief:
     """Converts a template's floor plan preferences to numbers.
 
     Args:
-        preferences: the floor plan that is wished for.
-        diverse: whether plans are to differ.
+        preferences: The floor plan that is wished for.
+        diverse: Whether plans are to differ.
     """
     numbers = {room.Name: number for number, room in enumerate(preferences.Rooms)}
     counts: Counter[tuple[int, int]] = Counter()

@@ -61,9 +61,9 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
     """Chooses and places doorways and openings so that every room is connected.
 
     Args:
-        plan: a valid partition.
-        brief: the preferences.
-        dice: the source of chance.
+        plan: A valid partition.
+        brief: The preferences.
+        dice: The source of chance.
     """
     walls = shared_walls(plan)
     ways: list[Way] = []
@@ -176,7 +176,7 @@ def inside_walls(plan: Partition) -> Partition:
     Where a wall is taken away for an opening, the strip below it belongs to no room.
 
     Args:
-        plan: a plan that fills its rectangle.
+        plan: A plan that fills its rectangle.
     """
     rooms = tuple(_inset(plan, corners) for corners in plan.rooms)
     return plan._replace(rooms=rooms, arms=tuple(map(_arm, rooms)))

@@ -44,12 +44,12 @@ def generate_floorplan(body: WorldTemplateBody, seed: int) -> Floorplan:
     room, at least 0.5 m from every wall, and all coordinates are multiples of 5 cm.
 
     Args:
-        body: the template.
-        seed: from 0; seeds that follow each other give plans that differ, as long as there are others. `PlanSeed` says
+        body: The template.
+        seed: From 0; seeds that follow each other give plans that differ, as long as there are others. `PlanSeed` says
             what it means.
 
     Raises:
-        WorldGenerationError: no valid plan within the bounded number of attempts.
+        WorldGenerationError: No valid plan within the bounded number of attempts.
     """
     preferences = body.floorplan
     # The search takes thousands of small draws, for which the standard library's generator is ten times faster.
@@ -77,10 +77,10 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
     """Chooses the world's origin, where robots start: a free position in the largest living room or hallway.
 
     Args:
-        rooms: the rooms' corners.
-        types: their types.
-        ways: the ways between them.
-        spots: candidate positions in each room.
+        rooms: The rooms' corners.
+        types: Their types.
+        ways: The ways between them.
+        spots: Candidate positions in each room.
     """
 
     def rank(room: int) -> tuple[int, bool, float]:

@@ -76,11 +76,11 @@ def partition(
     """Divides a footprint into rooms by a slicing tree, each in proportion to its wished area.
 
     Args:
-        expression: the slicing tree; every room occurs once.
-        areas: the rooms' desired areas, in any unit.
-        ratios: the rooms' desired length over width; only pockets, which can choose, look at it.
-        width: footprint along x, in units.
-        height: footprint along y, in units.
+        expression: The slicing tree; every room occurs once.
+        areas: The rooms' desired areas, in any unit.
+        ratios: The rooms' desired length over width; only pockets, which can choose, look at it.
+        width: Footprint along x, in units.
+        height: Footprint along y, in units.
     """
     sizes, firsts = _sizes(expression, areas)
     boxes: list[Box | None] = [None] * len(expression)

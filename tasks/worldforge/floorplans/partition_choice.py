@@ -102,12 +102,12 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
     """Finds a valid floor plan near the template's preferences.
 
     Args:
-        brief: the preferences.
-        seed: number of the plan in a random order; the brief says whether it is the best plan instead.
-        dice: the source of chance for sizes and mirrored sides, and of searches for L-shaped rooms if plans differ.
+        brief: The preferences.
+        seed: Number of the plan in a random order; the brief says whether it is the best plan instead.
+        dice: The source of chance for sizes and mirrored sides, and of searches for L-shaped rooms if plans differ.
 
     Raises:
-        WorldGenerationError: there is no valid partition of rectangles, and none with L-shaped rooms was found.
+        WorldGenerationError: There is no valid partition of rectangles, and none with L-shaped rooms was found.
     """
     if len(brief.areas_m2) == 1:
         return _only_room(brief, dice)
@@ -136,7 +136,7 @@ def plans_of(brief: Brief) -> Pool:
     No plan misses a preferred area or connection that the best plan satisfies; one more aspect ratio may be missed.
 
     Args:
-        brief: the preferences of two rooms or more, for which there is a valid plan.
+        brief: The preferences of two rooms or more, for which there is a valid plan.
     """
     lists = shortlists(brief)
     places = [(number, column) for number, plans in enumerate(lists) for column in range(len(plans.cost))]

@@ -186,9 +186,9 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     """Searches by hill climbing for a floor plan that may have L-shaped rooms.
 
     Args:
-        brief: the preferences.
-        dice: the source of chance.
-        below: the cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
+        brief: The preferences.
+        dice: The source of chance.
+        below: The cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
             it, any valid partition will do.
 
     Raises:
@@ -218,9 +218,9 @@ def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> di
     """Improves one random slicing tree by small changes; steps back are taken less and less.
 
     Args:
-        evaluator: computes the cost of a plan.
-        dice: the source of chance.
-        any_footprint: begin with any outline, where the desired one has led nowhere.
+        evaluator: Computes the cost of a plan.
+        dice: The source of chance.
+        any_footprint: Begin with any outline, where the desired one has led nowhere.
 
     Returns:
         The drafts on the way, with the costs of their partitions.

@@ -76,7 +76,7 @@ def all_trees(rooms: int) -> Trees:
     """Enumerates the slicing trees of two to six rooms.
 
     Args:
-        rooms: number of rooms.
+        rooms: Number of rooms.
     """
     every = np.array([*permutations(range(rooms))], dtype=np.intp)
     stride = _SIX_ROOMS_STRIDE if rooms >= _SIX_ROOMS else 1
@@ -204,10 +204,10 @@ def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> 
     """Cuts each tree's rectangle so that every room gets its area.
 
     Args:
-        trees: the cuts.
-        areas: square units: (room, plan).
-        ratios: extent along x over extent along y of each plan.
-        exact: round the cuts to whole units.
+        trees: The cuts.
+        areas: Square units: (room, plan).
+        ratios: Extent along x over extent along y of each plan.
+        exact: Round the cuts to whole units.
     """
     rooms, plans = areas.shape
     columns = np.arange(plans)
@@ -299,8 +299,8 @@ class BatchEvaluator:
         """Returns the cost of the rooms' areas and aspect ratios, for each plan.
 
         Args:
-            cuts: rectangles of the rooms.
-            roughly: take sides that are set back from the rectangle for inner walls, which is quicker.
+            cuts: Rectangles of the rooms.
+            roughly: Take sides that are set back from the rectangle for inner walls, which is quicker.
         """
         off, narrow, areas = self._off(cuts, roughly=roughly)
         off_footprint = self._off_footprint(cuts)

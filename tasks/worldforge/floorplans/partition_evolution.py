@@ -39,7 +39,7 @@ def trees_of(brief: Brief) -> Trees:
     """Returns the slicing trees to try for a brief: all of them, or the best ones found.
 
     Args:
-        brief: the preferences of two rooms or more.
+        brief: The preferences of two rooms or more.
     """
     return all_trees(len(brief.types)) if len(brief.types) <= MOST_TRIED else _bred_trees(brief)
 

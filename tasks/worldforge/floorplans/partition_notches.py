@@ -74,7 +74,7 @@ def notched_trees(rooms: int) -> Trees:
     """Enumerates slicing trees whose last leaf is a notch; for many rooms, a random part that can be evaluated quickly.
 
     Args:
-        rooms: number of rooms, two to six.
+        rooms: Number of rooms, two to six.
     """
     return _with_notches(all_trees(rooms))
 
@@ -88,8 +88,8 @@ def with_notch(trees: Trees, notch: int | None = None) -> tuple[Trees, NDArray[n
     """Adds a notch to each tree in all ways: at a corner of the rectangle, or in the middle of a side.
 
     Args:
-        trees: the trees.
-        notch: a leaf that is a notch already, and gets none.
+        trees: The trees.
+        notch: A leaf that is a notch already, and gets none.
 
     Returns:
         The trees, with the new notch as the last leaf, and the numbers of those that they were made of.

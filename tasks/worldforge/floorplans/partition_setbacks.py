@@ -120,8 +120,8 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
     """Places rooms of given sizes side by side, as the slicing trees say.
 
     Args:
-        trees: the cuts.
-        sides: extents of the rooms: (axis, room, plan), in units.
+        trees: The cuts.
+        sides: Extents of the rooms: (axis, room, plan), in units.
 
     Returns:
         Rectangles of the rooms, and a mask of the plans with a yard without an open side.

@@ -182,9 +182,9 @@ def most_different(cuts: Cuts, cost: Floats, most: int) -> NDArray[np.intp]:
     """Selects plans to refine: the cheapest of each form first, then others; cheapest first among both.
 
     Args:
-        cuts: rectangles of the rooms.
-        cost: cost of each plan.
-        most: largest number of selected plans.
+        cuts: Rectangles of the rooms.
+        cost: Cost of each plan.
+        most: Largest number of selected plans.
     """
     order = np.argsort(cost, kind="stable")
     _, first = np.unique(forms_of(cuts)[order], return_index=True)

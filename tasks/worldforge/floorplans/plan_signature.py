@@ -70,9 +70,9 @@ def plan_signature(rooms: Sequence[Corners], doors: Iterable[tuple[int, int]], c
     """Computes the signature of a plan.
 
     Args:
-        rooms: corners of the rooms, counter-clockwise.
-        doors: pairs of rooms that a doorway or an opening joins, by number.
-        corners: number of corners of the outline.
+        rooms: Corners of the rooms, counter-clockwise.
+        doors: Pairs of rooms that a doorway or an opening joins, by number.
+        corners: Number of corners of the outline.
     """
     found: set[tuple[int, int, Side]] = set()
     for contact in contacts(rooms):

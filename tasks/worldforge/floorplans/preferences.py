@@ -42,8 +42,8 @@ def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
     """Returns the smallest set of requested connections that no plan of rectangular rooms can have together.
 
     Args:
-        requests: pairs of rooms, lower number first.
-        pair: the one that a plan misses.
+        requests: Pairs of rooms, lower number first.
+        pair: The one that a plan misses.
     """
     rooms = sorted({room for request in requests for room in request})
     for walls in _FORBIDDEN:
@@ -62,10 +62,10 @@ def _placed(
     Rooms of low numbers come first.
 
     Args:
-        walls: pairs of letters.
-        rooms: numbers of rooms.
-        requests: pairs of rooms, lower number first.
-        before: rooms that are assigned to the first letters already.
+        walls: Pairs of letters.
+        rooms: Numbers of rooms.
+        requests: Pairs of rooms, lower number first.
+        before: Rooms that are assigned to the first letters already.
     """
     letters = sorted({*"".join(walls)})
     if len(before) == len(letters):
@@ -90,9 +90,9 @@ def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
     """Explains which other preferences would have to be given up to satisfy a missed one.
 
     Args:
-        brief: the preferences, of two rooms or more.
-        plan: the plan that misses one.
-        missed: the number of that preference, in the order of the search.
+        brief: The preferences, of two rooms or more.
+        plan: The plan that misses one.
+        missed: The number of that preference, in the order of the search.
     """
     lists = shortlists(brief)
     if not lists:

@@ -68,12 +68,12 @@ class Walls:
     """Computes the walls of a floor plan from its rooms.
 
     Args:
-        rooms: corners of the rooms.
+        rooms: Corners of the rooms.
 
     Attributes:
-        contacts: shared walls of two rooms.
-        sides: walls to the outside.
-        around: walls to the outside from corner to corner, each with its room to the left.
+        contacts: Shared walls of two rooms.
+        sides: Walls to the outside.
+        around: Walls to the outside from corner to corner, each with its room to the left.
     """
 
     def __init__(self, rooms: Sequence[Corners]) -> None:
@@ -217,9 +217,9 @@ def windows_along(sides: Iterable[Side], types: Sequence[RoomType], dice: Random
     """Places windows in given outer walls.
 
     Args:
-        sides: outer walls.
-        types: types of the rooms.
-        dice: the source of chance.
+        sides: Outer walls.
+        types: Types of the rooms.
+        dice: The source of chance.
     """
     panes: list[Pane] = []
     lit: set[int] = set()

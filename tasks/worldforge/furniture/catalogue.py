@@ -350,7 +350,7 @@ def styles_of(model_type: str) -> tuple[Style, ...]:
     """Returns all styles (form, size, colours) of a furniture type.
 
     Raises:
-        KeyError: for a kind that is not in the catalogue.
+        KeyError: For a kind that is not in the catalogue.
     """
     return CATALOGUE[model_type].styles
 
@@ -367,7 +367,7 @@ def parts_of(item: Furniture) -> tuple[Part, ...]:
     """Returns the parts of a piece of furniture, in its own frame.
 
     Raises:
-        ValueError: when kind or style are not in the catalogue, which means that the piece was written
+        ValueError: When kind or style are not in the catalogue, which means that the piece was written
             by another version of the generator.
     """
     if item.style == IMPORTED:

@@ -65,8 +65,8 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     """Returns the height of the surface that could carry an object at a position of the piece.
 
     Args:
-        parts: parts of the piece, in its own frame.
-        spot: area of the object in that frame: back, right, front, left.
+        parts: Parts of the piece, in its own frame.
+        spot: Area of the object in that frame: back, right, front, left.
 
     Returns:
         None where nothing solid carries the whole spot, or where something else stands on it.

@@ -123,10 +123,10 @@ def usual_types(
     """Returns the usual furniture types for a room.
 
     Args:
-        room_type: type of the room.
-        density: preferred density of furniture.
-        floor_m2: floor area in square metres.
-        dines: whether people dine in it for want of a dining room.
+        room_type: Type of the room.
+        density: Preferred density of furniture.
+        floor_m2: Floor area in square metres.
+        dines: Whether people dine in it for want of a dining room.
     """
     essential = _ESSENTIAL[room_type]
     if density == "Sparse":

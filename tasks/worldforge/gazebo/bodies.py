@@ -42,7 +42,7 @@ def tie_bodies(world: SdfWorld) -> tuple[list[Body], list[Link]]:
     """Groups the links of a Gazebo world into bodies that can move, and links that never do.
 
     Args:
-        world: the world; joints that cannot be made are noted in its list.
+        world: The world; joints that cannot be made are noted in its list.
 
     Returns:
         The bodies, each after the one that it hangs on, and the links of what never moves.
@@ -126,9 +126,9 @@ def make_solids(bodies: list[Body], fixed: list[Link], maker: SolidMaker) -> lis
     """Makes the collision shapes of all bodies of a Gazebo world.
 
     Args:
-        bodies: all that can move.
-        fixed: links that never do.
-        maker: makes solids.
+        bodies: All that can move.
+        fixed: Links that never do.
+        maker: Makes solids.
 
     Returns:
         The solids of what never moves, each with its link.
@@ -204,8 +204,8 @@ def moved(world: SdfWorld, shift: Pose) -> None:
     """Moves a whole Gazebo world by a pose.
 
     Args:
-        world: the world, which is changed.
-        shift: pose of its old origin in the new frame.
+        world: The world, which is changed.
+        shift: Pose of its old origin in the new frame.
     """
     for link in world.links:
         link.pose = shift @ link.pose

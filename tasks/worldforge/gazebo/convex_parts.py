@@ -91,8 +91,8 @@ def convex_parts(triangles: Triangles, *, is_loose: bool = False) -> Split:
     """Splits a mesh into convex parts, which MuJoCo can collide.
 
     Args:
-        triangles: the mesh.
-        is_loose: whether its body moves, so that nothing may grow: small faces become prisms, too, in place of boxes.
+        triangles: The mesh.
+        is_loose: Whether its body moves, so that nothing may grow: small faces become prisms, too, in place of boxes.
 
     Returns:
         Convex parts of the mesh; none if it is too small for a collision.
@@ -449,8 +449,8 @@ def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
     """Approximates the surface of a mesh by boxes on a grid.
 
     Args:
-        triangles: the mesh.
-        pitch_m: side of a cell.
+        triangles: The mesh.
+        pitch_m: Side of a cell.
     """
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     extent = np.ptp(triangles.reshape(-1, 3), axis=0)

@@ -35,7 +35,7 @@ def come_to_rest(build: Build) -> Rest:
     """Simulates an imported world until it settles, and fixes objects that overlap or do not come to rest.
 
     Args:
-        build: compiles the world.
+        build: Compiles the world.
     """
     rest = Rest()
     for overlapping, depth_m in _overlapping(build(rest.held, rest.poses)).items():
@@ -69,7 +69,7 @@ def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
     """Returns the fixed objects that a jointed body overlaps, such as a door's frame.
 
     Args:
-        model: the compiled world.
+        model: The compiled world.
     """
     if model.njnt == 0:
         return set()

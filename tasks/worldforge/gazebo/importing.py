@@ -69,12 +69,12 @@ def import_gazebo_world(path: Path, wishes: Wishes, folder: Path) -> World:
     """Imports a Gazebo world (SDF), and writes its files for MuJoCo.
 
     Args:
-        path: the world file.
-        wishes: options.
-        folder: a new folder for the bundle.
+        path: The world file.
+        wishes: Options.
+        folder: A new folder for the bundle.
 
     Raises:
-        SdfError: the file, or one that it includes, cannot be read; a model is missing; there is no floor under the
+        SdfError: The file, or one that it includes, cannot be read; a model is missing; there is no floor under the
             start, or the start is not free.
     """
     lookup = Lookup(path, wishes.model_paths, os.environ)

@@ -54,7 +54,7 @@ class Names:
         """Returns a unique name of letters, digits, `_` and `-`.
 
         Args:
-            name: the name in the world file.
+            name: The name in the world file.
         """
         plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:80] or "model"
         # Names that our own worlds and robots have.
@@ -87,10 +87,10 @@ def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps
     """Writes an imported Gazebo world as MJCF text.
 
     Args:
-        scene: the world.
-        bounds: lowest and highest corner of all that is in it.
-        visuals: materials and meshes of what is drawn; absent: only what collides is written.
-        heightmaps: terrain.
+        scene: The world.
+        bounds: Lowest and highest corner of all that is in it.
+        visuals: Materials and meshes of what is drawn; absent: only what collides is written.
+        heightmaps: Terrain.
     """
     geoms, assets = _Geoms(heightmaps), []
     lines: list[str] = []

@@ -92,9 +92,9 @@ def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
     """Makes the world record (rooms, furniture, checks) of an imported Gazebo world.
 
     Args:
-        drawn: the world.
-        source: origin of the world (file, hash).
-        generator: version of the generator.
+        drawn: The world.
+        source: Origin of the world (file, hash).
+        generator: Version of the generator.
     """
     rows, columns = np.nonzero(drawn.grid.known)
     x, y = drawn.grid.origin
@@ -133,9 +133,9 @@ def bundle_texts(world: World, mjcf: str, grid: OccupancyGrid) -> dict[str, byte
     """Returns the files of an imported world's bundle besides meshes and pictures, by their names.
 
     Args:
-        world: the world.
+        world: The world.
         mjcf: MJCF model of the world.
-        grid: occupancy grid of the world.
+        grid: Occupancy grid of the world.
     """
     said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
     return {

@@ -23,7 +23,7 @@ def prism_parts(geometry: Geometry) -> list[HullPart]:
     """Returns the convex pieces of closed polygons, extruded up from z = 0, or of a cone, centred on z = 0.
 
     Args:
-        geometry: a shape of kind `prism` or `cone`.
+        geometry: A shape of kind `prism` or `cone`.
     """
     if geometry.kind == "cone":
         foot, top = _cone(geometry)
@@ -58,7 +58,7 @@ def ears(outline: Outline) -> list[tuple[int, int, int]]:
     """Triangulates a polygon (ear clipping); returns corner numbers.
 
     Args:
-        outline: corners of the polygon, in either direction; a hole is joined to it by an edge that is used twice.
+        outline: Corners of the polygon, in either direction; a hole is joined to it by an edge that is used twice.
     """
     points = np.array(outline)
     left = list(range(len(points)))
@@ -95,7 +95,7 @@ def prism_triangles(geometry: Geometry) -> Triangles:
     """Returns the surface triangles of closed polygons, extruded up from z = 0, or of a cone, centred on z = 0.
 
     Args:
-        geometry: a shape of kind `prism` or `cone`.
+        geometry: A shape of kind `prism` or `cone`.
     """
     if geometry.kind == "cone":
         foot, top = _cone(geometry)

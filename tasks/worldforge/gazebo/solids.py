@@ -63,9 +63,9 @@ class SolidMaker:
     """Makes collision shapes of Gazebo links, coarser ones if there would be too many.
 
     Args:
-        world: the world; what had to be made coarser is noted in its list.
-        meshes: reads the world's meshes.
-        loose: paths of the links that can move.
+        world: The world; what had to be made coarser is noted in its list.
+        meshes: Reads the world's meshes.
+        loose: Paths of the links that can move.
     """
 
     def __init__(self, world: SdfWorld, meshes: Meshes, loose: Iterable[str]) -> None:
@@ -185,10 +185,10 @@ def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: boo
     """Converts a primitive Gazebo shape to a MuJoCo collision shape.
 
     Args:
-        geometry: the shape.
-        pose: pose of the shape in the world.
-        friction: sliding friction of the shape.
-        is_static: whether it never moves: only then a plane can be one, otherwise it is a thin box.
+        geometry: The shape.
+        pose: Pose of the shape in the world.
+        friction: Sliding friction of the shape.
+        is_static: Whether it never moves: only then a plane can be one, otherwise it is a thin box.
     """
     size = geometry.size
     match geometry.kind:

@@ -40,7 +40,7 @@ def terrain_of(triangles: Triangles) -> Terrain | None:
     fields from south-west to north-east: cells that are cut otherwise have to be nearly flat.
 
     Args:
-        triangles: the mesh.
+        triangles: The mesh.
     """
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     up = normals[:, 2] > 1e-6 * np.linalg.norm(normals, axis=1)

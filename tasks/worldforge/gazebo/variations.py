@@ -35,13 +35,13 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
     """Makes a variation of an imported world, measures it anew, and writes its bundle.
 
     Args:
-        bundle: bundle of the original world, which is not changed.
-        wanted: requested changes; doors cannot differ.
+        bundle: Bundle of the original world, which is not changed.
+        wanted: Requested changes; doors cannot differ.
         arn: ARN of the original world.
-        folder: a new folder for the bundle.
+        folder: A new folder for the bundle.
 
     Raises:
-        ConfigurationError: the world has no such object, the object cannot be moved, or the variation equals the world.
+        ConfigurationError: The world has no such object, the object cannot be moved, or the variation equals the world.
     """
     world = read_world(bundle)
     if wanted.doors:

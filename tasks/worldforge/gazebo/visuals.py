@@ -47,8 +47,8 @@ class Visuals:
     """Collects meshes, textures and materials of an imported Gazebo world, each once.
 
     Args:
-        meshes: meshes of the world.
-        left_out: the list of what was left out.
+        meshes: Meshes of the world.
+        left_out: The list of what was left out.
     """
 
     def __init__(self, meshes: Meshes, left_out: Omissions) -> None:
@@ -245,7 +245,7 @@ class Heightmaps:
         As in Gazebo, the brightest spot is as high as the terrain's size says.
 
         Raises:
-            SdfError: the picture cannot be read.
+            SdfError: The picture cannot be read.
         """
         return self._of(geometry)[1]
 

@@ -50,7 +50,7 @@ def answer(request: dict[str, Any]) -> dict[str, str]:
     """Imports one Gazebo world on request.
 
     Args:
-        request: the request, a JSON object.
+        request: The request, a JSON object.
 
     Returns:
         An empty answer, or one with the reason why there is no world.

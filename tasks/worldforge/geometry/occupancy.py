@@ -75,11 +75,11 @@ def occupancy_grid(
     robot, or stays flat on the floor, leaves no trace.
 
     Args:
-        floorplan: the walls and the outline.
-        furniture: obstacles as oriented rectangles.
-        polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
+        floorplan: The walls and the outline.
+        furniture: Obstacles as oriented rectangles.
+        polygons: Further obstacles as convex polygons, counter-clockwise, at the robot's height; for
             furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
-        high_m: height of the robot, in metres.
+        high_m: Height of the robot, in metres.
     """
     half = max(wall.thickness_m for wall in floorplan.walls) / 2
     xs, ys = zip(*floorplan.footprint, strict=True)
@@ -134,10 +134,10 @@ def fill(
     """Marks every grid cell that a convex polygon touches.
 
     Args:
-        grid: occupancy grid with the cells' positions.
-        cells: the cells, shape (rows, columns), which are changed.
-        corners: the polygon, counter-clockwise.
-        touching_m: depth by which it must enter a cell; negative values also mark cells that are as near.
+        grid: Occupancy grid with the cells' positions.
+        cells: The cells, shape (rows, columns), which are changed.
+        corners: The polygon, counter-clockwise.
+        touching_m: Depth by which it must enter a cell; negative values also mark cells that are as near.
     """
     size = grid.resolution_m
     xs, ys = zip(*corners, strict=True)
@@ -205,9 +205,9 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
     """Returns a mask of the cells that a disc-shaped robot can reach from `start`.
 
     Args:
-        grid: the map; unknown cells count as occupied.
-        start: start position of the disc's centre, in metres.
-        radius_m: the disc's radius.
+        grid: The map; unknown cells count as occupied.
+        start: Start position of the disc's centre, in metres.
+        radius_m: The disc's radius.
 
     Returns:
         Shape (rows, columns); nothing at all when the disc does not fit at `start`.
@@ -254,8 +254,8 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
     """Converts an occupancy grid to `map.pgm` and `map.yaml`, as Nav2's map server reads them.
 
     Args:
-        grid: the map.
-        said: comment in `map.yaml`.
+        grid: The map.
+        said: Comment in `map.yaml`.
     """
     height, width = grid.occupied.shape
     pixels = np.full((height, width), UNKNOWN_PIXEL, np.uint8)

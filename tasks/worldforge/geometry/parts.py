@@ -138,12 +138,12 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
     What is flat and round touches a level in one point in MuJoCo before 3.8, and creeps or jumps; a box has four.
 
     Args:
-        name: name of the first; the others are numbered.
-        at: the cylinder's middle.
-        diameter: diameter of the cylinder.
-        z: lower and upper height.
-        color: colour for programs that draw collision shapes.
-        angles: angles of the boxes' corners on the circle, in degrees from the x axis; one box for each.
+        name: Name of the first; the others are numbered.
+        at: The cylinder's middle.
+        diameter: Diameter of the cylinder.
+        z: Lower and upper height.
+        color: Colour for programs that draw collision shapes.
+        angles: Angles of the boxes' corners on the circle, in degrees from the x axis; one box for each.
     """
     parts: list[Part] = []
     for index, angle in enumerate(angles, 1):

@@ -38,11 +38,11 @@ def solid_outlines(
     Planes and height fields have none.
 
     Args:
-        model: a world.
+        model: A world.
         data: MuJoCo state of the world, after `mj_kinematics`.
-        low_m: the lower height.
-        high_m: the upper height.
-        among: mask of the geoms that are looked at; all that collide unless told otherwise.
+        low_m: The lower height.
+        high_m: The upper height.
+        among: Mask of the geoms that are looked at; all that collide unless told otherwise.
     """
     solid = model.geom_contype | model.geom_conaffinity != 0 if among is None else among
     endless = np.isin(model.geom_type, _ENDLESS)
@@ -68,7 +68,7 @@ def extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Points, Points]
     """Returns the lowest and the highest corner of the box around each geom, in metres.
 
     Args:
-        model: a world.
+        model: A world.
         data: MuJoCo state of the world, after `mj_kinematics`.
     """
     axes, boxes = data.geom_xmat.reshape(-1, 3, 3), model.geom_aabb

@@ -44,12 +44,12 @@ def against_walls(
     """Returns candidate poses of a piece of furniture with its back to a wall.
 
     Args:
-        space: the room.
-        style: the piece.
-        front_m: free space in front of it, in metres.
+        space: The room.
+        style: The piece.
+        front_m: Free space in front of it, in metres.
         prefer: `middle`, `corner` or `any`.
-        dice: the source of chance.
-        tall: whether the piece must not stand before a window.
+        dice: The source of chance.
+        tall: Whether the piece must not stand before a window.
     """
     poses: list[Pose] = []
     inward = WALL_GAP_M + style.depth_m / 2

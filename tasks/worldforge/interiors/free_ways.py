@@ -31,10 +31,10 @@ class Ways:
         """Makes the grid of an empty room.
 
         Args:
-            bounds: the room's extent.
-            half_width_m: half the width of the paths.
-            solids: walls, which keep the middle of a robot at that distance.
-            outside: parts of the extent that are outside the room.
+            bounds: The room's extent.
+            half_width_m: Half the width of the paths.
+            solids: Walls, which keep the middle of a robot at that distance.
+            outside: Parts of the extent that are outside the room.
         """
         self._x0, self._y0, x1, y1 = bounds
         self._half_m = half_width_m

@@ -38,9 +38,9 @@ def furnish(
     Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
 
     Args:
-        body: the template.
-        floorplan: the plan, which is left as it is.
-        rng: the source of chance.
+        body: The template.
+        floorplan: The plan, which is left as it is.
+        rng: The source of chance.
 
     Returns:
         Furniture and loose objects; the outcome of each preference; the rooms with materials and goals.
@@ -97,10 +97,10 @@ def _furnished(
     """Furnishes a room, a second time if essential furniture is missing; reports the pieces that are still missing.
 
     Args:
-        begin: makes the empty room.
-        kinds: kinds of furniture to place.
-        names: pieces of each kind in the world so far.
-        is_open: whether the template names no furniture for the room.
+        begin: Makes the empty room.
+        kinds: Kinds of furniture to place.
+        names: Pieces of each kind in the world so far.
+        is_open: Whether the template names no furniture for the room.
     """
     before = names.copy()
     work = begin()
@@ -139,9 +139,9 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) 
     """Furnishes a room: first groups of pieces that belong together, then single ones.
 
     Args:
-        work: the room.
-        kinds: kinds of furniture to place.
-        is_open: whether the template names no furniture for the room.
+        work: The room.
+        kinds: Kinds of furniture to place.
+        is_open: Whether the template names no furniture for the room.
     """
     if work.room.type == "Kitchen":
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])

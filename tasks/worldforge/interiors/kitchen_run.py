@@ -67,8 +67,8 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     """Places a kitchen's cabinets and appliances along walls.
 
     Args:
-        work: the kitchen; nothing stands in it yet.
-        kinds: kinds of furniture that belong to the row.
+        work: The kitchen; nothing stands in it yet.
+        kinds: Kinds of furniture that belong to the row.
     """
     if not kinds:
         return

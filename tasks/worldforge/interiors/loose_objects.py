@@ -88,9 +88,9 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
     """Adds loose objects (cups, books, toys, ...) to a furnished room.
 
     Args:
-        furnished: the room with its furniture; the objects' places are taken in its space.
-        room_for: largest number of objects in the room.
-        fill: whether it gets as many, where there is place for them.
+        furnished: The room with its furniture; the objects' places are taken in its space.
+        room_for: Largest number of objects in the room.
+        fill: Whether it gets as many, where there is place for them.
 
     Returns:
         The objects, all at rest: nothing leans, nothing overhangs.
@@ -196,9 +196,9 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
     Nothing is placed if no random spot is suitable.
 
     Args:
-        furnished: the room.
-        kinds: kinds of objects, one of which is chosen.
-        corners: spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
+        furnished: The room.
+        kinds: Kinds of objects, one of which is chosen.
+        corners: Spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)

@@ -80,19 +80,19 @@ class RoomSpace:
     """Free space of a room while it is being furnished.
 
     Attributes:
-        room: the room.
-        bounds: bounding box of the room.
-        sides: sides of the room that have walls.
-        kept_m2: floor before doors and openings, on which nothing stands.
+        room: The room.
+        bounds: Bounding box of the room.
+        sides: Sides of the room that have walls.
+        kept_m2: Floor before doors and openings, on which nothing stands.
     """
 
     def __init__(self, room: Room, floorplan: Floorplan, *, is_small: bool = False) -> None:
         """Makes the space of an empty room.
 
         Args:
-            room: the room.
-            floorplan: floor plan of the room.
-            is_small: whether paths are only as wide as a robot needs, in place of the usual width.
+            room: The room.
+            floorplan: Floor plan of the room.
+            is_small: Whether paths are only as wide as a robot needs, in place of the usual width.
         """
         self.room = room
         self.bounds = bounds(room.polygon)
@@ -121,10 +121,10 @@ class RoomSpace:
         """Whether a piece of furniture may cover a rectangle, apart from its own clearances and the robots' paths.
 
         Args:
-            box: the rectangle.
-            tall: whether the piece would hide a window.
-            partners: ids of the pieces it belongs to, whose keep-clear zones it may enter.
-            tucked: footprint of the piece it may be pushed under.
+            box: The rectangle.
+            tall: Whether the piece would hide a window.
+            partners: Ids of the pieces it belongs to, whose keep-clear zones it may enter.
+            tucked: Footprint of the piece it may be pushed under.
         """
         x0, y0, x1, y1 = self.bounds
         if box[0] < x0 or box[1] < y0 or box[2] > x1 or box[3] > y1:

@@ -83,14 +83,14 @@ class RoomFurnishing:
     """Furnishes one room: chooses pieces, styles and poses.
 
     Attributes:
-        room: the room.
-        space: free space in the room.
-        density: preferred density of furniture.
-        dice: the source of chance.
-        new_id: names pieces.
-        items: pieces placed so far.
-        missed: kinds that found no place, with the reason.
-        is_small: whether it may have compact pieces, since its template wishes it below 10 m2.
+        room: The room.
+        space: Free space in the room.
+        density: Preferred density of furniture.
+        dice: The source of chance.
+        new_id: Names pieces.
+        items: Pieces placed so far.
+        missed: Kinds that found no place, with the reason.
+        is_small: Whether it may have compact pieces, since its template wishes it below 10 m2.
     """
 
     room: Room
@@ -323,10 +323,10 @@ class RoomFurnishing:
         """Places a piece of furniture at a pose that has been checked, rounded to millimetres.
 
         Args:
-            kind: kind of the piece.
-            style: style of the piece.
-            pose: pose that was checked before.
-            zone: whether its clearances are kept; a counter in the corner of a kitchen has none.
+            kind: Kind of the piece.
+            style: Style of the piece.
+            pose: Pose that was checked before.
+            zone: Whether its clearances are kept; a counter in the corner of a kitchen has none.
         """
         item = Furniture(
             id=self.new_id(kind),

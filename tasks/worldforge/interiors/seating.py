@@ -22,8 +22,8 @@ def arrange_seating(work: RoomFurnishing, *, table: bool) -> None:
     They are chosen together, because the wall that suits the screen best often has nothing opposite it.
 
     Args:
-        work: the room.
-        table: whether a coffee table belongs to them; they come without it only where no place has room for all.
+        work: The room.
+        table: Whether a coffee table belongs to them; they come without it only where no place has room for all.
     """
     screens, sofas = work.styles("MediaStorage"), work.styles("Sofas")
     tables: list[Style | None] = [work.styles("CoffeeTables")[0], None] if table else [None]
@@ -93,7 +93,7 @@ def arrange_balcony(work: RoomFurnishing) -> None:
     """Places two chairs that face each other across a small table, along a wall or railing; nothing if they do not fit.
 
     Args:
-        work: the balcony.
+        work: The balcony.
     """
     chair, table = work.style_of("DiningChairs", "ladder"), work.styles("EndAndSideTables")[0]
     aside = table.width_m / 2 + _FROM_SMALL_TABLE_M + chair.depth_m / 2

@@ -26,10 +26,10 @@ def furnish_small(
     """Furnishes a small room several times, and keeps the attempt that lacks least of its essential furniture.
 
     Args:
-        begin: makes the empty room.
-        fill: furnishes it.
-        kinds: kinds of furniture to place.
-        names: pieces of each kind in the world so far; afterwards those with the kept attempt.
+        begin: Makes the empty room.
+        fill: Furnishes it.
+        kinds: Kinds of furniture to place.
+        names: Pieces of each kind in the world so far; afterwards those with the kept attempt.
     """
     before = names.copy()
     first: list[str] = []
@@ -67,8 +67,8 @@ def put_back(names: Counter[str], before: Counter[str]) -> None:
     """Restores the counts of pieces after an attempt that is not kept.
 
     Args:
-        names: pieces of each kind in the world.
-        before: pieces of each kind before the attempt.
+        names: Pieces of each kind in the world.
+        before: Pieces of each kind before the attempt.
     """
     names.clear()
     names.update(before)

@@ -185,7 +185,7 @@ def finish_named(surface: Surface, material: str, name: str) -> Finish:
     """Returns a finish by surface, material and name; an empty name means the first one.
 
     Raises:
-        ValueError: no finish has this name; the world was written by another generator version or changed by hand.
+        ValueError: No finish has this name; the world was written by another generator version or changed by hand.
     """
     known = (FLOORS if surface == "floor" else WALLS)[material].finishes
     for finish in known:
@@ -207,7 +207,7 @@ def surface_finish(name: str) -> Finish:
     """Returns the finish that a material name of the MJCF means.
 
     Raises:
-        ValueError: no finish has this material name.
+        ValueError: No finish has this material name.
     """
     if name == "wall_outside":
         return OUTSIDE
@@ -226,9 +226,9 @@ def choose_surfaces(
     """Chooses floor and wall materials with finishes for every room.
 
     Args:
-        body: the template.
-        rooms: the plan's rooms.
-        rng: the source of chance.
+        body: The template.
+        rooms: The plan's rooms.
+        rng: The source of chance.
 
     Returns:
         The rooms with their materials, and the outcome of each listed material.

@@ -31,7 +31,7 @@ def texture_png(name: str) -> bytes:
     """Returns a texture as PNG, the same bytes on every machine.
 
     Args:
-        name: one of `textured()`.
+        name: One of `textured()`.
     """
     return (FOLDER / f"{name}.png").read_bytes()
 

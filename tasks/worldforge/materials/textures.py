@@ -46,7 +46,7 @@ def texture_size_m(name: str) -> tuple[float, float] | None:
     """Returns width and height of a texture tile in metres; `None` for a plain colour.
 
     Args:
-        name: a surface, as in `floor_Tiles_white`.
+        name: A surface, as in `floor_Tiles_white`.
     """
     pattern = surface_finish(name).pattern
     if pattern == "plain":
@@ -71,7 +71,7 @@ def painted_png(name: str) -> bytes:
     """Paints a surface's texture, or the sky, as PNG; `texture_files.texture_png` has what it makes.
 
     Args:
-        name: a surface whose finish is not plain, or `SKY`.
+        name: A surface whose finish is not plain, or `SKY`.
     """
     # Of few colours, a third of the size; the eye does not see it.
     pixels, colors = (_sky_pixels(), _SKY_COLORS) if name == SKY else (texture(name), _PALETTE_COLORS)
@@ -92,9 +92,9 @@ def sample(name: str, right_m: NDArray[np.floating[Any]], up_m: NDArray[np.float
     """Samples a surface's texture colours at given positions.
 
     Args:
-        name: the surface.
-        right_m: places to the right of any fixed line, metres.
-        up_m: places above any fixed line, metres.
+        name: The surface.
+        right_m: Places to the right of any fixed line, metres.
+        up_m: Places above any fixed line, metres.
 
     Returns:
         Red, green, blue; the places' shape and a last axis.

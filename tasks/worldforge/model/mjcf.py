@@ -73,8 +73,8 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
     """Converts a world to an MJCF (MuJoCo) model text, in daylight.
 
     Args:
-        world: the world.
-        textured: whether it is decorated: floors and walls have pictures, `textures/<surface>.png` for each
+        world: The world.
+        textured: Whether it is decorated: floors and walls have pictures, `textures/<surface>.png` for each
             surface in `surfaces`, and there is all that rooms have for the eye only, some of it in files of
             `decorated_mjcf`; without, the text is complete in itself and has what physics needs. Both collide alike.
     """
@@ -85,7 +85,7 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
     """Converts a world to decorated MJCF text, with the mesh files that it names.
 
     Args:
-        world: the world.
+        world: The world.
     """
     shapes = Shapes()
     made = decorate(world, wall_faces, shapes)
@@ -96,7 +96,7 @@ def proof_mjcf(world: World) -> str:
     """Converts a world to MJCF with colliding geoms only, for its checks.
 
     Args:
-        world: the world.
+        world: The world.
     """
     plan = world.floorplan
     lines = [*_HEAD, "  <asset>", *_materials(world, False), "  </asset>", "  <worldbody>", _GROUND]
@@ -269,10 +269,10 @@ def piece_geoms(
     """Yields the MJCF geoms of a piece of furniture.
 
     Args:
-        item: the piece.
-        shapes: draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
-        mass_kg: mass of a loose object, in kilograms; fixed furniture has none.
-        solid_only: whether what is for the eye only is left out.
+        item: The piece.
+        shapes: Draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
+        mass_kg: Mass of a loose object, in kilograms; fixed furniture has none.
+        solid_only: Whether what is for the eye only is left out.
     """
     if shapes is None:
         yield from (

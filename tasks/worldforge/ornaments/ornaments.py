@@ -72,7 +72,7 @@ def number_texts(values: Floats) -> Iterator[str]:
     """Yields the texts of many numbers, each as `numbers` has it, in half the time.
 
     Args:
-        values: shape (n,), each below 10 km.
+        values: Shape (n,), each below 10 km.
     """
     products = values * _STEPS
     steps = np.rint(products)

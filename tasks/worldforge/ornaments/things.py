@@ -122,12 +122,12 @@ def book_row(
     """Yields the geoms of a row of books.
 
     Args:
-        name: name of the row; books are numbered.
-        foot: middle of the box's lower side.
-        yaw: direction that the books' spines face, in radians.
-        size: depth, width and height of the box; all books are as deep.
-        shapes: gathers their meshes.
-        dice: random source for thickness, height and colour of the books.
+        name: Name of the row; books are numbered.
+        foot: Middle of the box's lower side.
+        yaw: Direction that the books' spines face, in radians.
+        size: Depth, width and height of the box; all books are as deep.
+        shapes: Gathers their meshes.
+        dice: Random source for thickness, height and colour of the books.
     """
     _, wide, tall = size
     c, s = turn(yaw)

@@ -30,7 +30,7 @@ def refined(text: str) -> str:
     """Returns MJCF text whose decorative meshes have many triangles, in the place and size of the ones it had.
 
     Args:
-        text: a decorated world's MJCF.
+        text: A decorated world's MJCF.
     """
     return _MESH.sub(_line, text)
 

@@ -38,7 +38,7 @@ def outside(rays: Array) -> Array:
     """Returns what is seen of the surroundings in directions, as colours from 0 to 1.
 
     Args:
-        rays: directions, shape (n, 3).
+        rays: Directions, shape (n, 3).
     """
     if len(rays) == 0:
         return np.zeros((0, 3))

@@ -58,9 +58,9 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
     """Chooses the position of a room's label in a floor plan drawing.
 
     Args:
-        room: the room.
-        furniture: furniture to avoid where possible.
-        scale: pixels per metre, because letters have their size in pixels.
+        room: The room.
+        furniture: Furniture to avoid where possible.
+        scale: Pixels per metre, because letters have their size in pixels.
     """
     room_box = widest_box(room)
     across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale
@@ -193,7 +193,7 @@ def floorplan_svg(world: World) -> str:
     """Draws the floor plan of a world as SVG.
 
     Args:
-        world: the world; names in it are untrusted and come out escaped.
+        world: The world; names in it are untrusted and come out escaped.
 
     Returns:
         A self-contained SVG document.

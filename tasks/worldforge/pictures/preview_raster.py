@@ -73,8 +73,8 @@ class Raster:
     """Colour numbers and depths (z-buffer) of a picture while it is drawn.
 
     Attributes:
-        depth: pixels towards the camera, minus infinity where nothing is.
-        ids: the colour number of what is seen, 0 where nothing is.
+        depth: Pixels towards the camera, minus infinity where nothing is.
+        ids: The colour number of what is seen, 0 where nothing is.
     """
 
     def __init__(self, view: View) -> None:
@@ -223,7 +223,7 @@ class Palette:
     """Colour table of a preview picture, with the shading of each colour.
 
     Attributes:
-        patterned: surfaces that are to be filled with their patterns, and the share of light on them: `z`
+        patterned: Surfaces that are to be filled with their patterns, and the share of light on them: `z`
             floors, `x` and `y` walls by the direction in which they run.
     """
 

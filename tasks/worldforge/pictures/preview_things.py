@@ -22,7 +22,7 @@ def things_from_above(world: World) -> Iterator[Solid]:
     """Yields the rugs and small things of a world that its picture from above shows.
 
     Args:
-        world: the world; those from Gazebo have no decoration of ours.
+        world: The world; those from Gazebo have no decoration of ours.
     """
     if isinstance(world.source, GazeboSource):
         return

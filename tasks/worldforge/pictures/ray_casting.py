@@ -77,7 +77,7 @@ class RayCaster:
     """Casts rays into a compiled world in its first state.
 
     Args:
-        model: the world; its groups of geoms change: panes of glass come into one of their own.
+        model: The world; its groups of geoms change: panes of glass come into one of their own.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -129,8 +129,8 @@ class RayCaster:
         """Lets rays go through everything that is on the far side of a plane for a while.
 
         Args:
-            place: a place on the plane.
-            normal: unit vector towards the side that stays.
+            place: A place on the plane.
+            normal: Unit vector towards the side that stays.
         """
         key = (*np.round(normal, 6).tolist(), round(float(place @ normal), 6))
         if key not in self._near_sides:
@@ -153,7 +153,7 @@ class RayCaster:
         """Lets rays go through some geoms for a while.
 
         Args:
-            geoms: their numbers, or which of all they are.
+            geoms: Their numbers, or which of all they are.
         """
         groups = self._model.geom_group.copy()
         try:

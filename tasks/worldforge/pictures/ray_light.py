@@ -93,10 +93,10 @@ class LightGrid:
         """Finds the light at a grid of a picture's pixels.
 
         Args:
-            caster: tells what stands between lamps and places.
-            hits: what all pixels show.
-            lighting: the lamps.
-            shape: rows and columns of the picture.
+            caster: Tells what stands between lamps and places.
+            hits: What all pixels show.
+            lighting: The lamps.
+            shape: Rows and columns of the picture.
         """
         index = np.arange(shape[0] * shape[1]).reshape(shape)[::STEP, ::STEP]
         few = hits[index.ravel()]
@@ -166,9 +166,9 @@ def turned_light(light: Array, lean: Array, turned: Array) -> Array:
     """Returns what light is multiplied by on a surface that is turned a little.
 
     Args:
-        light: light on the surface, shape (n, 3).
-        lean: how it leans.
-        turned: the new unit normal less the old one, shape (n, 3).
+        light: Light on the surface, shape (n, 3).
+        lean: How it leans.
+        turned: The new unit normal less the old one, shape (n, 3).
     """
     share = 1 + np.einsum("ij,ij->i", lean, turned) / np.maximum(light.mean(axis=1), 1e-4)
     return np.clip(share, _LEAST_TURNED, _MOST_TURNED)
@@ -264,10 +264,10 @@ def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray
     """Evens out light among neighbouring pixels of one surface that looked at different places on the sun.
 
     Args:
-        hits: what all pixels show.
-        light: their light, shape (n, 3).
-        shape: rows and columns of the picture.
-        chosen: the pixels that may have some; others have none.
+        hits: What all pixels show.
+        light: Their light, shape (n, 3).
+        shape: Rows and columns of the picture.
+        chosen: The pixels that may have some; others have none.
     """
     height, width = shape
     rows, columns = chosen // width, chosen % width

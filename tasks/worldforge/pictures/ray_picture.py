@@ -52,10 +52,10 @@ class RayPicture(RayCaster):
     """Ray tracer for pictures of a world.
 
     Args:
-        model: the compiled world.
-        look: tells the colours of places.
-        background: colour where a ray meets nothing, 0 to 1.
-        bend: tells the directions that surfaces have at places for light, which are not flat; absent: the same.
+        model: The compiled world.
+        look: Tells the colours of places.
+        background: Colour where a ray meets nothing, 0 to 1.
+        bend: Tells the directions that surfaces have at places for light, which are not flat; absent: the same.
     """
 
     def __init__(
@@ -73,10 +73,10 @@ class RayPicture(RayCaster):
         """Renders the picture.
 
         Args:
-            camera: position and direction of the camera.
-            lighting: its light.
-            width: pixels.
-            height: pixels.
+            camera: Position and direction of the camera.
+            lighting: Its light.
+            width: Pixels.
+            height: Pixels.
 
         Returns:
             Red, green, blue, shape (height, width, 3).

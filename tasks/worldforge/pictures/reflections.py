@@ -43,13 +43,13 @@ class Reflections:
         """Finds what the surfaces of a picture mirror.
 
         Args:
-            caster: the world.
-            camera: the picture's camera.
-            hits: what all its pixels show.
-            grid: their light.
-            lighting: the lamps, and which surfaces mirror.
-            shade: tells the light from places.
-            shape: rows and columns of the picture.
+            caster: The world.
+            camera: The picture's camera.
+            hits: What all its pixels show.
+            grid: Their light.
+            lighting: The lamps, and which surfaces mirror.
+            shade: Tells the light from places.
+            shape: Rows and columns of the picture.
         """
         shares = lighting.gloss
         if len(shares) == 0:

@@ -74,10 +74,10 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
     """Makes the light of a room by day.
 
     Args:
-        caster: tells what light falls on.
-        looks: tell of what colour that is.
-        world: the world.
-        room: the room that the picture shows; those beyond its doors and openings are lit as well.
+        caster: Tells what light falls on.
+        looks: Tell of what colour that is.
+        world: The world.
+        room: The room that the picture shows; those beyond its doors and openings are lit as well.
     """
     further = _neighbours(world, room)
     openings = _openings(world, room)
@@ -219,8 +219,8 @@ class Sun:
     """Sunlight that falls through windows onto furniture and floors.
 
     Args:
-        caster: tells what stands in its way.
-        openings: the windows; those that look away from the sun have none.
+        caster: Tells what stands in its way.
+        openings: The windows; those that look away from the sun have none.
     """
 
     def __init__(self, caster: RayCaster, openings: Sequence[Opening]) -> None:

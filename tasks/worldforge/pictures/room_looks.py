@@ -59,8 +59,8 @@ class Looks:
     """Colours of a world's geoms and surfaces.
 
     Args:
-        model: the compiled world, decorated; its materials are named like surfaces.
-        world: the world.
+        model: The compiled world, decorated; its materials are named like surfaces.
+        world: The world.
     """
 
     def __init__(self, model: mujoco.MjModel, world: World) -> None:

@@ -83,16 +83,16 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
     """Renders a picture of the inside of a room.
 
     Args:
-        world: the world.
-        room: the room's name.
-        width_px: width of the picture.
-        height_px: height of the picture.
+        world: The world.
+        room: The room's name.
+        width_px: Width of the picture.
+        height_px: Height of the picture.
 
     Returns:
         A PNG; the same one for the same world.
 
     Raises:
-        ValueError: the world has no room of this name.
+        ValueError: The world has no room of this name.
     """
     found = next((each for each in world.floorplan.rooms if each.name == room), None)
     if found is None:
@@ -123,10 +123,10 @@ def best_camera(picture: RayPicture, names: list[str], world: World, room: Room)
     """Chooses the camera in a room that shows most of the room's own furniture.
 
     Args:
-        picture: the world.
-        names: names of its geoms.
-        world: the same.
-        room: the room.
+        picture: The world.
+        names: Names of its geoms.
+        world: The same.
+        room: The room.
     """
     pieces = [item for item in world.furniture if item.room == room.name]
     view = _View(picture, names, room, pieces)
@@ -163,10 +163,10 @@ class _View:
     """Judges what cameras would see of a room.
 
     Args:
-        picture: the world.
-        names: names of its geoms.
-        room: the room.
-        pieces: furniture and loose objects in it.
+        picture: The world.
+        names: Names of its geoms.
+        room: The room.
+        pieces: Furniture and loose objects in it.
     """
 
     def __init__(self, picture: RayPicture, names: list[str], room: Room, pieces: list[Furniture]) -> None:

@@ -54,8 +54,8 @@ def planned_site(world: World, model: mujoco.MjModel) -> Site:
     """Prepares the model of a generated world for its checks.
 
     Args:
-        world: the world.
-        model: model of the world, from `proof_mjcf` or its bundle; its loose objects are awake afterwards.
+        world: The world.
+        model: Model of the world, from `proof_mjcf` or its bundle; its loose objects are awake afterwards.
     """
     scan = awake_scan(world, model)
     ground = ground_of(world, scan)
@@ -68,8 +68,8 @@ def awake_scan(world: World, model: mujoco.MjModel) -> Scan:
     """Returns the solid parts of a model, with all its loose objects awake.
 
     Args:
-        world: the world.
-        model: model of the world, which is changed.
+        world: The world.
+        model: Model of the world, which is changed.
     """
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
     return Scan(model, {passage.door.id for passage in world.floorplan.passages if passage.door})
@@ -87,12 +87,12 @@ def check_world(
     """Measures on a world's model all that its guarantees need: overlaps, reach, ways, stability.
 
     Args:
-        world: the world; it says where rooms, passages and goals are.
-        site: model of the world.
-        robot_radius_m: radius of the disc that has to reach every room from the origin.
-        settle_s: how long to let physics run, with every body awake at first; None leaves that out.
-        pushed: whether loose objects are pushed, too, which takes twenty times longer.
-        placed: whether the places are listed where a guarantee is broken.
+        world: The world; it says where rooms, passages and goals are.
+        site: Model of the world.
+        robot_radius_m: Radius of the disc that has to reach every room from the origin.
+        settle_s: How long to let physics run, with every body awake at first; None leaves that out.
+        pushed: Whether loose objects are pushed, too, which takes twenty times longer.
+        placed: Whether the places are listed where a guarantee is broken.
     """
     plan, scan = world.floorplan, site.scan
     reach = _Reach.of(site.opened, robot_radius_m)

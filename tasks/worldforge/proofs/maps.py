@@ -74,10 +74,10 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
     """Yields the differences between a map and the model of its world, as all stands at first.
 
     Args:
-        world: the world.
-        site: model of the world.
-        read: stored map of the world.
-        as_described: whether each part of the model is as the world describes it.
+        world: The world.
+        site: Model of the world.
+        read: Stored map of the world.
+        as_described: Whether each part of the model is as the world describes it.
     """
     grid, scan = site.first, site.scan
     if read.known.shape != grid.known.shape:
@@ -133,9 +133,9 @@ def lidar_faults(world: World, site: Site, read: OccupancyGrid) -> list[Fault]:
     """Lists places where a lidar hits geoms that do not collide or that the map lacks, or hits nothing.
 
     Args:
-        world: the world.
-        site: model of the world; in a building with a plan, each ray must hit a wall.
-        read: stored map of the world.
+        world: The world.
+        site: Model of the world; in a building with a plan, each ray must hit a wall.
+        read: Stored map of the world.
     """
     scan = site.scan
     places = [place for place in ((0.0, 0.0), *(goal for _, goal in goals_of(world))) if _is_free(site.first, place)]

@@ -32,7 +32,7 @@ def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
     A piece is a body, a piece of furniture, or the whole building: its own parts are built into each other.
 
     Args:
-        model: a world.
+        model: A world.
         data: MuJoCo state of the world, after `mj_kinematics`.
     """
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
@@ -49,9 +49,9 @@ def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
     """Returns whether the bits of two geoms let them collide.
 
     Args:
-        model: a world.
-        one: number of a geom.
-        other: number of another.
+        model: A world.
+        one: Number of a geom.
+        other: Number of another.
     """
     types, affinities = model.geom_contype, model.geom_conaffinity
     return bool((types[one] & affinities[other]) | (types[other] & affinities[one]))
@@ -156,8 +156,8 @@ def motion_of_bodies(
     """Simulates a world, and returns how far each jointed body moved.
 
     Args:
-        model: a world.
-        settle_s: simulated seconds.
+        model: A world.
+        settle_s: Simulated seconds.
 
     Returns:
         The way of each body's middle in metres, by its name, and position and rotation of those that move freely.
@@ -184,8 +184,8 @@ def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
     """Pushes all loose objects slightly, several times, and measures where they come to rest.
 
     Args:
-        model: a world.
-        seed: random seed of the pushes.
+        model: A world.
+        seed: Random seed of the pushes.
     """
     dice = np.random.default_rng(seed)
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))

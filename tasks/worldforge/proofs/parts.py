@@ -85,8 +85,8 @@ def part_faults(world: World, scan: Scan) -> list[Fault]:
     """Lists the differences between a world's description and its model.
 
     Args:
-        world: the world.
-        scan: scanned model of the world.
+        world: The world.
+        scan: Scanned model of the world.
     """
     return list(_Comparison(world, scan).faults())
 
@@ -243,8 +243,8 @@ def room_at(world: World, place: Sequence[float]) -> str | None:
     """Returns the name of the room that a place is in; `None` outside of all.
 
     Args:
-        world: the world.
-        place: x and y, in metres.
+        world: The world.
+        place: X and y, in metres.
     """
     return next((room.name for room in world.floorplan.rooms if contains(room.polygon, place[0], place[1])), None)
 

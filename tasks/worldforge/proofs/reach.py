@@ -25,8 +25,8 @@ def ground_of(world: World, scan: Scan) -> OccupancyGrid:
     obstacles, too; floors and everything that collides are the model's.
 
     Args:
-        world: the world.
-        scan: scanned model of the world.
+        world: The world.
+        scan: Scanned model of the world.
     """
     grid = occupancy_grid(world.floorplan, world.furniture)
     for _, outline in scan.standing:
@@ -39,8 +39,8 @@ def with_leaves(ground: OccupancyGrid, leaves: Outlines) -> OccupancyGrid:
     """Returns a map with the leaves of doors on it.
 
     Args:
-        ground: the map without.
-        leaves: their outlines: `scan.leaves` or `scan.open_leaves`.
+        ground: The map without.
+        leaves: Their outlines: `scan.leaves` or `scan.open_leaves`.
     """
     grid = replace(ground, occupied=ground.occupied.copy())
     for _, outline in leaves:
@@ -52,8 +52,8 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
     """Measures the clear widths of all passages, with their doors fully open.
 
     Args:
-        world: the world.
-        scan: scanned model of the world.
+        world: The world.
+        scan: Scanned model of the world.
 
     Returns:
         The ways in the order of the passages, and those that are too narrow.

@@ -81,7 +81,7 @@ class Scan:
         """Returns a geom's name for messages: its own, else that of the furnishing that it is a part of.
 
         Args:
-            geom: id of the geom.
+            geom: Id of the geom.
         """
         return self.names[geom] or self.pieces[geom] or "a part without a name"
 
@@ -118,7 +118,7 @@ class Scan:
         """Returns a mask of the cells whose middle is on a floor.
 
         Args:
-            grid: occupancy grid with the cells' positions.
+            grid: Occupancy grid with the cells' positions.
         """
         cells = np.zeros_like(grid.known)
         for _, outline in self.floors:
@@ -149,8 +149,8 @@ def names_of(model: mujoco.MjModel, begins: NDArray[np.int32]) -> list[str]:
     """Returns all names of a kind; `model.geom` is twenty times slower.
 
     Args:
-        model: a world.
-        begins: addresses of the names, such as `model.name_geomadr`.
+        model: A world.
+        begins: Addresses of the names, such as `model.name_geomadr`.
     """
     names = model.names
     return [names[begin : names.index(b"\0", begin)].decode() for begin in begins.tolist()]
@@ -190,8 +190,8 @@ def lidar_scan(scan: Scan, place: Point) -> LidarScan:
     """Casts rays around a place, as a lidar 0.2 m above the floor would.
 
     Args:
-        scan: the world.
-        place: the lidar's.
+        scan: The world.
+        place: The lidar's.
     """
     angles = np.arange(_RAYS) * (2 * np.pi / _RAYS) + 1e-3  # none runs along a wall
     ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(_RAYS)], axis=1)

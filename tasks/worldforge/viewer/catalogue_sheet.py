@@ -34,7 +34,7 @@ def catalogue_sheet(kinds: tuple[str, ...] = (*MODEL_TYPES, *LOOSE_TYPES)) -> by
     """Renders a picture of all styles of some furniture types.
 
     Args:
-        kinds: the kinds, in order.
+        kinds: The kinds, in order.
 
     Returns:
         A PNG.

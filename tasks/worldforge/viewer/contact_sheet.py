@@ -26,11 +26,11 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str 
     """Renders an HTML page from a template, with style sheet and scripts inlined.
 
     Args:
-        template: file name of the template, which puts in `policy`, `style` and, if there is one, `script`.
-        style: file name of the style sheet.
-        scripts: file names of the scripts, which become one.
-        library: a script that comes before them and makes pictures of parts of the page.
-        values: further values for the template; text is escaped.
+        template: File name of the template, which puts in `policy`, `style` and, if there is one, `script`.
+        style: File name of the style sheet.
+        scripts: File names of the scripts, which become one.
+        library: A script that comes before them and makes pictures of parts of the page.
+        values: Further values for the template; text is escaped.
 
     Returns:
         The document; its content security policy allows this style, these scripts and pictures inside the page.

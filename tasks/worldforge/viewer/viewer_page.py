@@ -32,12 +32,12 @@ def viewer_page(bundle: Path, title: str) -> str:
     """Renders a self-contained HTML page with a 3D view of a world.
 
     Args:
-        bundle: the world's bundle.
-        title: title of the page.
+        bundle: The world's bundle.
+        title: Title of the page.
 
     Raises:
-        FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
-        ValueError: a file of the world is invalid.
+        FileNotFoundError: The bundle lacks `world.json` or `world.xml`.
+        ValueError: A file of the world is invalid.
     """
     world = read_world(bundle)
     glb = base64.b64encode(world_glb(bundle)).decode("ascii")
@@ -59,7 +59,7 @@ def three_js() -> str:
     """Returns the JavaScript of three.js with its GLB loader, from the installed trimesh.
 
     Raises:
-        RuntimeError: the trimesh that is installed carries it in another way.
+        RuntimeError: The trimesh that is installed carries it in another way.
     """
     with zipfile.ZipFile(io.BytesIO(resources.get_bytes("templates/viewer.zip"))) as packed:
         template = packed.read("viewer.html.template").decode("utf-8")
@@ -115,9 +115,9 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
     """Writes pictures of a world: floor plan, view from above, and one for each room.
 
     Args:
-        world: the world.
-        bundle: bundle of the world, whose preview is used if there is one.
-        folder: target folder, created if necessary.
+        world: The world.
+        bundle: Bundle of the world, whose preview is used if there is one.
+        folder: Target folder, created if necessary.
 
     Returns:
         The files: the plan, the view from above, then one for each room in the plan's order.

@@ -59,9 +59,9 @@ def dying_clients(client: httpx.Client, requests: list[tuple[str, bytes]], most_
     """Sends requests as a client does, from connections that are reset before or after the answer came.
 
     Args:
-        client: whose requests they are.
-        requests: paths and bodies.
-        most_s: until when a connection is reset.
+        client: Whose requests they are.
+        requests: Paths and bodies.
+        most_s: Until when a connection is reset.
     """
     target = urllib.parse.urlsplit(str(client.base_url))
     ended = threading.Event()

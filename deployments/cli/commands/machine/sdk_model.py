@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker sdk-model`: shows, installs or removes the API model by which AWS SDKs know RoboMaker.
 
     Raises:
-        ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.
+        ConfigurationError: A model from elsewhere is in the way, or `--force` has nothing to force.
     """
     if arguments.force and not arguments.install:
         raise ConfigurationError("--force belongs to --install; nothing was done")

@@ -130,7 +130,7 @@ def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
     """Returns the axis that an option names, and the index of its value.
 
     Raises:
-        ConfigurationError: the run has no such axis or value, several steps have one, or several values look alike.
+        ConfigurationError: The run has no such axis or value, several steps have one, or several values look alike.
     """
     from .....tasks.comparison.side_by_side import axes_of
 
@@ -169,7 +169,7 @@ def _shares(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
     """Checks the options' numbers, and returns difference and margin as shares of 1.
 
     Raises:
-        ConfigurationError: alpha, difference or margin is out of range, or both difference and margin are given.
+        ConfigurationError: Alpha, difference or margin is out of range, or both difference and margin are given.
     """
     if not 0 < arguments.alpha < 1:
         raise ConfigurationError(f"--alpha is {arguments.alpha:g}; it has to be above 0 and below 1, such as 0.05")

@@ -149,7 +149,7 @@ def _read(paths: Sequence[str], given: Mapping[str, Any]) -> "list[CheckedSpec]"
     """Reads and checks all specification files.
 
     Raises:
-        SpecError: with the problems of all files.
+        SpecError: With the problems of all files.
     """
     from ...inputs.specifications import read_spec
 

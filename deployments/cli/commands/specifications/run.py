@@ -77,7 +77,7 @@ def _question(arguments: argparse.Namespace, settings: "Settings") -> "Against |
     """Returns the earlier run that `--against` compares the new run with; `None` without the option.
 
     Raises:
-        ConfigurationError: there is no such run, or a number is out of range, or stands for nothing.
+        ConfigurationError: There is no such run, or a number is out of range, or stands for nothing.
     """
     if arguments.against is None:
         for name in ("alpha", "margin"):
@@ -119,8 +119,8 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
     """Returns the command line that repeats the same run.
 
     Args:
-        arguments: parsed arguments of the command.
-        parameters: all values of the specification's parameters: defaults, and those in a file, may change.
+        arguments: Parsed arguments of the command.
+        parameters: All values of the specification's parameters: defaults, and those in a file, may change.
     """
     from .....schemas.specs.parameter_values import set_options
 

@@ -8,7 +8,7 @@ def as_command(run: Callable[[argparse.Namespace], int], arguments: argparse.Nam
     """Runs a command of the robot agent, and converts its errors to those of other commands.
 
     Raises:
-        ConfigurationError: the agent cannot do it; its error says why.
+        ConfigurationError: The agent cannot do it; its error says why.
     """
     from .....schemas.wire.errors import ConfigurationError
     from .....tasks.fleet.agent.errors import AgentError

@@ -24,9 +24,9 @@ def decided(decide: "Callable[[str, str, Service], None]", arguments: argparse.N
     """Carries out a person's decision about a deployment, and prints its outcome.
 
     Args:
-        decide: the decision: deployment job, person, service.
-        arguments: parsed arguments of `add_decision`.
-        outcome: text to print after the deployment's ARN.
+        decide: The decision: deployment job, person, service.
+        arguments: Parsed arguments of `add_decision`.
+        outcome: Text to print after the deployment's ARN.
     """
     from ....cli.inputs.options import open_service, who
 

@@ -90,14 +90,14 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
     """Downloads a file to the robot, unless it is there; continues an interrupted download.
 
     Args:
-        source: source that the file is downloaded from.
-        file: signed length and hash of the file.
-        path: path of the complete file; while it is incomplete, its path ends with `.part`.
-        progress: called with the downloaded bytes and all bytes.
+        source: Source that the file is downloaded from.
+        file: Signed length and hash of the file.
+        path: Path of the complete file; while it is incomplete, its path ends with `.part`.
+        progress: Called with the downloaded bytes and all bytes.
 
     Raises:
-        StepFailed: the file differs from the signed one, does not exist, or does not fit on the disk.
-        TryLater: the connection was cut; the downloaded part is kept.
+        StepFailed: The file differs from the signed one, does not exist, or does not fit on the disk.
+        TryLater: The connection was cut; the downloaded part is kept.
     """
     part = path.with_name(f"{path.name}.part")
     try:

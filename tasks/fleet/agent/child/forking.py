@@ -31,7 +31,7 @@ def events_of(content: Mapping[str, Any], phase: Phase) -> list[Event]:
     """Parses a message line of the agent's child process into events; a progress line gives none.
 
     Raises:
-        AgentError: the line is not a message of a child process.
+        AgentError: The line is not a message of a child process.
     """
     try:
         events: list[Event] = [Trusted(**content["trusted"])] if "trusted" in content else []
@@ -54,7 +54,7 @@ class Child:
     """Child process of the robot's agent, which sends messages as lines.
 
     Args:
-        do: function of the child; it gets the function that sends answers.
+        do: Function of the child; it gets the function that sends answers.
     """
 
     def __init__(self, do: Callable[[Callable[..., None]], None]) -> None:

@@ -27,10 +27,10 @@ def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:
     """Carries out a phase of a deployment (verify, download, unpack) in the agent's child process.
 
     Args:
-        home: the agent's.
-        state: state of the agent.
-        architecture: the robot's.
-        say: answers.
+        home: The agent's.
+        state: State of the agent.
+        architecture: The robot's.
+        say: Answers.
     """
     try:
         if state.phase is Phase.VALIDATING:
@@ -96,8 +96,8 @@ class Progress:
     """Reports a download's progress to the agent, not more often than useful.
 
     Args:
-        say: answers.
-        monotonic: a clock that only goes forward, in seconds.
+        say: Answers.
+        monotonic: A clock that only goes forward, in seconds.
     """
 
     def __init__(self, say: Say, monotonic: Callable[[], float] = time.monotonic) -> None:

@@ -60,7 +60,7 @@ class Attested:
         """Reads the attestation rules from a TUF root.
 
         Raises:
-            StepFailed: the document has another form, which a newer agent may know.
+            StepFailed: The document has another form, which a newer agent may know.
         """
         content = root.get(_MEMBER, {"keys": {}, "applications": []})
         try:
@@ -77,12 +77,12 @@ class Attested:
         """Raises an error if the version to install is not attested.
 
         Args:
-            document: deployment document to install.
+            document: Deployment document to install.
             sha256: SHA-256 of the bundle that this robot would get.
-            envelopes: the attestations of the deployment, by path.
+            envelopes: The attestations of the deployment, by path.
 
         Raises:
-            StepFailed: none of them is about this; the text says why of each.
+            StepFailed: None of them is about this; the text says why of each.
         """
         reasons: list[str] = []
         for path, envelope in envelopes.items():
@@ -156,11 +156,11 @@ class Repository:
     """Signed update repository (TUF) of a fleet, as the robot's agent reads it.
 
     Args:
-        source: reads its files.
-        root: the root metadata that this robot was enrolled with.
-        metadata: folder of what was seen of it.
-        downloads: folder for documents and condition files.
-        clock: the time, in seconds since 1970.
+        source: Reads its files.
+        root: The root metadata that this robot was enrolled with.
+        metadata: Folder of what was seen of it.
+        downloads: Folder for documents and condition files.
+        clock: The time, in seconds since 1970.
     """
 
     def __init__(self, source: Source, root: bytes, metadata: Path, downloads: Path, clock: float) -> None:
@@ -181,15 +181,15 @@ class Repository:
         """Downloads and verifies the deployment document and condition file of an order.
 
         Args:
-            order: the order.
-            floors: versions that roles must not be older than.
-            newest_s: the latest time at which the repository was fresh.
-            architecture: the robot's.
-            seen: called with the verified versions and time of the repository, before any of its content is used.
+            order: The order.
+            floors: Versions that roles must not be older than.
+            newest_s: The latest time at which the repository was fresh.
+            architecture: The robot's.
+            seen: Called with the verified versions and time of the repository, before any of its content is used.
 
         Raises:
-            StepFailed: the metadata is not trusted, or has nothing for this robot.
-            TryLater: the server cannot be reached.
+            StepFailed: The metadata is not trusted, or has nothing for this robot.
+            TryLater: The server cannot be reached.
         """
         try:
             updater = self._fresh(order, floors, newest_s, seen)

@@ -17,12 +17,12 @@ def unpack(archive: Path, folder: Path, limits: ArchiveLimits | None = None) -> 
     """Unpacks an archive unless its folder exists; for an archive of `colcon bundle`, also its overlays.
 
     Args:
-        archive: a .tar, .tar.gz or .zip.
-        folder: folder to unpack to; the folder beside it with a dot and `.part` is replaced.
-        limits: limits on files and bytes.
+        archive: A .tar, .tar.gz or .zip.
+        folder: Folder to unpack to; the folder beside it with a dot and `.part` is replaced.
+        limits: Limits on files and bytes.
 
     Raises:
-        StepFailed: the archive is damaged, or has a member that is neither file nor folder or leads elsewhere; or the
+        StepFailed: The archive is damaged, or has a member that is neither file nor folder or leads elsewhere; or the
             disk is full. Nothing is left of it then.
     """
     if folder.exists():

@@ -23,11 +23,11 @@ class Application:
     """Starts, watches and stops the application on the robot; at most one is running.
 
     Args:
-        home: the agent's.
-        options: the agent's options, which have the time limit for stopping.
-        sandbox: rights of the application.
-        monotonic: a clock that only goes forward, in seconds.
-        start: starts a process; `subprocess.Popen`.
+        home: The agent's.
+        options: The agent's options, which have the time limit for stopping.
+        sandbox: Rights of the application.
+        monotonic: A clock that only goes forward, in seconds.
+        start: Starts a process; `subprocess.Popen`.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Application:
         """Starts a version of the application.
 
         Raises:
-            StepFailed: the application cannot be started.
+            StepFailed: The application cannot be started.
         """
         self.due_s = None
         folder = self._home.folder / version.folder

@@ -40,8 +40,8 @@ class Sandbox:
         """Returns the command line that runs a program in the sandbox.
 
         Args:
-            command: the program and its arguments.
-            data: the folder that it may write to.
+            command: The program and its arguments.
+            data: The folder that it may write to.
         """
         if self.kind == "setpriv":
             return ["setpriv", "--no-new-privs", "--", *command]
@@ -62,7 +62,7 @@ class Sandbox:
         """Returns the folder of an application's data that outlives its versions.
 
         Raises:
-            OSError: the folder cannot be created.
+            OSError: The folder cannot be created.
         """
         folder = self.home.folder / "data" / application
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def find_sandbox(home: Home, options: Options) -> Sandbox:
     """Returns the sandbox that the options ask for, after testing it.
 
     Raises:
-        AgentError: the user or sandbox does not exist, or the sandbox does not work on this machine.
+        AgentError: The user or sandbox does not exist, or the sandbox does not work on this machine.
     """
     rights, user_id = _rights(options.user)
     if options.sandbox != "auto" and options.sandbox not in KINDS:
@@ -126,8 +126,8 @@ def kill_leftovers(home: Path, version: str | None = None) -> int:
     """Kills processes left behind by an earlier agent of this home.
 
     Args:
-        home: the agent's.
-        version: folder of the version whose processes are killed; `None`: of any version.
+        home: The agent's.
+        version: Folder of the version whose processes are killed; `None`: of any version.
 
     Returns:
         Number of killed processes.
@@ -163,12 +163,12 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
     behind the file are its arguments.
 
     Args:
-        folder: folder of the version.
-        launch: package and file.
-        which: finds installed programs.
+        folder: Folder of the version.
+        launch: Package and file.
+        which: Finds installed programs.
 
     Raises:
-        StepFailed: there is nothing of that name, or it cannot be started on this robot.
+        StepFailed: There is nothing of that name, or it cannot be started on this robot.
     """
     try:
         file, *arguments = shlex.split(launch.file)
@@ -228,12 +228,12 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
     """Returns the command line of a pre- or post-launch script.
 
     Args:
-        folder: folder of the version.
-        file: path of the script in the bundle.
-        code: failure code of its absence.
+        folder: Folder of the version.
+        file: Path of the script in the bundle.
+        code: Failure code of its absence.
 
     Raises:
-        StepFailed: the bundle has no such file.
+        StepFailed: The bundle has no such file.
     """
     path = _inside(folder, file)
     if path is None:
@@ -245,10 +245,10 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
     """Returns the environment variables of an application and its scripts.
 
     Args:
-        home: the agent's.
-        version: application version whose launch configuration and tags are exported.
-        data: folder of the application's data that outlives its versions; programs have it as `HOME`.
-        base: the agent's own.
+        home: The agent's.
+        version: Application version whose launch configuration and tags are exported.
+        data: Folder of the application's data that outlives its versions; programs have it as `HOME`.
+        base: The agent's own.
     """
     passed = {name: value for name, value in base.items() if name not in _NOT_PASSED_ON}
     tags = {f"{TAG_PREFIX}{name}": value for name, value in version.tags.items() if _is_variable(name, value)}

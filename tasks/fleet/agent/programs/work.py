@@ -20,8 +20,8 @@ class ChildWork:
     """A phase of a deployment that is carried out by a child process.
 
     Args:
-        child: the child.
-        phase: phase of the installation that it carries out.
+        child: The child.
+        phase: Phase of the installation that it carries out.
     """
 
     due_s = None  # it says itself when it is done
@@ -82,13 +82,13 @@ class ScriptWork:
     """A phase of a deployment that is decided by a script's exit code.
 
     Args:
-        process: started, with its output in a file.
-        phase: phase of the installation that it carries out.
-        name: name of the script in failure reasons.
-        code: failure code.
-        log: file with the script's output.
-        due_s: time by which the script must have ended, by the monotonic clock.
-        monotonic: the monotonic clock, in seconds.
+        process: Started, with its output in a file.
+        phase: Phase of the installation that it carries out.
+        name: Name of the script in failure reasons.
+        code: Failure code.
+        log: File with the script's output.
+        due_s: Time by which the script must have ended, by the monotonic clock.
+        monotonic: The monotonic clock, in seconds.
     """
 
     percent = None
@@ -150,9 +150,9 @@ class Watch:
     """Watches whether a new version keeps running, then runs the health command.
 
     Args:
-        due_s: end of the watch, by the monotonic clock in seconds.
-        monotonic: the monotonic clock, in seconds.
-        check: starts the health command; `None`: there is none.
+        due_s: End of the watch, by the monotonic clock in seconds.
+        monotonic: The monotonic clock, in seconds.
+        check: Starts the health command; `None`: there is none.
     """
 
     percent = None

@@ -41,7 +41,7 @@ class ObstacleMemory(KeepsAttributes):
         """Adds the obstacles of a lidar measurement to the memory.
 
         Args:
-            pose: x, y in metres and yaw in radians, of the measurement.
+            pose: X, y in metres and yaw in radians, of the measurement.
             hits: Measured points in the robot's frame, from `near_hits`.
             now_s: Time of the measurement.
 

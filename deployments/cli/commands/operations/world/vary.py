@@ -76,7 +76,7 @@ def _check_once(options: str, names: list[str]) -> None:
     """Raises an error if an option names the same door or piece more than once.
 
     Raises:
-        ConfigurationError: a name is given more than once.
+        ConfigurationError: A name is given more than once.
     """
     from ......schemas.wire.errors import ConfigurationError
 

@@ -8,8 +8,8 @@ def add_attested(parser: argparse.ArgumentParser, which: str) -> None:
     """Adds the options for the attestations that agents require to a command's parser.
 
     Args:
-        parser: the command's.
-        which: the last words about the keys.
+        parser: The command's.
+        which: The last words about the keys.
     """
     key = f"a public key whose attestations agents believe {which}"
     parser.add_argument("--attestation-key", type=Path, action="append", default=[], metavar="FILE", help=key)
