@@ -78,7 +78,7 @@ def test_rooms_drawn_with_gaps_for_walls_meet_where_they_would(rooms: list[Corne
             (u, v), (p, q) = corners[index - 1], corners[(index + 1) % len(corners)]
             # To the left of both edges at the corner.
             inner.append((x / 20 + half * np.sign((v - y) + (y - q)), y / 20 + half * np.sign((x - u) + (p - x))))
-        drawn.append(upright(inner[::turn], "room"))
+        drawn.append(upright(inner[::turn], "room", inner[::turn]))
     squared = square(drawn, on_faces=False)
     assert overlap(squared.rooms) is None
     assert all(area(corners) > 0 for corners in squared.rooms), "counter-clockwise"
