@@ -31,10 +31,10 @@ def draw_margins(series: Sequence[MarginSeries], end_s: float) -> list[MarginDra
     """Draws margins as steps from the start of a run to its end, with a line at 0.
 
     Args:
-        series: The margins; those without samples are left out.
+        series: The margins; those that are known at the end only, as of a goal that ends the run, are left out.
         end_s: Simulated time of the end.
     """
-    return [_draw(each, end_s) for each in series if each.samples]
+    return [_draw(each, end_s) for each in series if each.samples and each.samples[0][0] < end_s]
 
 
 def _draw(series: MarginSeries, end_s: float) -> MarginDrawing:
