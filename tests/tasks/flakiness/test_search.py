@@ -15,8 +15,13 @@ MOST = MOST_RERUNS - 2
 """Reruns of a search, as two are kept for replays."""
 APART: tuple[Factor, ...] = ("seed", "time", "threads", "hash", "network")
 """Factors of which none is held by holding another."""
-ALL_USED = dict.fromkeys(APART, 1.0)
+ALL_USED: Weights = dict.fromkeys(APART, 1.0)
 IsFree = Callable[[Held], bool]
+
+
+def holding(*factors: Factor) -> Held:
+    """The set of factors that a rerun holds."""
+    return frozenset(factors)
 
 
 def used(*factors: Factor) -> Weights:
@@ -89,11 +94,11 @@ def test_a_search_keeps_to_its_reruns(chance: float, seed: int, most: int) -> No
 
 
 def test_a_flip_while_a_factor_is_held_rules_it_out() -> None:
-    held: Held = frozenset({"hash", "time"})
+    held: Held = holding("hash", "time")
     seen = [Observation(held, verdict, verdict) for verdict in ("PASS", "FAIL")]
     chances = Evidence(seen, ALL_USED).of_factors()
-    assert chances[frozenset({"hash"})] == chances[frozenset({"time"})] == chances[held] == 0.0
-    assert chances[frozenset({"seed"})] > 0.1
+    assert chances[holding("hash")] == chances[holding("time")] == chances[held] == 0.0
+    assert chances[holding("seed")] > 0.1
 
 
 def test_a_network_is_held_with_the_ports_and_files_that_it_holds() -> None:
@@ -106,12 +111,12 @@ def test_a_network_is_held_with_the_ports_and_files_that_it_holds() -> None:
 
 def test_held_addresses_differ_by_what_else_is_held_and_still_repeat() -> None:
     """Code that holds the clock takes memory: with it, a robot that asks for an address goes another way."""
-    ends: dict[Held, str] = {frozenset({"hash"}): "FAIL", frozenset({"hash", "time"}): "PASS"}
+    ends: dict[Held, str] = {holding("hash"): "FAIL", holding("hash", "time"): "PASS"}
     seen = [Observation(held, end, end) for held, end in ends.items() for _ in range(3)]
-    of_hash = Evidence(seen, used("time")).of_factors()[frozenset({"hash"})]
+    of_hash = Evidence(seen, used("time")).of_factors()[holding("hash")]
     assert of_hash > 0.01
-    other = Observation(frozenset({"hash"}), "PASS", "PASS")
-    assert Evidence([*seen, other], used("time")).of_factors()[frozenset({"hash"})] == 0.0
+    other = Observation(holding("hash"), "PASS", "PASS")
+    assert Evidence([*seen, other], used("time")).of_factors()[holding("hash")] == 0.0
 
 
 def test_factors_that_programs_never_hold_cost_no_reruns() -> None:
