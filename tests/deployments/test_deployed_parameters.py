@@ -181,8 +181,11 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
     order(client, made, side="a", worlds=4, text=narrower(path))
 
     log = tmp_path / "worker.log"
+    problem = "parameters.worlds: the value given is 4; it may be at most 3"
     with process_worker(pool, environ, log):
         runs = ended_runs(client, made, 3)
+        # The process of a run sends its last lines after the run has ended, and dies with its worker.
+        lines = wait_for(lambda: logged(client, runs[2], problem), "the log of the run")
 
     told = log.read_text()
     assert [run.state.type.value for run in runs] == ["COMPLETED", "COMPLETED", "FAILED"], told
@@ -195,9 +198,7 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
         *("prefect", "deployment", "run", f"RunPipeline/{made.name}"),
         *("--param=label=the flat", "--param=worlds=21", "--param=side=a"),
     ]
-    problem = "parameters.worlds: the value given is 4; it may be at most 3"
     assert problem in runs[2].state.message
-    lines = wait_for(lambda: logged(client, runs[2], problem), "the log of the run")
     assert not any("Traceback" in line for line in lines), lines
 
 

@@ -35,7 +35,11 @@ def typed() -> list[tuple[str, list[str]]]:
 
 
 def stable(line: str) -> str:
-    """A line without what differs from run to run: ids, times, folders, and spaces at its beginning."""
+    """A line without what differs from run to run: ids, times, folders, and spaces at its beginning.
+
+    How many jobs have still ended, after those that decided, depends on the machine.
+    """
+    line = re.sub(r"\d+ of \d+ verdicts pass, \d+ canceled|\d+ trials saved", "…", line)
     return re.sub(r"(sim|courier)-[0-9a-zT]{12,}|after .*? s$|/\S+/(?=fault_found)", "…", line).strip()
 
 
@@ -79,4 +83,5 @@ def test_the_fault_is_found_explained_mended_and_shown_to_be_better(prefect_serv
     assert decided is not None
     assert planned is not None
     assert int(decided[1]) < int(planned[1]), "fewer trials than were planned"
-    assert int(decided[1]) + int(decided[2]) == 256
+    assert int(decided[2]) > 0
+    assert int(decided[1]) + int(decided[2]) <= 256, "jobs that ran meanwhile are not saved"
