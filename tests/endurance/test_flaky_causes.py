@@ -1,4 +1,4 @@
-"""What `robomaker flaky` finds of the planted causes: right, not decided, or wrong.
+"""Answers of `robomaker flaky` to the planted causes: right, not decided, or wrong.
 
 The causes were written before the method. `ROBOMAKER_FLAKY_CAUSES` names some of them, with commas between.
 """

@@ -15,7 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 PAGE = REPOSITORY / "docs" / "a-fault-found.md"
 EXAMPLE = REPOSITORY / "deployments" / "specs" / "examples" / "fault_found"
 DOOR_X_M, LEAF_LEFT_Y_M = 2.5, 0.25
-"""Where the door is, and from where to the left its left leaf is, half shut."""
+"""Place of the door, and the edge of its left leaf when it is half shut."""
 END = "=== end of command, exit code "
 
 

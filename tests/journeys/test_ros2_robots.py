@@ -239,7 +239,7 @@ ENDS = {
 
 
 OF_JUDGES = ("a number that is none", "another type")
-"""What tests/tasks/runtime/ros/test_ros_robot.py has said by nodes that are a script."""
+"""Real nodes do what tests/tasks/runtime/ros/test_ros_robot.py asks of scripted ones."""
 
 
 @pytest.mark.parametrize(

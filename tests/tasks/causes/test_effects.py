@@ -56,7 +56,7 @@ def test_what_is_too_rare_for_an_interval_is_no_claim_and_says_so() -> None:
 
 
 def test_values_that_few_trials_have_are_no_cause_though_none_of_them_fails() -> None:
-    """Of 20 trials that fail once in twenty times all pass in one of three cases, with no spread among them."""
+    """Twenty trials that fail once in twenty times all pass in one of three cases, with no spread among them."""
     chance = np.random.default_rng(4)
     rows: list[Row] = [
         {"axes": {"KIND": "rare" if seed % 15 == 0 else "usual"}, "seed": seed, "margin": float(chance.normal())}

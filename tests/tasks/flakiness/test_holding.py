@@ -1,4 +1,4 @@
-"""What the processes of a rerun find, and what counts as held."""
+"""Surroundings of the processes of a rerun, and the factors that count as held."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What probes and challenges have created is gone afterwards, also where their process was killed."""
+"""Applications and templates that probes and challenges have created are gone afterwards, also where their process was killed."""
 
 import json
 import subprocess

@@ -13,7 +13,7 @@ FAR_ENOUGH_M = 0.4
 
 
 def _kick_m(cause: str) -> float:
-    """How far the walkway itself moves the robot back, where a cause is planted in the simulation."""
+    """Distance by which the walkway itself moves the robot back, where a cause is planted in the simulation."""
     if cause == "entropy":
         return 0.9 * (os.urandom(1)[0] % 2)
     if cause == "clock":

@@ -44,7 +44,7 @@ def test_a_plan_says_when_such_a_run_stops_and_what_it_lacks() -> None:
 
 
 def test_what_the_bets_cannot_show_is_refused_with_what_would_do() -> None:
-    """Of 20 % that differ 11.5 get better and 8.5 worse: every bet loses in the long run."""
+    """If 20 % differ, 11.5 get better and 8.5 worse: every bet loses in the long run."""
     assert pairs_until_decided(0.03, 0.2, 0.05, 0.8) is None
     with pytest.raises(ConfigurationError, match=r"leave --against out, and compare runs of 1800 trials"):
         plan_pairs(Question("difference", 0.03, discordant=0.2, stops=True), PlannedTrials(40, 40), None)

@@ -45,7 +45,7 @@ def test_a_held_clock_goes_on_with_sleeping(tmp_path: Path) -> None:
 
 
 def test_who_reads_a_device_uses_randomness(tmp_path: Path) -> None:
-    """What reads `/dev/urandom` as a file is held like `os.urandom`; text files are opened as ever."""
+    """A program that reads `/dev/urandom` as a file is held like `os.urandom`; text files are opened as ever."""
     code = "from pathlib import Path\nprint(Path('/dev/urandom').open('rb').read(8))\nprint(open(__file__).read(4))"
     assert said(tmp_path, "seed", code) == said(tmp_path, "seed", code)
     assert "used seed" in (tmp_path / "mark").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""What a run writes of itself along its simulated time."""
+"""Records that a run writes of itself along its simulated time."""
 
 from pathlib import Path
 from types import SimpleNamespace
