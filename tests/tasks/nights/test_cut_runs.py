@@ -1,4 +1,4 @@
-"""Applications and templates that probes and challenges have created are gone afterwards, also where their process was killed."""
+"""Applications and templates of probes and challenges are gone afterwards, also if their process was killed."""
 
 import json
 import subprocess
