@@ -20,8 +20,8 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ...schemas.wire.request_problems import nearest
-from ..service.patience import patiently
 from ..service.service import Service
+from ..service.store_retries import patiently
 from ..simulations.inputs.bundles import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
 from ..storage.object_store import join_key

@@ -38,8 +38,8 @@ from ...schemas.runs.trial_rows import fails_besides
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..causes.effects import axis_effects
+from ..causes.explanation import explain
 from ..causes.stored import write_why
-from ..causes.why import explain
 from ..comparison.compared_runs import NightRun
 from ..execution.prefect_events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report

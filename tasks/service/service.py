@@ -31,7 +31,7 @@ from ..storage import open_store
 from ..storage.object_store import ObjectStore, Stopped
 from ..storage.roles import ReadBlock, Roles, open_roles
 from .data_home import prepare_home
-from .patience import Patience, PatientStore, at_once
+from .store_retries import Patience, PatientStore, at_once
 
 
 @dataclass(frozen=True)

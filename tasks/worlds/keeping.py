@@ -11,8 +11,8 @@ from ...schemas.wire.arns import IdPrefix, new_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ...schemas.worlds.world import GazeboSource, World
 from ..catalog import Resource
-from ..service.patience import at_once, patiently
 from ..service.service import Service
+from ..service.store_retries import at_once, patiently
 from ..worldforge.bundle.bundle import content_hash, read_world, write_bundle
 from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
 from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label

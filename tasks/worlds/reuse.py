@@ -7,8 +7,8 @@ from dataclasses import replace
 from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
-from ..service.patience import at_once
 from ..service.service import Service
+from ..service.store_retries import at_once
 from ..storage import read_manifest
 from .generation import ORIGIN_LABEL, add_world, origin_of, world_seeds
 from .stored_bundles import bundle_held

@@ -12,7 +12,7 @@ import pytest
 from helpers.planted_causes import Drawn, draw, planted, trials_where
 
 from prefect_robomaker.schemas.reports.causes import FailureGroup, Why
-from prefect_robomaker.tasks.causes.why import explain
+from prefect_robomaker.tasks.causes.explanation import explain
 
 FEWEST_FOUND = 19
 SETS_OF_EACH_KIND = 1_000

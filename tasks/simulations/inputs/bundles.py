@@ -35,8 +35,8 @@ from ...bundles.archive_members import ArchiveError
 from ...bundles.colcon import unpack_overlays
 from ...bundles.extraction import SYSTEM_TREE
 from ...catalog import Resource
-from ...service.patience import at_once, patiently, stopped_of
 from ...service.service import Service
+from ...service.store_retries import at_once, patiently, stopped_of
 from ...storage import ObjectInfo, ObjectStore, fetch, unpack
 from ...storage.object_store import Stopped, never
 from .kept_archives import fetch_kept, keep

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError, StorageError
-from ...service.patience import at_once
 from ...service.service import Service
+from ...service.store_retries import at_once
 from ...storage import ObjectInfo
 
 FOLDER = "kept-archives"

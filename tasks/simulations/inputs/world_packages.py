@@ -12,8 +12,8 @@ from ....schemas.wire.errors import LaunchError
 from ...bundles.colcon import package_folders
 from ...bundles.launch_files import MANIFEST, name_in
 from ...catalog import Resource
-from ...service.patience import stopped_of
 from ...service.service import Service
+from ...service.store_retries import stopped_of
 from ...worldforge.exports import ros_prefix
 from ...worldforge.exports.ros_prefix import CONTENTS, SETUP_VARIABLE, first_on_paths, world_map, write_ros_prefix
 from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, remove

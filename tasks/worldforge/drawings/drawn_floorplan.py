@@ -36,7 +36,7 @@ from ..floorplans.floorplan import (
 )
 from ..floorplans.partition import UNITS_PER_M, Corners, area, extent
 from ..floorplans.walls import Pane, Piece, Walls, floor_cells, windows_along
-from .fitting import DrawnWay, FittedWay, fit_way, fit_window
+from .door_fitting import DrawnWay, FittedWay, fit_way, fit_window
 from .squaring import Squared, outline_area, outline_of, overlap, room_units, square, units_area
 
 

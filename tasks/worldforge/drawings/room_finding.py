@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
+from .door_fitting import DrawnWay
 from .drawn_floorplan import DrawnPlan, DrawnRoom
 from .drawn_shapes import (
     MOST_ROOMS,
@@ -26,7 +27,6 @@ from .drawn_shapes import (
     without_accents,
     without_kinds,
 )
-from .fitting import DrawnWay
 from .squaring import upright
 
 _LARGEST_M = 100.0

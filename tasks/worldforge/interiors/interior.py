@@ -24,7 +24,7 @@ from ..materials.materials import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
-from .seating import GROUP, arrange_balcony, arrange_groups, arrange_seating, is_watched
+from .sitting_groups import GROUP, arrange_balcony, arrange_groups, arrange_seating, is_watched
 from .small_rooms import furnish_small, put_back, small_room_preferences, small_rooms
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"

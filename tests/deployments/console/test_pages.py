@@ -18,8 +18,8 @@ from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.causes.explanation import explain
 from prefect_robomaker.tasks.causes.stored import write_why
-from prefect_robomaker.tasks.causes.why import explain
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

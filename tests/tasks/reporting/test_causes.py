@@ -10,8 +10,8 @@ from helpers.planted_causes import draw, planted
 
 from prefect_robomaker.schemas.reports.causes import CellPlot, FailureGroup, MarginPlot, PlotCell, Why
 from prefect_robomaker.schemas.reports.report import Report
+from prefect_robomaker.tasks.causes.explanation import explain
 from prefect_robomaker.tasks.causes.stored import read_why, write_why
-from prefect_robomaker.tasks.causes.why import explain
 from prefect_robomaker.tasks.reporting import markdown_report, render_report, summarize, write_report
 from prefect_robomaker.tasks.reporting.causes import view_why, why_in_lines
 from prefect_robomaker.tasks.reporting.drawings.causes import draw_cells, draw_margins

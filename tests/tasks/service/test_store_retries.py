@@ -19,7 +19,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
-from prefect_robomaker.tasks.service.patience import Patience
+from prefect_robomaker.tasks.service.store_retries import Patience
 
 
 @dataclass

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.causes import Why
-from prefect_robomaker.tasks.causes.why import explain
+from prefect_robomaker.tasks.causes.explanation import explain
 from prefect_robomaker.tasks.results.table import ResultTable
 
 from .conftest import Row, missed, table_of

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.causes.claims import fewest_failures, holm
-from prefect_robomaker.tasks.causes.exchange import Units, p_between_worlds
+from prefect_robomaker.tasks.causes.permutation_tests import Units, p_between_worlds
+from prefect_robomaker.tasks.causes.tested_causes import fewest_failures, holm
 
 
 @given(st.lists(st.floats(0, 1), max_size=20))

@@ -8,13 +8,13 @@ import numpy as np
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
 from ..results.table import ResultTable
-from .claims import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
 from .evidence import AxisColumn, Evidence, evidence_of, varies
 from .groups import Group, groups_of
 from .lift import lift_of
 from .plots import cell_plot, margin_plot
 from .regions import regions_of
 from .sensitivity import judged_margins, sensitivities, varying
+from .tested_causes import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
 
 _SEED = 38
 """Seed of permutations: the same table has the same answer."""

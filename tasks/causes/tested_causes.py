@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import Claim, ClaimKind, TestedLift
 from .evidence import AxisColumn, Evidence
-from .exchange import Units, p_between_worlds, p_value, scores, units_of
 from .groups import Group
 from .lift import Lift, lift_of, world_outlier
+from .permutation_tests import Units, p_between_worlds, p_value, scores, units_of
 from .regions import CUTS_OF_PAIRS, CUTS_OF_TRIPLES, Region, corners_of, directions_of, parts_of, regions_of
 
 ALPHA = 0.05
