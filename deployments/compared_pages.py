@@ -9,7 +9,6 @@ from ..schemas.reports.report import ReportedFile
 from ..schemas.reports.run_record import JobRecord, RunRecord
 from ..tasks.comparison.better_or_worse import compare
 from ..tasks.comparison.compared_runs import NightRun, name_of
-from ..tasks.comparison.failure_starts import changed_nights
 from ..tasks.comparison.pairing import Pair, pair_jobs
 from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
 from ..tasks.inspection.job_outputs import drive_of
@@ -42,9 +41,9 @@ class Sides:
             after: Second run, B.
             comparison: Their comparison; None: it is made, with an error probability of 5 %.
         """
-        runs = NightRun.of(before), NightRun.of(after)
         pairing = pair_jobs(before.jobs, after.jobs)
-        changed = changed_nights(*runs)
+        comparison = comparison or compare(*map(NightRun.of, (before, after)))
+        changed = comparison.changed
         titles = [_title(run, changed, is_first) for run, is_first in ((before, True), (after, False))]
         if titles[0] == titles[1]:
             titles = [before.run_id, after.run_id]
@@ -53,7 +52,7 @@ class Sides:
             before=ComparedSide("A", titles[0], before.run_id, pairing.only_before),
             after=ComparedSide("B", titles[1], after.run_id, pairing.only_after),
             pairs=by_change(pairing.pairs),
-            comparison=comparison or compare(*runs, alpha=0.05, difference=None),
+            comparison=comparison,
             differences=[change_in_words(each) for each in changed],
         )
 

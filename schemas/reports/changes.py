@@ -68,6 +68,9 @@ class NewlyMissed(Model):
         description="Whether nothing that is recorded differs by chance: same world, same seed, and programs that the "
         "simulation waited for. A program may draw numbers of its own; `robomaker flaky` tells."
     )
+    changed: list[ChangedInput] = Field(
+        default=[], description="Applications of the job that changed since, and its request if that did."
+    )
 
 
 class RequirementChange(Model):

@@ -150,8 +150,9 @@ class Comparison(Losses):
     exit_code: int = Field(description="Exit code of the command line, `ANSWER_EXIT_CODES[answer]`.")
     why: str = Field(description="Reason of the answer, as text.")
     alpha: float = Field(description="Error probability of the test, and of the intervals of all metrics together.")
-    parameters: list[ChangedInput] = Field(
-        default=[], description="Parameters of the specification whose values differ, or that one run lacks."
+    changed: list[ChangedInput] = Field(
+        default=[],
+        description="Inputs that differ: the specification's commit, its parameters, packages, applications, requests.",
     )
     pairs: int = Field(description="Jobs that both runs have.")
     only_before: int = Field(description="Jobs that only the first run has.")

@@ -22,7 +22,7 @@ from ..results.rates import margin_units
 from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .early_stops import answer_while_running
-from .failure_starts import appearances_of, changed_parameters
+from .failure_starts import appearances_of, changed_nights
 from .losses import losses_of, told_losses
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
@@ -78,7 +78,7 @@ def compare(
         exit_code=ANSWER_EXIT_CODES[answer],
         why=why,
         alpha=alpha,
-        parameters=changed_parameters(before, after),
+        changed=changed_nights(before, after),
         pairs=len(pairing.pairs),
         only_before=len(pairing.only_before),
         only_after=len(pairing.only_after),

@@ -68,14 +68,20 @@ def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
 
 def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
     """Returns the inputs of a job that differ between two runs, as far as both are known."""
-    changed = changed_runs(before.run, after.run)
-    old, new = before.job.inputs, after.job.inputs
+    return changed_runs(before.run, after.run) + changed_jobs(Pair(before.job, after.job))
+
+
+def changed_jobs(pair: Pair) -> list[ChangedInput]:
+    """Returns the applications of a job that differ between two runs, and its request if that differs.
+
+    Nothing is returned where the inputs of a side are not known.
+    """
+    old, new = pair.before.inputs, pair.after.inputs
     if old is None or new is None:
-        return changed
+        return []
     ours, theirs = ({used.name: used.digest for used in inputs.applications} for inputs in (old, new))
-    if ours and theirs:  # those of a job that broke early are not known
-        changed += _differences("application", ours, theirs)
-    return changed + changed_requests([Pair(before.job, after.job)])
+    both = ours and theirs  # those of a job that broke early are not known
+    return (_differences("application", ours, theirs) if both else []) + changed_requests([pair])
 
 
 def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:

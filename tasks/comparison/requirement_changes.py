@@ -10,6 +10,7 @@ from ...schemas.reports.changes import NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.plan import Requirement
 from .compared_runs import HEALTH, name_of
+from .failure_starts import changed_jobs
 from .pairing import FAILED, Pair, TrialPairs
 
 _Limit = tuple[str | None, float | None]
@@ -150,6 +151,7 @@ def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> 
         trial=None if np.isnan(number) else int(number),
         detail=next((item.detail for item in trials.after.requirements_at(row) if item.name == name), ""),
         certain=_repeats(pair, trials, index),
+        changed=changed_jobs(pair),
     )
 
 

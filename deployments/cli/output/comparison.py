@@ -20,7 +20,6 @@ from ....tasks.reporting.nights.changes import (
     shared_since,
     since_in_words,
     trend_in_words,
-    value_change_in_words,
     without_earlier_in_words,
 )
 
@@ -37,6 +36,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         f"{after.run_id} compared with {before.run_id}",
         f"{comparison.answer.capitalize()}: {comparison.why}",
         "",
+        f"  what differs  {'; '.join(map(change_in_words, comparison.changed)) or 'nothing that is recorded'}",
     ]
     lines += [f"  {line}" for line in requirement_lines(comparison.requirements)]
     if rate := comparison.rate:
@@ -44,7 +44,6 @@ def comparison_lines(comparison: Comparison) -> list[str]:
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
             f"({100 * (1 - comparison.alpha):.4g}% interval {_points(rate.low)} to {_points(rate.high)})"
         )
-    lines += [f"  parameter     {value_change_in_words(change)}" for change in comparison.parameters]
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")
     lines.append(f"  pairs         {_pairs(comparison)}")

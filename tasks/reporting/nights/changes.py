@@ -63,13 +63,22 @@ def newly_missed_briefly(changes: Sequence[RequirementChange]) -> str:
 
 
 def requirement_in_words(change: RequirementChange) -> str:
-    """Describes a changed requirement: `gentle: newly missed in 2 of 9 trials; world and seed are the same, ...`."""
+    """Describes a changed requirement: `gentle: newly missed in 2 of 9 trials; world and seed are the same; ...`.
+
+    `robomaker flaky` is named only where neither the code nor the request changed, so that chance may be the cause.
+    """
     of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
     same = "world and seed are" if all(place.cell.world for place in change.places) else "the seed is"
-    fact = f"; {same} the same; `robomaker flaky` tells whether it is chance" if _is_certain(change) else ""
-    return f"{change.name}: {', '.join(told)}{fact}"
+    others = dict.fromkeys(_input_in_words(each) for place in change.places for each in place.changed)
+    differs = f", {' and '.join(others)} {'is' if len(others) == 1 else 'are'} not"
+    fact = differs if others else "; `robomaker flaky` tells whether it is chance"
+    return f"{change.name}: {', '.join(told)}{f'; {same} the same{fact}' if _is_certain(change) else ''}"
+
+
+def _input_in_words(change: ChangedInput) -> str:
+    return f"application {change.name}" if change.what == "application" else f"its {change.what}"
 
 
 def trend_in_words(trend: MarginTrend) -> str:

@@ -107,7 +107,7 @@ def test_records_reports_comparisons_and_history_show_the_values(
     assert "<dt>Parameters</dt><dd><code>label=flat worlds=4 arm=b</code></dd>" in (second / "report.html").read_text()
 
     compared = robomaker("compare", first.name, second.name)
-    assert "  parameter     arm: a → b\n" in compared.out
+    assert "  what differs  parameter arm: a → b\n" in compared.out
     history = robomaker("history", "flats")
     assert "2 runs" in history.out
     assert "parameter arm: a → b" in history.out

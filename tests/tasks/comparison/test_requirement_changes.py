@@ -1,0 +1,26 @@
+"""Changes of requirements name the code that changed; chance is named only where nothing did."""
+
+import pytest
+from helpers.night_records import make_job, make_night
+
+from prefect_robomaker.tasks.comparison.better_or_worse import compare
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
+from prefect_robomaker.tasks.reporting.nights.changes import requirement_in_words
+
+
+@pytest.mark.parametrize(
+    ("changed", "end"),
+    [
+        ({}, "the same; `robomaker flaky` tells whether it is chance"),
+        ({"robot": "robot 2"}, "the same, application scout is not"),
+        ({"request": "other"}, "the same, its request is not"),
+        ({"robot": "robot 2", "request": "other"}, "the same, application scout and its request are not"),
+    ],
+)
+def test_a_newly_missed_requirement_names_what_is_not_the_same(changed: dict[str, str], end: str) -> None:
+    before, after = make_night([make_job(0, "P")]), make_night([make_job(0, "F", night=1, **changed)], 1)
+    comparison = compare(NightRun.of(before), NightRun.of(after))
+    [change] = comparison.requirements
+    words = requirement_in_words(change)
+    assert words == f"gentle: newly missed in 1 of 1 trial; world and seed are {end}"
+    assert {each.what for each in comparison.changed} == {{"robot": "application"}.get(kind, kind) for kind in changed}
