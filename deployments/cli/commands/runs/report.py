@@ -4,9 +4,13 @@ import argparse
 import os
 import sys
 
+from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output
 from ...inputs.options import output_file, read_record
 from ...output.answers import open_file
+
+_PRINTED = "-"
+"""File of `--markdown` that stands for the standard output."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -14,7 +18,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
     parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
     parser.add_argument(
-        "--markdown", metavar="FILE", help="write it as Markdown too, for comments on pull requests and CI summaries"
+        "--markdown",
+        metavar="FILE",
+        nargs="?",
+        const=_PRINTED,
+        help="write it as Markdown too, for comments on pull requests and CI summaries; without FILE, or with -, print "
+        "it instead of the path",
     )
     add_output(parser, "text", "json")
     add_open(parser, "show it in a browser")
@@ -25,7 +34,10 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
 
     junit = output_file(arguments.junit, "--junit")
-    markdown = output_file(arguments.markdown, "--markdown")
+    is_printed = arguments.markdown == _PRINTED
+    if is_printed and arguments.output == "json":
+        raise ConfigurationError("--markdown without a file and -o json both print; name a file, or leave one out")
+    markdown = None if is_printed else output_file(arguments.markdown, "--markdown")
     settings = Settings.from_environment(os.environ)
     record = read_record(settings.home / "runs", arguments.run)
 
@@ -33,7 +45,11 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.service.service import Service
 
     summary = rebuild_report(record, Service.open(settings), junit=junit, markdown=markdown)
-    if arguments.output == "json":
+    if is_printed:
+        from .....tasks.reporting import markdown_report
+
+        sys.stdout.write(markdown_report(summary))
+    elif arguments.output == "json":
         sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
         from .....tasks.reporting.causes import why_in_lines

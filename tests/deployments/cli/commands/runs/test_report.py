@@ -59,6 +59,11 @@ def test_markdown_has_the_run_in_its_first_lines(robomaker: Any, record: Path, t
     first, _, heading, *_ = markdown.read_text().splitlines()
     assert first.startswith("<!-- robomaker report: ")
     assert heading.endswith(": broken")
+    for printed in (("--markdown",), ("--markdown", "-")):
+        assert robomaker("report", "night-1", *printed).out == markdown.read_text()
+    both = robomaker("report", "night-1", "-o", "json", "--markdown")
+    assert (both.code, both.out) == (2, "")
+    assert "--markdown without a file and -o json both print" in both.err
 
 
 def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -> None:
