@@ -112,6 +112,27 @@ def meant(wanted: str, known: Mapping[str, Iterable[str]]) -> list[str]:
     return exact or [each for each in known if begins_id(wanted, each)]
 
 
+def specification_of(run_id: str) -> str:
+    """Returns the name of the specification in the id of one of its runs, which ends with the time it began."""
+    return run_id.rpartition("-")[0]
+
+
+def runs_meant(wanted: str, run_ids: Sequence[str], is_probe: Callable[[str], bool]) -> list[str]:
+    """Returns the ids of the runs that a text means: that one, the newest of a specification, or those that begin so.
+
+    Args:
+        wanted: An id, the name of a specification, or the beginning of an id.
+        run_ids: Ids of all runs, the newest first.
+        is_probe: Function that returns whether a run is the probe of a forecast, which a specification's name does not
+            mean.
+    """
+    if wanted in run_ids:
+        return [wanted]
+    of_name = (each for each in run_ids if specification_of(each) == wanted and not is_probe(each))
+    newest = next(of_name, None)
+    return [newest] if newest else [each for each in run_ids if wanted and each.startswith(wanted)]
+
+
 def is_id(text: str) -> bool:
     """Whether a text has the form of an id, or of its beginning: the kind, and some of its random part."""
     kind, _, random_part = text.partition("-")

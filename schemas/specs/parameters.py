@@ -220,7 +220,7 @@ def settle(
             values[name] = value
     if is_complete:
         for name in missing:
-            words = f"has neither a value nor a default; give it one: --set {name}=…"
+            words = f"has neither a value nor a default; give it one: --set {name}=…, or {name}=… in Python"
             problems.append(ValueProblem((PARAMETERS, name), words, about_key=True))
     return Settled(values, tuple(missing), tuple(problems))
 

@@ -74,8 +74,9 @@ def _effect(
 ) -> Effect:
     """Returns the surest effect of an axis on one outcome, or the reason why there is none to tell."""
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
-        which = "failures" if evidence.failed.sum() == rare else "passes"
-        return Effect(on=name, refused=f"{rare} {which} are too few for an interval; {FEWEST_OUTCOMES} would do")
+        one, several = ("failure", "failures") if evidence.failed.sum() == rare else ("pass", "passes")
+        few = f"{rare} {one} is" if rare == 1 else f"{rare} {several} are"
+        return Effect(on=name, refused=f"{few} too few for an interval; {FEWEST_OUTCOMES} would do")
     if np.nanmax(outcomes) == np.nanmin(outcomes):
         return Effect(on=name, unit=unit, refused="it is the same in all trials")
     found: list[Effect] = []

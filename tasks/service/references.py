@@ -15,6 +15,7 @@ from ...schemas.reports.names import (
     job_name,
     meant,
     near_names,
+    runs_meant,
     world_name,
 )
 from ...schemas.reports.run_record import RunRecord
@@ -222,7 +223,7 @@ def _early_worlds(wanted: str, service: Service) -> list[Resource]:
 
 
 def _in_run(wanted: str, service: Service) -> list[Resource]:
-    """The jobs that a run (its id, the beginning of that, or `latest`) and behind a slash a name or an id mean.
+    """Returns the jobs that a text means: a run as in `runs_meant`, or `latest`, a slash, and a job's name or id.
 
     Raises:
         ConfigurationError: The beginning is that of several runs.
@@ -247,8 +248,8 @@ def _record_of(run: str, service: Service) -> RunRecord | None:
     if run == _LATEST:
         records = filter(None, map(_read, reversed(paths)))
         return next((record for record in records if not record.probe), None)
-    named = {path.parent.name: path for path in paths}
-    found = [run] if run in named else [each for each in named if each.startswith(run)]
+    named = {path.parent.name: path for path in reversed(paths)}
+    found = runs_meant(run, list(named), lambda name: getattr(_read(named[name]), "probe", False))
     if len(found) > 1:
         raise ConfigurationError(ambiguous(run, "runs", found))
     return _read(named[found[0]]) if found else None

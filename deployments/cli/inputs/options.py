@@ -145,7 +145,8 @@ def find_record(runs: Path, run: str) -> Path:
 
     Args:
         runs: Folder of all runs.
-        run: A run's id or its beginning, its folder, or `latest`, which leaves the probes of forecasts out.
+        run: A run's id or its beginning, its folder, the name of a specification, which means its newest run, or
+            `latest`. Both leave the probes of forecasts out.
 
     Raises:
         ConfigurationError: The run does not exist, or the beginning is that of several.
@@ -158,11 +159,11 @@ def find_record(runs: Path, run: str) -> Path:
     if run == "latest":
         return next((record for record in reversed(records) if not _is_probe(record)), records[-1])
     names = [path.parent.name for path in reversed(records)]
-    found = [run] if run in names else [name for name in names if run and name.startswith(run)]
+    from ....schemas.reports.names import ambiguous, near_names, runs_meant
+
+    found = runs_meant(run, names, lambda name: _is_probe(runs / name / "run.json"))
     if len(found) == 1:
         return runs / found[0] / "run.json"
-    from ....schemas.reports.names import ambiguous, near_names
-
     if found:
         raise ConfigurationError(ambiguous(run, f"runs in {runs}", found))
     latest = ", ".join(names[:5])
@@ -174,7 +175,7 @@ def find_run(runs: Path, run: str) -> Path:
 
     Args:
         runs: Folder of all runs.
-        run: A run's id, its folder, or `latest`: the run that `find_record` finds, or one that began later and has no
+        run: As for `find_record`; a specification's name and `latest` also mean a run that began later and has no
             record yet.
 
     Raises:
@@ -185,14 +186,16 @@ def find_run(runs: Path, run: str) -> Path:
     unfinished = {path.parent.name: path.parent for path in runs.glob("*/order.json")}
     if run in unfinished:
         return unfinished[run]
-    newest = max(unfinished, key=_began, default="")
+    from ....schemas.reports.names import specification_of
+
+    newest = max((each for each in unfinished if run in ("latest", specification_of(each))), key=_began, default="")
     try:
         ended = find_record(runs, run).parent
     except ConfigurationError:
-        if run == "latest" and newest:
+        if newest:
             return unfinished[newest]
         raise
-    return unfinished[newest] if run == "latest" and _began(newest) > _began(ended.name) else ended
+    return unfinished[newest] if newest and _began(newest) > _began(ended.name) else ended
 
 
 def _began(run_id: str) -> str:

@@ -30,6 +30,8 @@ DEFAULT_VARIABLES = {
     "OPENBLAS_NUM_THREADS": "1",
     # Mesa's software renderer draws in the thread that asks.
     "LP_NUM_THREADS": "0",
+    # In a sandbox Mesa cannot write its cache of shaders, and says so in each log.
+    "MESA_SHADER_CACHE_DISABLE": "true",
     # The order of sets of strings is part of what a seed has to repeat.
     "PYTHONHASHSEED": "0",
     "MUJOCO_GL": "disable",

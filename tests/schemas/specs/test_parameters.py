@@ -94,7 +94,7 @@ def test_values_of_other_nights_are_not_mixed_up() -> None:
     [
         ({"arm": "a", "wolrds": 3}, "s.yaml:3:1: parameters: there is no parameter 'wolrds'; did you mean 'worlds'?"),
         ({"arm": "a", "q": 3}, "s.yaml:3:1: parameters: there is no parameter 'q'; there are template, worlds, arm"),
-        ({}, "s.yaml:6:3: parameters.arm: has neither a value nor a default; give it one: --set arm=…"),
+        ({}, "s.yaml:6:3: parameters.arm: has neither a value nor a default; give it one: --set arm=…, or arm=… in Python"),
         ({"arm": "c"}, "s.yaml:6:9: parameters.arm: the value given is 'c'; it has to be a or b"),
         ({"arm": "a", "worlds": 77}, "s.yaml:5:12: parameters.worlds: the value given is 77; it may be at most 50"),
         ({"arm": "a", "worlds": 0}, "s.yaml:5:12: parameters.worlds: the value given is 0; it has to be at least 1"),
@@ -335,7 +335,7 @@ input:
     spec = load_spec(text, "one.yaml", {"worlds": 3})
     assert plain(spec.steps["one"].input)["worldCount"]["floorplanCount"] == 3
     assert problems(text) == [
-        "s.yaml:1:14: parameters.worlds: has neither a value nor a default; give it one: --set worlds=…"
+        "s.yaml:1:14: parameters.worlds: has neither a value nor a default; give it one: --set worlds=…, or worlds=… in Python"
     ]
 
 

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker compare` to its parser."""
     parser.add_argument("before", metavar="A", help="id of the run to compare with; with --axis, the only run")
-    parser.add_argument("after", metavar="B", nargs="?", help="id of the run that may be better, or latest")
+    parser.add_argument(
+        "after", metavar="B", nargs="?", help="id of the run that may be better, its specification's name, or latest"
+    )
     parser.add_argument(
         "--alpha",
         type=float,

@@ -13,7 +13,7 @@ from ...inputs.options import open_service, read_record
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker flaky` to its parser."""
-    parser.add_argument("run", metavar="RUN", help="id of a run, its folder, or latest")
+    parser.add_argument("run", metavar="RUN", help="id of a run, its specification's name, its folder, or latest")
     parser.add_argument(
         "--job",
         action="append",

@@ -15,7 +15,8 @@ _PRINTED = "-"
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker report` to its parser."""
-    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
+    text = "id of a run, its specification's name for the newest, or latest (the default)"
+    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help=text)
     parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
     parser.add_argument(
         "--markdown",

@@ -14,7 +14,7 @@ from ...inputs.options import output_file, read_record
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker rerun` to its parser."""
-    parser.add_argument("run", metavar="RUN", help="id of a run, its folder, or latest")
+    parser.add_argument("run", metavar="RUN", help="id of a run, its specification's name, its folder, or latest")
     parser.add_argument(
         "--failed", action="store_true", help="only jobs without a good result: failed, broken, cancelled, never begun"
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker results` to its parser."""
-    text = "id or folder of a run, or latest (the default), which may still run"
+    text = "id or folder of a run, its specification's name for the newest, or latest (the default); it may still run"
     parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help=text)
     parser.add_argument("--to", metavar="FILE", help="put it there: FILE.parquet or FILE.csv; else CSV is printed")
 

@@ -61,3 +61,18 @@ def test_a_first_run_that_goes_on_is_found_and_others_are_not(tmp_path: Path) ->
     assert find_run(tmp_path, "latest") == goes_on
     with pytest.raises(ConfigurationError, match="there are no runs"):
         find_run(tmp_path, "other")
+
+
+def test_the_name_of_a_specification_is_its_newest_run_but_no_probe(tmp_path: Path) -> None:
+    record(tmp_path, "night-20260301T020000000", "{}")
+    newest = record(tmp_path, "night-20260302T020000000", "{}")
+    record(tmp_path, "night-20260303T020000000", json.dumps({"probe": True}))
+    other = record(tmp_path, "night-b-20260304T020000000", "{}")
+    assert find_record(tmp_path, "night") == newest
+    assert find_record(tmp_path, "night-b") == other
+    with pytest.raises(ConfigurationError, match="'night-2026' may be any of 3 runs"):
+        find_record(tmp_path, "night-2026")
+    goes_on = begun(tmp_path, "night-20260305T020000000")
+    begun(tmp_path, "night-b-20260306T020000000")
+    assert find_run(tmp_path, "night") == goes_on
+    assert find_run(tmp_path, "night-20260302") == newest.parent

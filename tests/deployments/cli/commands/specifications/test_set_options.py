@@ -59,7 +59,10 @@ def test_wrong_values_are_told_with_their_place(robomaker: Robomaker, path: Path
 def test_what_runs_needs_all_values(robomaker: Robomaker, path: Path, command: str) -> None:
     ended = robomaker(command, path)
     assert ended.code == 2
-    assert f"{path}:6:3: parameters.arm: has neither a value nor a default; give it one: --set arm=…" in ended.err
+    assert (
+        f"{path}:6:3: parameters.arm: has neither a value nor a default; give it one: --set arm=…, or arm=… in Python"
+        in ended.err
+    )
 
 
 def test_words_that_give_no_value_are_told(robomaker: Robomaker, path: Path) -> None:
