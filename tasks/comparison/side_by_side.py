@@ -25,6 +25,8 @@ _YES_OR_NO = "predicate"
 _NOT_RUN = (Outcome.CANCELED, Outcome.UNFINISHED)
 _MET = re.compile(r"met in (\d+) of (\d+) trials?$")
 """The detail of a requirement of a job with trials: `met in 4 of 8 trials`."""
+_FAILED = re.compile(r"(\d+|none) of (\d+) trials? (?:did not pass|failed)\b")
+"""The detail of all its trials: `4 of 8 trials did not pass: 1, 2, 5 and 7`, `none of 8 trials failed`."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,9 @@ def _rank(pair: Pair) -> int:
         return 4
     if before is not after:
         return 0 if after.is_failure and not before.is_failure else 1
-    met, now = ({item.name: item.satisfied for item in job.requirements} for job in (pair.before, pair.after))
+    met, now = (
+        {item.name: (item.satisfied, _count_of(item)) for item in job.requirements} for job in (pair.before, pair.after)
+    )
     return 2 if met != now else 3
 
 
@@ -185,18 +189,27 @@ def _turn_of_one(before: Requirement | None, after: Requirement | None, pair: Pa
 
 def _turn_of_trials(before: Requirement, after: Requirement) -> tuple[RequirementTurn, str]:
     """Returns in how many more or fewer trials a requirement is met; their smallest margin decides nothing."""
-    met, now = _MET.search(before.detail), _MET.search(after.detail)
+    met, now, verb = _count_of(before), _count_of(after), "failed" if before.name == TRIALS else "met"
     if met is None or now is None:
         if before.satisfied == after.satisfied:
             return "unchanged", "" if after.satisfied else "still missed"
         return ("better", "newly met") if after.satisfied else ("worse", "newly missed")
-    if met[2] != now[2]:
-        return "not comparable", f"{met[2]} trials in A, {now[2]} in B"
-    change = int(now[1]) - int(met[1])
+    if met[1] != now[1]:
+        return "not comparable", f"{met[1]} trials in A, {now[1]} in B"
+    change = now[0] - met[0]
     if not change:
         return "unchanged", ""
-    trials = "trial" if abs(change) == 1 else "trials"
-    return ("better", f"met in {change} more {trials}") if change > 0 else ("worse", f"met in {-change} fewer {trials}")
+    trials = f"{abs(change)} {'more' if change > 0 else 'fewer'} {'trial' if abs(change) == 1 else 'trials'}"
+    return ("better" if (change > 0) == (verb == "met") else "worse"), f"{verb} in {trials}"
+
+
+def _count_of(item: Requirement) -> tuple[int, int] | None:
+    """Returns in how many trials a requirement was met, or of all of them how many failed, and the number of trials.
+
+    Returns None for a job without trials, and for one whose text says no numbers.
+    """
+    found = (_FAILED if item.name == TRIALS else _MET).search(item.detail)
+    return None if found is None else (0 if found[1] == "none" else int(found[1]), int(found[2]))
 
 
 def _turn_of_margin(before: Requirement, after: Requirement) -> tuple[RequirementTurn, str]:

@@ -86,6 +86,27 @@ def test_trials_are_counted_and_their_smallest_margin_tells_nothing(
     assert (row.turn, row.why) == (turn, why)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "turn", "why"),
+    [
+        ("8 of 16 trials did not pass: 0", "16 of 16 trials did not pass: 0", "worse", "failed in 8 more trials"),
+        ("1 of 1 trial did not pass: 0", "none of 1 trial failed", "better", "failed in 1 fewer trial"),
+        ("8 of 16 trials did not pass: 0", "8 of 16 trials did not pass: 3", "unchanged", ""),
+        ("8 of 16 trials did not pass: 0", "8 of 8 trials did not pass: 0", "not comparable", "16 trials in A, 8 in B"),
+    ],
+)  # fmt: skip
+def test_trials_that_newly_fail_are_counted_and_their_jobs_come_first(
+    before: str, after: str, turn: str, why: str
+) -> None:
+    found = [Requirement(name="trials", satisfied="none" in detail, detail=detail) for detail in (before, after)]
+    jobs = [make_job(0, "F").model_copy(update={"requirements": [each]}) for each in found]
+    pair, same = Pair(*jobs), Pair(jobs[0], jobs[0])
+    [row] = requirements_beside(pair)
+    assert (row.turn, row.why) == (turn, why)
+    if turn != "unchanged":
+        assert by_change([same, pair])[0] is pair
+
+
 def test_a_requirement_that_asks_for_something_else_is_not_comparable() -> None:
     eased = pair_of(item(False, margin=-1.0), item(margin=2.0, limit=8.0), "FP", limit=8.0)
     other_place = pair_of(item(False, limit=None), item(limit=None), "FP", limit=8.0)

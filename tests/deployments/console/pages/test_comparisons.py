@@ -46,7 +46,7 @@ def test_both_paths_are_on_the_plan_of_their_world_with_what_changed(
     page = html.unescape(browser.get(f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}").text)
     failing, crashed, same = cards_of(page)
 
-    assert "2 of 3 pairs ended differently; they come first." in page
+    assert "2 of 3 pairs of jobs ended differently; they come first." in page
     assert "parameter gain: none → -1" in page
     assert "A: 2026-03-01 02:00, gain=none" in failing
     assert failing.count("data-times=") == 2
@@ -87,7 +87,7 @@ def test_trials_are_told_by_their_counts_and_nothing_is_drawn_of_them(browser: A
     for word in ("margin", "does not count", "at no single moment", "<figure", 'class="player"'):
         assert word not in trials, word
     assert "4 of 8 trials did not pass" in trials
-    assert "1 of 2 pairs ended differently; they come first. 1 pair was not run" in page
+    assert "1 of 2 pairs of jobs ended differently; they come first. 1 pair was not run" in page
     assert ">not run</span>" in not_run
     assert "changed" not in re.findall(r'<article class="([^"]*)"', not_run)[0]
 
@@ -137,7 +137,7 @@ def test_many_pairs_are_shown_page_by_page(browser: Any, service: Service) -> No
     address = f"/console/compare?before={ids[0]}&after={ids[1]}"
     first, last = browser.get(address).text, browser.get(f"{address}&from=491").text
 
-    assert "1 of 500 pairs ended differently" in first
+    assert "1 of 500 pairs of jobs ended differently" in first
     assert "sim-1-499" in cards_of(first)[0]
     assert len(cards_of(first)) == len(cards_of(last)) == 10
     assert "The job is deleted." in cards_of(first)[0]

@@ -62,7 +62,7 @@ def test_two_values_of_an_axis_are_compared_within_one_run(robomaker: Any, axes:
     assert told.code == machine.code == 1
     assert f"robot of {axes}: rover compared with scout\nPasses less often: 8 pairs judged" in told.out
     assert ArmComparison.model_validate_json(machine.out).answer == "worse"
-    assert "7 of 8 pairs ended differently" in page.read_text()
+    assert "7 of 8 pairs of jobs ended differently" in page.read_text()
 
 
 def test_worlds_of_an_axis_are_found_by_the_names_that_people_see(robomaker: Any, home: Path) -> None:
