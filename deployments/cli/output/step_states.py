@@ -52,8 +52,15 @@ class StepState:
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
 
     def trials_text(self) -> str:
-        """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none."""
-        return f"{self.trials.finished:,} of {self.trials.total:,} trials" if self.trials else ""
+        """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none.
+
+        Jobs record failed trials and upload outputs after their last trial, which may take minutes, so that is said.
+        """
+        if self.trials is None:
+            return ""
+        is_played = self.is_running and self.trials.finished == self.trials.total
+        still = "; failed ones are recorded, outputs uploaded" if is_played else ""
+        return f"{self.trials.finished:,} of {self.trials.total:,} trials{still}"
 
     @property
     def work(self) -> tuple[int, int]:

@@ -105,6 +105,8 @@ def test_trials_are_counted_beside_jobs_and_say_how_long_it_still_takes() -> Non
     assert stream.getvalue().endswith("drive: 2 running, 38 pending of 40, 3,100 of 10,000 trials\n")
     assert "━" * 6 in terminal.getvalue().partition("0/40")[0]
     assert states.steps["drive"].pace(31.0) == "100.0/s, 1 min 09 s to go"
+    states.take(StepProgress("drive", {"running": 2}, 2, trials=TrialCounts(64, 64)), 1.0)
+    assert states.steps["drive"].trials_text() == "64 of 64 trials; failed ones are recorded, outputs uploaded"
 
 
 def test_a_flood_of_changes_is_thinned_but_the_last_is_told() -> None:
