@@ -14,7 +14,8 @@ from prefect_robomaker.schemas.wire.errors import SpecError
 
 QUICKSTART = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 SUCCEEDED = "${{ worlds.finishedWorldsSummary.succeededWorlds }}"
-TAGS = 'tags: {flat: "flat-${{ index }}"}'
+SEED = "seed: 1"
+TAGS = f"{SEED}\n          tags: "
 EXPORT = "  export:\n"
 
 # What is written, what stands there instead, words of the message.
@@ -47,8 +48,8 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("Area: 14", "Area: .nan", (".nan", "not a number")),
     ('Version: "1"', "Version: 1", ("1:", '"1" or "2", in quotes')),
     ("launchConfig: {}", "launchConfig: []", ("empty list", "a mapping")),
-    (TAGS, "tags: {flat: 1}", ("is 1", 'in quotes: "1"')),
-    (TAGS, "tags: [flat]", ("['flat']", "a mapping")),
+    (SEED, TAGS + "{flat: 1}", ("is 1", 'in quotes: "1"')),
+    (SEED, TAGS + "[flat]", ("['flat']", "a mapping")),
     ('worldConfigs: [{world: "${{ world }}"}]', 'worldConfigs: {world: "${{ world }}"}', ("a mapping", "a list")),
     ("    operation: CreateWorldExportJob", "    operation: [CreateWorldExportJob]", ("CreateWorldExportJob", "text")),
     (EXPORT, f"{EXPORT}    needs: worlds\n", ("'worlds'", "a list")),
@@ -78,7 +79,7 @@ MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
     ("s3Bucket: robomaker, s3P", "s3Bucket: Robo_Maker, s3P", ("'Robo_Maker'", "small letters")),
     ("Name: Kitchen,", "Name: Küche,", ("Küche", "letters, digits")),
     ("application: scout", "application: my robot", ("'my robot'", "ARN", "name")),
-    (TAGS, 'tags: {"aws:flat": x}', ("'aws:flat'", "reserved", "rename")),
+    (SEED, TAGS + '{"aws:flat": x}', ("'aws:flat'", "reserved", "rename")),
     ("name: quickstart", "name: quick start!", ("'quick start!'", "letters, digits, - and _")),
     ("          seed: 1\n", "          seed: 1\n          video: yes\n", ("'yes'", "'always'")),
     # Contradictions
