@@ -107,7 +107,12 @@ class BatchRun:
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
-        """Runs every unfinished request of the batch, then ends the batch."""
+        """Runs every unfinished request of the batch as a simulation job, and then sets the batch's final status.
+
+        Requests with reusable results get finished jobs at once, and requests that name missing resources fail early.
+        If the backend has no machine for the jobs, they are cancelled and the batch fails; no error is raised. Blocks
+        until all jobs have ended.
+        """
         if self._batch.status == "Pending":
             self._lease.transition("start")
         else:
@@ -271,7 +276,7 @@ class BatchRun:
             self._concurrency = concurrency
 
     def _look_for_worker(self, wait: WorkerWait) -> None:
-        """Logs when jobs begin to wait for a job worker, and when that ends; checks once a second."""
+        """Notes for the next report whether the batch's jobs wait for a job worker; checks at most once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
@@ -361,7 +366,11 @@ class BatchRun:
         return self._cancelled
 
     def create_job(self, index: int) -> Resource | None:
-        """Creates the job for a request of the batch, once; an invalid request is recorded as failed."""
+        """Stores the simulation job for one request of the batch, or returns the job that the request has already.
+
+        Returns `None` if the request is refused, or its job cannot be stored; the request is then recorded as failed,
+        unless the batch has to stop. Raises `ServiceUnavailableException` if the catalog does not answer.
+        """
         if str(index) in self._failed:
             return None
         request, token = self._request(index)
@@ -382,7 +391,11 @@ class BatchRun:
         return job
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Repeats a call until the catalog answers; raises its error once the batch has to stop."""
+        """Calls a function, and calls it again after each outage of the catalog, until it returns a result.
+
+        Raises the function's `ServiceUnavailableException` once the batch has to stop or its lease is lost, or if the
+        catalog answers reads but refuses the call again and again.
+        """
         catalog = self._service.catalog
         wait = CatalogWait(
             self._arn,
@@ -393,7 +406,11 @@ class BatchRun:
         return wait.outlasting(call)
 
     def _look_or_miss(self, look: Callable[[], bool]) -> bool:
-        """Polls the batch; while the catalog does not answer, running jobs continue without being polled."""
+        """Calls a function that polls the batch, and returns its answer: whether the batch's jobs have to stop.
+
+        If the catalog does not answer, the outage is logged once and the last known answer is returned; running jobs
+        continue.
+        """
         try:
             if self._misses_catalog:
                 self._lease.refreshed()  # the answer to a change may have been lost
@@ -411,7 +428,11 @@ class BatchRun:
         return SimulationJobRequest.model_validate(self._requests[index], context=STORED), token
 
     def _reuse_results(self) -> None:
-        """Creates finished jobs for the requests whose results exist already; the others remain to be run."""
+        """Creates finished jobs for the waiting requests whose results exist already, and reports the batch's progress.
+
+        Requests without reusable results, and those that are refused here, stay waiting; returns early if the batch has
+        to stop.
+        """
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             if self._stop_reason():
@@ -424,7 +445,10 @@ class BatchRun:
         self._report()
 
     def _refuse_early(self) -> None:
-        """Fails the requests that name missing resources, before each of them costs a task run."""
+        """Records the requests that name missing or invalid resources as failed, before each of them costs a task run.
+
+        Other errors are ignored here, as they may have passed when the request becomes a job.
+        """
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             try:
@@ -447,7 +471,7 @@ class BatchRun:
             self._saved = len(failed)
 
     def _report(self) -> None:
-        """Reports the number of the batch's requests in each state."""
+        """Reports the number of the batch's requests in each state, including requests that have no job yet."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)

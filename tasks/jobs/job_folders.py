@@ -199,7 +199,7 @@ class KeptOutputs:
         return self.folder / "output"
 
     def files(self) -> Iterator[Path]:
-        """Yields the files to upload; one file may occur under two names."""
+        """Yields the files to upload from the run's folders; a file with two names comes once; links are left out."""
         seen: set[tuple[int, int]] = set()
         for path in (
             *self.output_dir.rglob("*"),
@@ -291,7 +291,10 @@ def _outcome_of(document: SimulationJobDocument) -> Outcome:
 
 
 def _store_earlier(run: EarlierRun, outputs: RunOutputs) -> StoredPlace:
-    """Uploads the outputs of a run that was not its job's last one, as at the run's end."""
+    """Uploads the outputs of an earlier run of a job, and returns the place in the object store where they are now.
+
+    Files that are stored already are not uploaded again. Raises `StorageError` if the upload fails.
+    """
     outcome = Outcome(
         status=run.status,
         failure_code=run.failure_code,
@@ -312,7 +315,11 @@ def _with_place(document: SimulationJobDocument, run_id: str, place: StoredPlace
 def _stored_late(
     document: SimulationJobDocument, outcome: Outcome, place: StoredPlace, service: Service
 ) -> SimulationJobProgress:
-    """Returns the changes of a job whose outputs were uploaded late: it stays failed, but has outputs now."""
+    """Returns the changes to record in a job whose outputs were uploaded late: their place, verdict and reason.
+
+    The job stays failed, and its failure reason says that the upload was late; a job that has no failure code, such as
+    a cancelled one, gets only the place.
+    """
     late = f"the outputs could not be stored when the run ended; they were at {service.clock():%Y-%m-%dT%H:%M:%SZ}"
     reason = shorten("\n".join(filter(None, (late, outcome.failure_reason))))
     if document.failure_code is None:  # such as of a job that was cancelled

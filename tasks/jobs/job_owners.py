@@ -236,7 +236,11 @@ class OwnOrder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Gives the lease (lock) of the job back; an interruption (Ctrl-C, a signal) also requests its cancellation."""
+        """Gives the lease (lock) of the job back; an interruption (Ctrl-C, a signal) also requests its cancellation.
+
+        If the catalog is away, that is logged, and the lease runs out by itself; errors of the `with` block are not
+        suppressed.
+        """
         self._ended.set()
         if self._arn is None:
             return

@@ -208,7 +208,15 @@ class EarlierRuns:
         place: StoredPlace | None = None,
         not_stored: str | None = None,
     ) -> None:
-        """Records in the job how a run ended, and where its outputs are."""
+        """Adds a run that was not the job's last to the job's list of earlier runs in the catalog.
+
+        Args:
+            run_id: The run.
+            outcome: Status, failure and simulated time with which it ended.
+            restarted: Whether it was ended to restart the job.
+            place: Folder of its outputs in the object store; absent: none are stored.
+            not_stored: Reason why its outputs are not stored; absent: they are, or it had none.
+        """
         document = self._document
         run = EarlierRun(
             run_id=run_id,

@@ -78,7 +78,10 @@ class Place(AbstractContextManager["Place"]):
 
 
 def permit_of(machine: MachineSlots) -> Permit:
-    """Returns a function that takes a place to finish (draw and upload) on a machine; it has as many as slots."""
+    """Returns a function that takes a place to finish (draw and upload) on a machine; it has as many as slots.
+
+    The function returns false if all places are taken; else the exit stack that it is given releases the place.
+    """
 
     def permit(stack: ExitStack) -> bool:
         place = machine.take_finishing()

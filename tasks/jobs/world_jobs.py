@@ -151,7 +151,11 @@ class GenerationRun:
         self._failures: list[WorldFailure] = []
 
     def run(self) -> None:
-        """Generates every missing world of the job, and ends the job."""
+        """Generates every missing world of a world generation job, and sets the job's final status.
+
+        Worlds that exist are kept, and those of earlier jobs are reused if the job allows it. Worlds that cannot be
+        made are recorded as failures. Does nothing if the job cannot be started, as when it was cancelled.
+        """
         if self._job.status == "Pending" and not move_on(self._lease, "start"):
             return
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
@@ -190,7 +194,7 @@ class GenerationRun:
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
     def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
-        """Records a generated world or its failure; called from several threads."""
+        """Records a generated world (no failure) or a failure, and reports progress; several threads may call it."""
         with self._lock:
             if failure:
                 self._failures.append(failure)
@@ -232,7 +236,11 @@ class GenerationRun:
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
-        """Ends the job, and records the worlds that it generated; that record remains when worlds are deleted later."""
+        """Sets the world generation job's final status, and records the worlds that it generated.
+
+        The status is canceled if worlds are missing without a failure, completed without failures, partially failed
+        with some, and failed if every world failed. The record remains when worlds are deleted later.
+        """
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
         plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
         made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)
@@ -253,7 +261,7 @@ class GenerationRun:
 
 
 def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
-    """Summarises failures of worlds by failure code, as AWS RoboMaker did."""
+    """Counts failures of worlds by failure code, most frequent first, with the reason of each code's first failure."""
     counts = Counter(failure.code for failure in failures)
     samples = {failure.code: failure.reason for failure in reversed(failures)}
     return WorldFailures(
@@ -281,7 +289,11 @@ _logger = logging.getLogger(__name__)
 
 
 def run_export(lease: Lease, service: Service) -> None:
-    """Runs a world export job: packs its worlds and stores the archive."""
+    """Runs a world export job: packs its worlds, stores the archive, and sets the job's final status.
+
+    A cancelled job has its archive deleted. An error fails the job and is not raised, except `LeaseLostError`: then
+    another process ends the job.
+    """
     if lease.job.status == "Pending" and not move_on(lease, "start", WorldExportProgress(started=True)):
         return
     if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):
@@ -310,7 +322,11 @@ def run_export(lease: Lease, service: Service) -> None:
 
 
 def _stored_archive(lease: Lease, service: Service) -> bool:
-    """Uploads the archive of an export job; returns false if the job was cancelled or another worker took it over."""
+    """Packs the worlds of an export job and uploads the archive.
+
+    Returns false if the job was cancelled, or another job worker took it over, before the archive was stored. Raises
+    `StorageUnavailableError` if the object store stays away while the job goes on.
+    """
     from ..worlds.export_packing import export_worlds
 
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
@@ -333,7 +349,10 @@ def _acting(job: Resource, service: Service) -> Service:
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
-    """Deletes the stored archive of a cancelled job, also if its job worker died just after storing it."""
+    """Deletes the stored archive of a cancelled export job, also if its job worker died just after storing it.
+
+    Does nothing if the job was never started or its bucket is gone; a failed deletion is logged and not raised.
+    """
     if not WorldExportJobDocument.of(job).started:
         return
     try:
